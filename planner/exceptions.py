@@ -1,0 +1,93 @@
+"""Everything that request-planner raises on purpose.
+
+::
+
+    PlannerError
+    ├── InvalidInput (also a ValueError)      what was given cannot be used; the message says what to do
+    │   ├── InvalidModel                      a joint that cannot exist or cannot come to rest
+    │   ├── InvalidTrajectory                 NaN, wrong shape, too short
+    │   ├── InvalidFile                       a file that is not what it should be; carries path and line
+    │   └── Infeasible                        requirements that contradict each other
+    ├── NoSteadyCycle                         a cyclic response that never repeats; carries the mismatch
+    └── SolverFailed                          a solver stopped short; carries problem, status and violation
+
+The command line turns ``InvalidInput`` into exit status 2 and the others into exit status 1.
+Errors of the leg are in :mod:`kinematics.exceptions`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class PlannerError(Exception):
+    """The root of the tree."""
+
+
+class InvalidInput(PlannerError, ValueError):
+    """What was given cannot be used: the message says what, what was expected and what to do."""
+
+
+class InvalidModel(InvalidInput):
+    """The parameters describe no joint."""
+
+
+class InvalidTrajectory(InvalidInput):
+    """A trajectory is not a finite one-dimensional array that is long enough."""
+
+
+class InvalidFile(InvalidInput):
+    """A file does not hold what it should.
+
+    Attributes:
+        path: The file, or ``-`` for standard input.
+        line: The line of the fault, counted from 1; None where no single line is at fault.
+    """
+
+    def __init__(self, path: Path | str, problem: str, *, line: int | None = None) -> None:
+        """Compose the message from the place and the problem."""
+        self.path = path
+        self.line = line
+        place = f"{path}" if line is None else f"{path}, line {line}"
+        super().__init__(f"{place}: {problem}")
+
+
+class Infeasible(InvalidInput):
+    """No answer can meet what was asked."""
+
+
+class NoSteadyCycle(PlannerError):
+    """The joint does not settle into a cycle under these requests.
+
+    Attributes:
+        mismatch: Distance between the two ends of the last cycle [rad].
+        cycles: Number of cycles that were run.
+    """
+
+    def __init__(self, mismatch: float, cycles: int) -> None:
+        """Say how far from closed the cycle still is."""
+        self.mismatch = mismatch
+        self.cycles = cycles
+        super().__init__(
+            f"no steady cycle after {cycles} cycles: its ends are {mismatch:.3g} rad apart; "
+            "the requests let the joint drift, so bring them closer to the joint's range, "
+            "or simulate from rest (cyclic=False)"
+        )
+
+
+class SolverFailed(PlannerError):
+    """A solver stopped without an answer that can be trusted.
+
+    Attributes:
+        problem: What was being solved.
+        status: The solver's own word.
+        violation: Largest violation of a constraint, in the problem's unit; None where unknown.
+    """
+
+    def __init__(self, problem: str, status: str, *, violation: float | None = None) -> None:
+        """Compose the message from the problem, the status and the violation."""
+        self.problem = problem
+        self.status = status
+        self.violation = violation
+        worst = "" if violation is None else f"; worst constraint violated by {violation:.3g}"
+        super().__init__(f"{problem}: the solver stopped with status '{status}'{worst}")

@@ -1,0 +1,49 @@
+"""What a trajectory is: a finite float64 array with one entry per request."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidTrajectory
+
+Array = npt.NDArray[np.float64]
+
+
+def as_trajectory(values: npt.ArrayLike, *, name: str, minimum: int = 2) -> Array:
+    """Copy ``values`` into a read-only trajectory, or say why they are none.
+
+    Args:
+        values: Angles or requests [rad], shape (n,).
+        name: What to call them in an error.
+        minimum: Least number of samples that is accepted.
+
+    Returns:
+        A read-only copy, float64, shape (n,).
+
+    Raises:
+        InvalidTrajectory: Not one-dimensional, too short, not real numbers, or not finite.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind not in "iuf":
+        raise InvalidTrajectory(
+            f"{name}: got an array of {given.dtype}, expected real numbers [rad]; "
+            "convert it with numpy.asarray(..., dtype=float) and look at what fails"
+        )
+    if given.ndim != 1:
+        raise InvalidTrajectory(
+            f"{name}: got shape {given.shape}, expected (n,); pass the joints one at a time"
+        )
+    if given.size < minimum:
+        raise InvalidTrajectory(
+            f"{name}: got {given.size} samples, expected at least {minimum}"
+        )
+    trajectory = np.array(given, dtype=np.float64)
+    bad = np.flatnonzero(~np.isfinite(trajectory))
+    if bad.size:
+        raise InvalidTrajectory(
+            f"{name}: {bad.size} of {trajectory.size} samples are not finite, the first at index "
+            f"{bad[0]} ({trajectory[bad[0]]}); remove or interpolate them first"
+        )
+    trajectory.setflags(write=False)
+    return trajectory
