@@ -1,0 +1,3 @@
+"""Requests that make a lagging, saturating joint follow the path you want."""
+
+from __future__ import annotations
