@@ -1,3 +1,90 @@
 """Requests that make a lagging, saturating joint follow the path you want."""
 
 from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from planner._version import __version__
+    from planner.approximation.fit import fit_pwl
+    from planner.exceptions import (
+        Infeasible,
+        InvalidFile,
+        InvalidInput,
+        InvalidModel,
+        InvalidTrajectory,
+        NoSteadyCycle,
+        PlannerError,
+        SolverFailed,
+    )
+    from planner.gait import half_ellipse, reference_walk
+    from planner.inversion.bound import lower_bound
+    from planner.inversion.closed_form import invert_closed_form
+    from planner.inversion.line import line_offset
+    from planner.inversion.optimal import invert_optimal
+    from planner.inversion.result import Inversion
+    from planner.model.joint import JointModel
+    from planner.model.response import simulate
+    from planner.model.step_test import step_test
+
+__all__ = [
+    "Infeasible",
+    "InvalidFile",
+    "InvalidInput",
+    "InvalidModel",
+    "InvalidTrajectory",
+    "Inversion",
+    "JointModel",
+    "NoSteadyCycle",
+    "PlannerError",
+    "SolverFailed",
+    "__version__",
+    "fit_pwl",
+    "half_ellipse",
+    "invert_closed_form",
+    "invert_optimal",
+    "line_offset",
+    "lower_bound",
+    "reference_walk",
+    "simulate",
+    "step_test",
+]
+
+_HOMES = {
+    "planner._version": ("__version__",),
+    "planner.approximation.fit": ("fit_pwl",),
+    "planner.exceptions": (
+        "Infeasible",
+        "InvalidFile",
+        "InvalidInput",
+        "InvalidModel",
+        "InvalidTrajectory",
+        "NoSteadyCycle",
+        "PlannerError",
+        "SolverFailed",
+    ),
+    "planner.gait": ("half_ellipse", "reference_walk"),
+    "planner.inversion.bound": ("lower_bound",),
+    "planner.inversion.closed_form": ("invert_closed_form",),
+    "planner.inversion.line": ("line_offset",),
+    "planner.inversion.optimal": ("invert_optimal",),
+    "planner.inversion.result": ("Inversion",),
+    "planner.model.joint": ("JointModel",),
+    "planner.model.response": ("simulate",),
+    "planner.model.step_test": ("step_test",),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first used (PEP 562), so that ``import planner`` is light."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'planner' has no attribute '{name}'")
+    value: object = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
