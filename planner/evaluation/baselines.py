@@ -1,0 +1,76 @@
+"""What a plan has to beat: the desired angles as requests, as they are or sent early (Section 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.evaluation.metrics import Distance
+from planner.exceptions import InvalidTrajectory
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TimeShift:
+    """Requests that are the desired angles, a whole number of samples early.
+
+    Attributes:
+        samples: The lead k: R(t) = D(t + k).
+        requests: The requests of all joints [rad], shape (n, k).
+        angles: What the joints do [rad], shape (n, k).
+        distance: The distance by which this lead is the best.
+    """
+
+    samples: int
+    requests: Array
+    angles: Array
+    distance: Distance
+
+
+def direct(models: Sequence[JointModel], desired: Array) -> Array:
+    """Angles of cyclic joints when the desired angles are requested: the paper's direct method.
+
+    Args:
+        models: One model per joint.
+        desired: Desired angles [rad], shape (n, joints).
+
+    Returns:
+        Angles [rad], shape (n, joints), read-only.
+    """
+    if desired.ndim != 2 or desired.shape[1] != len(models):
+        raise InvalidTrajectory(
+            f"desired: got shape {desired.shape}, expected (n, {len(models)}), one column per model"
+        )
+    angles = np.column_stack(
+        [simulate(model, desired[:, j]) for j, model in enumerate(models)]
+    )
+    angles.setflags(write=False)
+    return angles
+
+
+def best_time_shift(
+    models: Sequence[JointModel], desired: Array, distance: Callable[[Array], Distance]
+) -> TimeShift:
+    """The best that sending cyclic requests early can do, over all n whole-sample leads.
+
+    A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads.
+
+    Args:
+        models: One model per joint.
+        desired: Desired angles [rad], shape (n, joints).
+        distance: Distance from the goal for given angles [rad], shape (n, joints); the paper judges
+            in the foot's space. The lead with the least rms is taken, the smallest such lead.
+    """
+    unshifted = direct(models, desired)
+    leads = range(len(desired))
+    distances = [distance(np.roll(unshifted, -lead, axis=0)) for lead in leads]
+    best = min(leads, key=lambda lead: distances[lead].rms)
+    requests = np.roll(desired, -best, axis=0)
+    angles = np.roll(unshifted, -best, axis=0)
+    for array in (requests, angles):
+        array.setflags(write=False)
+    return TimeShift(best, requests, angles, distances[best])

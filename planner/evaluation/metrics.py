@@ -1,0 +1,74 @@
+"""Distances between trajectories: the paper's L2, which is a root mean square, and its Linf."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidTrajectory
+from planner.trajectory import Array
+
+
+class Distance(NamedTuple):
+    """How far two trajectories are apart, in the unit of the trajectories.
+
+    Attributes:
+        rms: Root mean square over the samples: the paper's L2.
+        max: Largest over the samples: the paper's Linf.
+    """
+
+    rms: float
+    max: float
+
+
+def angle_distance(angles: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
+    """Distance between two angle trajectories (paper, Section 5).
+
+    Args:
+        angles: Angles of one joint [rad], shape (n,).
+        desired: Angles to compare them with [rad], shape (n,).
+
+    Raises:
+        InvalidTrajectory: The shapes differ or are not (n,), or a value is not finite.
+    """
+    return _over_samples(np.abs(_difference(angles, desired, dimensions=1)))
+
+
+def foot_distance(positions: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
+    """Distance between two foot paths: of the Euclidean distances at each time (paper, Section 5).
+
+    Args:
+        positions: Positions of the foot [m], shape (n, 3).
+        desired: Positions to compare them with [m], shape (n, 3).
+
+    Raises:
+        InvalidTrajectory: The shapes differ or are not (n, 3), or a value is not finite.
+    """
+    return _over_samples(np.linalg.norm(_difference(positions, desired, dimensions=2), axis=1))
+
+
+def _over_samples(distances: npt.NDArray[np.floating]) -> Distance:
+    return Distance(float(np.sqrt(np.mean(distances**2))), float(np.max(distances)))
+
+
+def _difference(one: npt.ArrayLike, other: npt.ArrayLike, *, dimensions: int) -> Array:
+    first, second = (np.asarray(given, dtype=np.float64) for given in (one, other))
+    expected = "(n,)" if dimensions == 1 else "(n, 3)"
+    if (
+        first.shape != second.shape
+        or first.ndim != dimensions
+        or first.size == 0
+        or (dimensions == 2 and first.shape[1] != 3)
+    ):
+        raise InvalidTrajectory(
+            f"distance: got shapes {first.shape} and {second.shape}, expected {expected} twice; "
+            "compare trajectories with equally many samples"
+        )
+    difference = first - second
+    if not np.isfinite(difference).all():
+        raise InvalidTrajectory(
+            "distance: a sample is not finite; remove or interpolate it in both trajectories"
+        )
+    return difference

@@ -1,0 +1,135 @@
+"""Joint models as TOML: the fields of JointModel in SI, for every joint or in a table per joint."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from planner.exceptions import InvalidFile, InvalidModel
+from planner.files.table import nearest
+from planner.files.text import read_text, write_text
+from planner.model.joint import JointModel
+
+FIELDS = tuple(field.name for field in fields(JointModel))
+REQUIRED = tuple(field.name for field in fields(JointModel) if field.default is MISSING)
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """Models of joints: one for all, one for each, or both.
+
+    Attributes:
+        path: Where they came from.
+        common: The model of every joint without a table of its own; None where there is none.
+        by_joint: The models of single joints.
+    """
+
+    path: str
+    common: JointModel | None
+    by_joint: Mapping[str, JointModel]
+
+    def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
+        """The model of each named joint.
+
+        Raises:
+            InvalidFile: A joint has no model, or a table was meant for one but is misspelt.
+        """
+        return tuple(self._for_joint(name, names) for name in names)
+
+    def _for_joint(self, name: str, names: Sequence[str]) -> JointModel:
+        if name in self.by_joint:
+            return self.by_joint[name]
+        spare = [table for table in self.by_joint if table not in names]
+        hint = nearest(name, spare)
+        if self.common is None or hint:
+            tables = ", ".join(f"[{table}]" for table in self.by_joint) or "none"
+            raise InvalidFile(
+                self.path,
+                f"no table for the joint '{name}'{hint}; tables: {tables}; add [{name}], or write "
+                "the parameters above all tables to have them for every joint",
+            )
+        return self.common
+
+
+def read_models(path: Path | str) -> ModelFile:
+    """Read joint models from TOML, or from standard input for ``-``.
+
+    Keys above all tables hold for every joint; a table ``[knee]`` sets or changes some for one.
+
+    Raises:
+        InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
+    """
+    text = read_text(path)
+    try:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        place = re.search(r" \(at line (\d+), column \d+\)$", str(error))
+        raise InvalidFile(
+            path,
+            f"not TOML: {_cut(str(error), place)}; expected lines such as 'v_max = 5.45'",
+            line=int(place[1]) if place else None,
+        ) from error
+    common = {key: value for key, value in content.items() if not isinstance(value, dict)}
+    tables = {key: value for key, value in content.items() if isinstance(value, dict)}
+    for table, keys in ((None, common), *tables.items()):
+        for key in keys:
+            _check_key(path, text, key, table)
+    by_joint = {
+        table: _model(path, {**common, **own}, f"table [{table}]: ")
+        for table, own in tables.items()
+    }
+    complete = not tables or all(key in common for key in REQUIRED)
+    return ModelFile(str(path), _model(path, common, "") if complete else None, by_joint)
+
+
+def write_model(path: Path | str, model: JointModel) -> None:
+    """Write one model for every joint as TOML, each key with its unit; ``-`` is standard output."""
+    lines = [
+        f"{field.name} = {getattr(model, field.name)!r}  # [{field.metadata.get('unit', '-')}]"
+        for field in fields(model)
+    ]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:
+    missing = [key for key in REQUIRED if key not in keys]
+    if missing:
+        raise InvalidFile(
+            path,
+            f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
+        )
+    try:
+        return JointModel(**keys)
+    except InvalidModel as error:
+        raise InvalidFile(path, f"{place}{error}") from error
+
+
+def _check_key(path: Path | str, text: str, key: str, table: str | None) -> None:
+    if key in FIELDS:
+        return
+    place = f" in [{table}]" if table is not None else ""
+    raise InvalidFile(
+        path,
+        f"unknown key '{key}'{place}{nearest(key, FIELDS)}; keys: {', '.join(FIELDS)}",
+        line=_line_of(text, key, table),
+    )
+
+
+def _line_of(text: str, key: str, table: str | None) -> int | None:
+    """Line on which a table first sets a key, as far as it is written in the usual way."""
+    current: str | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*\[\s*[\"']?(.+?)[\"']?\s*\]", line)
+        if header:
+            current = header[1]
+        elif current == table and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
+            return number
+    return None
+
+
+def _cut(message: str, place: re.Match[str] | None) -> str:
+    return message[: place.start()] if place else message

@@ -1,0 +1,179 @@
+"""CSV tables of numbers: a header line of names, then one row per sample."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from planner.exceptions import InvalidFile
+from planner.files.text import read_text, write_text
+from planner.trajectory import Array
+
+DECIMALS = 12
+"""Decimals that are written: beyond any sensor, and short for numbers that were short to begin with."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The cells of a CSV file, not yet read as numbers.
+
+    Attributes:
+        path: Where it came from; ``-`` is standard input.
+        names: The columns' names, in the file's order.
+        rows: One tuple of cells per sample, as long as ``names``.
+        lines: Line of the file that each row stands on, counted from 1.
+    """
+
+    path: str
+    names: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+
+    def numbers(self, names: Sequence[str]) -> Array:
+        """The named columns as finite numbers, shape (n, len(names)), read-only.
+
+        Raises:
+            InvalidFile: A column is missing, or a cell is not a finite number.
+        """
+        places = [self._place(name) for name in names]
+        values = np.empty((len(self.rows), len(names)))
+        for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
+            for j, place in enumerate(places):
+                values[k, j] = self._number(row[place], names[j], line)
+        values.setflags(write=False)
+        return values
+
+    def _place(self, name: str) -> int:
+        if name not in self.names:
+            raise InvalidFile(
+                self.path,
+                f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}",
+                line=1,
+            )
+        return self.names.index(name)
+
+    def _number(self, cell: str, name: str, line: int) -> float:
+        try:
+            number = float(cell) if cell.isascii() and "_" not in cell else math.nan
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            found = f"'{_shortened(cell)}'" if cell.strip() else "nothing"
+            raise InvalidFile(
+                self.path,
+                f"column '{name}': got {found}, expected a finite number; "
+                "remove or interpolate the sample",
+                line=line,
+            )
+        return number
+
+
+def read_table(path: Path | str) -> Table:
+    """Read a CSV file with a header line, or standard input for ``-``.
+
+    Raises:
+        InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
+    """
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    names: tuple[str, ...] = ()
+    rows: list[tuple[str, ...]] = []
+    lines: list[int] = []
+    try:
+        for cells in reader:
+            if not any(cell.strip() for cell in cells) and len(cells) <= 1:
+                continue  # a blank line
+            if not names:
+                names = _checked_names(path, [cell.strip() for cell in cells], reader.line_num)
+                continue
+            rows.append(tuple(cells))
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise InvalidFile(
+            path, f"not CSV ({error}); expected comma-separated numbers", line=reader.line_num
+        ) from error
+    if not names:
+        raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
+    table = Table(str(path), names, tuple(rows), tuple(lines))
+    _check_rows(table)
+    return table
+
+
+def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
+    """Write columns as CSV, or to standard output for ``-``; ``values`` has shape (n, len(names))."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    rounded = np.round(values, DECIMALS) + 0.0  # no negative zero
+    writer.writerows(rounded.tolist())
+    write_text(path, stream.getvalue())
+
+
+def nearest(name: str, names: Sequence[str]) -> str:
+    """A hint for a misspelt name: ``(did you mean 'knee'?)``, or nothing."""
+    close = difflib.get_close_matches(name, names, n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, ...]:
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        raise InvalidFile(
+            path,
+            f"one column named '{_shortened(names[0])}', expected names separated by commas; "
+            "save the file with commas between columns and points in numbers",
+            line=line,
+        )
+    if "" in names:
+        raise InvalidFile(
+            path, f"column {names.index('') + 1} has no name; name or remove it", line=line
+        )
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise InvalidFile(
+            path, f"{count} columns are named '{name}', expected one; rename the others", line=line
+        )
+    if all(_is_number(name) for name in names):
+        raise InvalidFile(
+            path,
+            f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
+            "put a line of column names above them",
+            line=line,
+        )
+    return tuple(names)
+
+
+def _check_rows(table: Table) -> None:
+    for row, line in zip(table.rows, table.lines, strict=True):
+        if len(row) != len(table.names):
+            cut = line == table.lines[-1] and len(row) < len(table.names)
+            raise InvalidFile(
+                table.path,
+                f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}, expected "
+                f"{len(table.names)} ({_shortened(', '.join(table.names))}); "
+                + ("is the file cut short?" if cut else "mend the row or its commas"),
+                line=line,
+            )
+    if len(table.rows) < 2:
+        raise InvalidFile(
+            table.path, f"got {len(table.rows)} rows of samples, expected at least 2"
+        )
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _shortened(text: str, longest: int = 60) -> str:
+    clean = text.encode("unicode_escape").decode() if not text.isprintable() else text
+    return clean if len(clean) <= longest else f"{clean[: longest - 1]}…"

@@ -1,0 +1,105 @@
+"""Text in and out: files or, as ``-``, the standard streams; written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from planner.exceptions import InvalidFile
+
+STANDARD_STREAM = "-"
+"""The name that stands for standard input or standard output."""
+
+MOST_BYTES = 64 * 2**20
+"""Longest text that is read [bytes]: a million requests for three joints come to half of it."""
+
+
+def read_text(path: Path | str) -> str:
+    """Whole text of a file, or of standard input for ``-``; UTF-8, with or without a mark.
+
+    Raises:
+        InvalidFile: There is no such file, it cannot be read, is too long, or is not UTF-8.
+    """
+    try:
+        if str(path) == STANDARD_STREAM:
+            content = sys.stdin.buffer.read(MOST_BYTES + 1)
+        else:
+            with Path(path).open("rb") as stream:
+                content = stream.read(MOST_BYTES + 1)
+    except FileNotFoundError as error:
+        raise InvalidFile(path, "no such file; check the name and the folder") from error
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InvalidFile(path, f"cannot be read ({reason}); expected a text file") from error
+    if len(content) > MOST_BYTES:
+        raise InvalidFile(path, f"longer than {MOST_BYTES >> 20} MiB; is it the right file?")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InvalidFile(
+            path,
+            f"byte 0x{content[error.start]:02x} is not UTF-8; save the file as UTF-8 text",
+            line=line,
+        ) from error
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Write ``text`` to a file, or to standard output for ``-``.
+
+    A file is written aside and put in place in one step: whoever reads it meanwhile, and whatever
+    goes wrong, it holds the old text or the new one, never a part.
+
+    Raises:
+        InvalidFile: The folder does not exist or cannot be written to.
+    """
+    if str(path) == STANDARD_STREAM:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path | str, content: bytes) -> None:
+    """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
+    target = Path(path)
+    if target.exists() and not target.is_file():  # a device or a named pipe takes what it is given
+        _write_through(target, content)
+        return
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    aside = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        aside.chmod(_permissions(target))
+        aside.replace(target.resolve())
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _write_through(target: Path, content: bytes) -> None:
+    try:
+        target.write_bytes(content)
+    except OSError as error:
+        raise _cannot_write(target, error) from error
+
+
+def _permissions(target: Path) -> int:
+    """Those of the file that is replaced, or those that any new file would get."""
+    if target.exists():
+        return target.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def _cannot_write(path: Path | str, error: OSError) -> InvalidFile:
+    reason = (error.strerror or str(error)).lower()
+    return InvalidFile(path, f"cannot be written ({reason}); choose another place for the output")
