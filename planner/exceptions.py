@@ -11,6 +11,8 @@
     ├── NoSteadyCycle                         a cyclic response that never repeats; carries the mismatch
     └── SolverFailed                          a solver stopped short; carries problem, status and violation
 
+    OutsideEquation13 (a UserWarning)         the paper's rule, used where the paper does not derive it
+
 The command line turns ``InvalidInput`` into exit status 2 and the others into exit status 1.
 Errors of the leg are in :mod:`kinematics.exceptions`.
 """
@@ -91,3 +93,7 @@ class SolverFailed(PlannerError):
         self.violation = violation
         worst = "" if violation is None else f"; worst constraint violated by {violation:.3g}"
         super().__init__(f"{problem}: the solver stopped with status '{status}'{worst}")
+
+
+class OutsideEquation13(UserWarning):
+    """The paper's rule for lines is used for a joint that breaks Equation 13."""

@@ -12,7 +12,10 @@ from planner.trajectory import Array, as_trajectory
 CLOSED = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to its size where that exceeds 1."""
 
-MOST_CYCLES = 1000
+NEWTON_CYCLES = 100
+"""Cycles after which Newton's method gives way to waiting, which cannot jump back and forth."""
+
+MOST_CYCLES = 10_000
 """Cycles after which a response that still drifts is given up."""
 
 
@@ -62,40 +65,59 @@ def simulate(
 
 def _with_history(pulls: Array, window: Window, *, cyclic: bool) -> list[float]:
     """The pulls of every tick, preceded by the ``window.last`` that came before them."""
-    history = (
-        np.resize(pulls[::-1], window.last)[::-1]
-        if cyclic
-        else np.full(window.last, pulls[0])
-    )
+    if cyclic:
+        history = np.resize(pulls[::-1], window.last)[::-1]
+    else:
+        history = np.full(window.last, pulls[0])
     return [*history.tolist(), *pulls.tolist()]
 
 
 def _run(model: JointModel, pulls: list[float], angle: float) -> list[float]:
     """Angles at every tick after ``angle``; ``pulls`` starts with the history of the window."""
-    first, weights = model.window
-    last = model.window.last
-    weights_ = weights.tolist()
-    v_max, theta_0 = model.v_max_per_tick, model.theta_0
+    first, last = model.window.first, model.window.last
+    weights = model.window.weights.tolist()
+    youngest_first = pulls[::-1]
     angles = []
-    for tick in range(last, len(pulls)):
-        newest = tick - first
-        window = pulls[newest : tick - last - 1 if tick > last else None : -1]
-        angle = advance(angle, window, weights=weights_, v_max=v_max, theta_0=theta_0)
+    for start in range(len(pulls) - last - 1 + first, first - 1, -1):
+        window = youngest_first[start : start + last - first + 1]
+        angle = advance(
+            angle, window, weights=weights, v_max=model.v_max_per_tick, theta_0=model.theta_0
+        )
         angles.append(angle)
     return angles
 
 
 def _steady_cycle(model: JointModel, pulls: Array) -> list[float]:
-    """Angles at every tick of the cycle that repeats itself."""
+    """Angles at every tick of the cycle that repeats itself.
+
+    The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
+    start, of slope within [-1, 1]: Newton's method finds where they agree, between two angles that
+    are known to be on either side of it.
+    """
     padded = _with_history(pulls, model.window, cyclic=True)
+    low, high = float(np.min(pulls)), float(np.max(pulls))
+    tolerance = CLOSED * max(1.0, abs(low), abs(high))
     seam = float(pulls[0])
-    tolerance = CLOSED * max(1.0, float(np.max(np.abs(pulls))))
-    for _ in range(MOST_CYCLES):
+    for cycle in range(MOST_CYCLES):
         angles = _run(model, padded, seam)
-        if abs(angles[-1] - seam) <= tolerance:
+        end = angles[-1]
+        if abs(end - seam) <= tolerance:
             return angles
-        # The end of a cycle is piecewise linear in its start; where it has slope 1 only waiting helps.
-        contraction = _contraction(model, padded, seam, angles)
-        newton = seam + (angles[-1] - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
-        seam = newton if abs(newton) <= np.max(np.abs(pulls)) else angles[-1]
-    raise NoSteadyCycle(abs(angles[-1] - seam), MOST_CYCLES)
+        low, high = (seam, high) if end > seam else (low, seam)
+        contraction = _contraction(model, padded, [seam, *angles[:-1]])
+        newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
+        if low < newton < high and cycle < NEWTON_CYCLES:
+            seam = newton
+        else:
+            seam = end  # waiting: right wherever Newton's method has no slope to go by
+    raise NoSteadyCycle(abs(end - seam), MOST_CYCLES)
+
+
+def _contraction(model: JointModel, pulls: list[float], before: list[float]) -> float:
+    """Derivative of the angle at the end of a cycle with respect to the angle at its start."""
+    first, weights = model.window
+    windows = np.lib.stride_tricks.sliding_window_view(np.array(pulls), len(weights))
+    windows = windows[: len(before)]  # (ticks, m), oldest first
+    errors = windows - np.array(before)[:, np.newaxis]
+    unsaturated = (np.abs(errors) < model.theta_0) @ weights[::-1]
+    return float(np.prod(1.0 - model.v_max_per_tick / model.theta_0 * unsaturated))

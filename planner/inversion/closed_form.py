@@ -1,0 +1,83 @@
+"""The paper's inversion: the inverses of the lines of an approximation, joined (Section 4.3)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.fit import fit_pwl
+from planner.inversion.line import Rule, check_rule, line_offset
+from planner.inversion.result import Inversion
+from planner.model.joint import JointModel
+from planner.trajectory import Array, as_trajectory
+
+
+def invert_closed_form(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    segments: int | None = None,
+    rule: Rule = "paper",
+) -> Inversion:
+    """Requests by the paper's method: approximate by lines, invert each, switch between them early.
+
+    The wanted trajectory is approximated by a piecewise linear one within ±v_max, each line is
+    raised by its C_m (Section 4.2), and the requests change from one line to the next l + a/2 before
+    the approximation does (Section 4.3), at the true time, be it between two requests.
+
+    From rest the joint rests at the first desired angle until the plan begins.
+
+    Args:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        cyclic: Whether the trajectory repeats for ever.
+        segments: Number of lines; chosen by :func:`planner.fit_pwl` where not given.
+        rule: How to invert a line, see :func:`planner.line_offset`.
+
+    Returns:
+        The requests, with the approximation behind them.
+
+    Raises:
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) that is long enough.
+        InvalidInput: The rule or the number of segments is none.
+        SolverFailed: The approximation was not found.
+    """
+    check_rule(rule)
+    desired = as_trajectory(desired, name="desired")
+    approximation = fit_pwl(
+        desired, v_max=model.v_max, tick=model.period, cyclic=cyclic, segments=segments
+    )
+    requests = requests_along(model, approximation, rule=rule)
+    start = None
+    if not cyclic:
+        start = float(desired[0])
+        requests[0] = start - model.offset
+    requests.setflags(write=False)
+    return Inversion(
+        model=model,
+        desired=desired,
+        requests=requests,
+        method="closed_form",
+        cyclic=cyclic,
+        start=start,
+        approximation=approximation,
+    )
+
+
+def requests_along(model: JointModel, curve: PiecewiseLinear, *, rule: Rule) -> Array:
+    """The inverted lines of ``curve``, each until l + a/2 before the next one begins [rad], (n,)."""
+    samples = np.arange(curve.samples, dtype=np.float64)
+    ahead = switching_time(model) / model.period  # [samples]
+    slopes = curve.slope_at(samples + ahead)  # of the line that counts at each request
+    lines = curve(samples + ahead) - slopes * ahead * model.period
+    return lines + line_offset(model, slopes, rule=rule)
+
+
+def switching_time(model: JointModel) -> float:
+    """How long before the angles the requests change from line to line: l + a/2 [s].
+
+    A request that is held acts (hold - 1) / 2 ticks later on average than the line it stands for.
+    """
+    return model.lag + model.acceleration_time / 2.0 + (model.hold - 1) / 2.0 * model.tick

@@ -1,0 +1,96 @@
+"""The answer of an inversion: requests that carry what is needed to judge them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.inversion.bound import Norm, lower_bound
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.trajectory import Array
+
+Method = Literal["closed_form", "optimal"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inversion:
+    """Requests for a wanted trajectory, with what the exact model makes of them.
+
+    Every figure is computed from the requests by simulation, whatever solver found them.
+
+    Attributes:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,).
+        requests: What to send to the joint [rad], shape (n,).
+        method: How they were found.
+        cyclic: Whether the trajectory repeats for ever.
+        norm: Error that was minimised, and that the bound and the gap are about.
+        limits: Smallest and largest request allowed [rad]; None where there was no limit.
+        start: From rest: angle at which the joint rests before the first request [rad].
+        approximation: The piecewise linear trajectory behind a closed form, else None.
+    """
+
+    model: JointModel
+    desired: Array
+    requests: Array
+    method: Method
+    cyclic: bool = True
+    norm: Norm = "rms"
+    limits: tuple[float, float] | None = None
+    start: float | None = None
+    approximation: PiecewiseLinear | None = None
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact model under the requests [rad], shape (n,)."""
+        return simulate(self.model, self.requests, cyclic=self.cyclic, start=self.start)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Predicted minus desired angles [rad], shape (n,)."""
+        return self.predicted - self.desired
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the errors [rad]."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest error [rad]."""
+        return float(np.max(np.abs(self.errors)))
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """What no requests at all can go below, in the plan's norm [rad]: the ``envelope`` bound."""
+        return lower_bound(
+            self.model, self.desired, cyclic=self.cyclic, norm=self.norm, start=self.start
+        )
+
+    @property
+    def gap(self) -> float:
+        """Relative distance from the lower bound; inf where the bound is zero and the error is not."""
+        error = self.rms if self.norm == "rms" else self.max_error
+        if self.lower_bound > 0.0:
+            return error / self.lower_bound - 1.0
+        return math.inf if error > 0.0 else 0.0
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request to the next [rad], the cycle's seam included."""
+        previous = np.roll(self.requests, 1) if self.cyclic else self.requests[:-1]
+        following = self.requests if self.cyclic else self.requests[1:]
+        return float(np.max(np.abs(following - previous)))
+
+    @property
+    def excess(self) -> float:
+        """How far the requests go beyond the range of the desired angles [rad]."""
+        below = np.min(self.desired) - np.min(self.requests)
+        above = np.max(self.requests) - np.max(self.desired)
+        return float(max(below, above, 0.0))
