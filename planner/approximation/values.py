@@ -1,0 +1,195 @@
+"""The values at given knots that are best within the slopes: a convex QP, solved by OSQP.
+
+    minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v_max (k' - k) for every segment
+
+The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
+the values are to its tolerance; :func:`polished` makes them exact, :func:`within_slopes` makes the
+bounds hold to the last digit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.approximation.objective import Problem, segment_ends
+from planner.exceptions import SolverFailed
+from planner.trajectory import Array
+
+TOLERANCE = 1e-9
+"""OSQP's tolerances, relative and absolute; the samples are of size one here."""
+
+TRUSTED = 1e-6
+"""Excess over a limit, in the unit of the samples, up to which an answer of OSQP is repaired."""
+
+RIDGE = 1e-11
+"""Pull towards the previous values, relative, that makes knots without samples determinate."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValuesQP:
+    """Minimise ½ yᵀPy + qᵀy with every entry of Ay within its limit.
+
+    Attributes:
+        P: Hessian, sparse, shape (K, K).
+        q: Gradient at zero, shape (K,).
+        A: Rise of every segment, sparse, shape (S, K).
+        limits: Largest rise of every segment, shape (S,).
+    """
+
+    P: Any
+    q: Array
+    A: Any
+    limits: Array
+
+    def cost(self, values: Array) -> float:
+        """The objective."""
+        return float(values @ (0.5 * (self.P @ values) + self.q))
+
+    def excess(self, values: Array) -> float:
+        """Largest violation of a limit, 0 if there is none."""
+        return float(np.max(np.abs(self.A @ values) - self.limits, initial=0.0))
+
+
+def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
+    """The QP in the values at ``knots``, with a tiny pull towards ``near``."""
+    from scipy import sparse
+
+    size = knots.size
+    ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
+    index = np.arange(problem.samples, dtype=np.float64)
+    if problem.cyclic:
+        index = knots[0] + np.mod(index - knots[0], problem.samples)
+    segment = np.clip(np.searchsorted(knots, index, side="right") - 1, 0, ends.size - 2)
+    share = (index - knots[segment]) / np.diff(ends)[segment]
+    sample = np.arange(problem.samples)
+    basis = sparse.csr_matrix(
+        (
+            np.concatenate([1.0 - share, share]),
+            (np.concatenate([sample, sample]), np.concatenate([segment, (segment + 1) % size])),
+        ),
+        shape=(problem.samples, size),
+    )
+    P = basis.T @ basis
+    ridge = RIDGE * float(P.diagonal().max())
+    start, end = segment_ends(problem, size)
+    row = np.arange(start.size)
+    ones = np.ones(start.size)
+    A = sparse.csc_matrix(
+        (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
+        shape=(row.size, size),
+    )
+    return ValuesQP(
+        P=(P + ridge * sparse.eye(size)).tocsc(),
+        q=-(basis.T @ problem.desired) - ridge * near,
+        A=A,
+        limits=problem.step * np.diff(ends),
+    )
+
+
+def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
+    """The best values at ``knots``; slopes within the bound up to rounding and :data:`TRUSTED`.
+
+    Args:
+        problem: What to approximate; samples of size one or less.
+        knots: Knots, shape (K,).
+        near: Values from which OSQP starts and to which undetermined ones are pulled, shape (K,).
+
+    Returns:
+        Values, shape (K,). Cost O(n), and O(K) per iteration of OSQP.
+
+    Raises:
+        SolverFailed: OSQP stopped short.
+    """
+    import osqp
+    from scipy import sparse
+
+    if knots.size == 1:
+        return np.array([np.mean(problem.desired)])
+    near = np.zeros(knots.size) if near is None else near
+    qp = build_values_qp(problem, knots, near)
+    scale = float(qp.P.diagonal().max())
+    solver = osqp.OSQP()
+    solver.setup(
+        sparse.triu(qp.P / scale, format="csc"),
+        qp.q / scale,
+        qp.A,
+        -qp.limits,
+        qp.limits,
+        eps_abs=TOLERANCE,
+        eps_rel=TOLERANCE,
+        max_iter=50_000,
+        polishing=False,  # OSQP's own prints when no bound is active
+        verbose=False,
+    )
+    solver.warm_start(x=near)
+    result = solver.solve(raise_error=False)
+    values = np.asarray(result.x, dtype=np.float64)
+    status = str(result.info.status)
+    if not (status.startswith("solved") and np.all(np.isfinite(values))):
+        raise SolverFailed("values at the knots, OSQP", status)
+    values = polished(qp, values, np.asarray(result.y, dtype=np.float64))
+    if qp.excess(values) > TRUSTED:
+        raise SolverFailed("values at the knots, OSQP", status, violation=qp.excess(values))
+    return values
+
+
+def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
+    """The minimiser with the active bounds of ``values`` as equations, if it is at least as good.
+
+    Args:
+        qp: The QP.
+        values: A solution to some tolerance, shape (K,).
+        multipliers: Of the limits, positive at the upper ones, shape (S,).
+
+    Returns:
+        Values, shape (K,).
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    active = np.flatnonzero(np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0))
+    target = np.sign(multipliers[active]) * qp.limits[active]
+    rows = qp.A[active, :]
+    # A touch of regularisation for bounds that repeat one another; two refinements remove it.
+    lower = -1e-9 * sparse.eye(active.size)
+    system = sparse.bmat([[qp.P, rows.T], [rows, None if active.size == 0 else lower]], "csc")
+    exact = np.append(np.zeros(qp.q.size), np.zeros(active.size))
+    try:
+        factor = splu(system)
+    except RuntimeError:  # singular
+        return values
+    for _ in range(3):
+        y, u = exact[: qp.q.size], exact[qp.q.size :]
+        residual = np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y)
+        exact = exact + factor.solve(residual)
+    better = exact[: qp.q.size]
+    if qp.excess(better) > max(qp.excess(values), 1e-12):
+        return values
+    return better
+
+
+def within_slopes(values: Array, limits: Array, *, cyclic: bool) -> Array:
+    """Shrink ``values`` towards their middle until every rise keeps its limit, rounding included.
+
+    Args:
+        values: Values at the knots [rad], shape (K,).
+        limits: Largest rise of every segment [rad], shape (K,) for a cycle, else (K - 1,).
+        cyclic: Whether the last segment leads back to the first knot.
+
+    Returns:
+        Values, shape (K,), that exceed no limit by more than one part in 1e13.
+    """
+    middle = 0.5 * (float(values.max()) + float(values.min()))
+    offset = values - middle
+    shrink = 1.0
+    for attempt in range(64):
+        shrunk: Array = middle + shrink * offset
+        ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
+        excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
+        if excess <= 1.0 + 1e-13:
+            return shrunk
+        shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
+    return np.full_like(values, middle)
