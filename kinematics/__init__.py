@@ -1,1 +1,62 @@
-"""Leg kinematics over Pinocchio."""
+"""Leg kinematics over Pinocchio: where the foot is, and which joint angles put it where it should be."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinematics.descriptions import urdf_path
+    from kinematics.exceptions import (
+        InvalidInput,
+        InvalidPath,
+        InvalidUrdf,
+        KinematicsError,
+        UnknownDescription,
+        UnknownFrame,
+        UnreachableFoot,
+        UnsupportedLeg,
+    )
+    from kinematics.inverse import InverseSolution
+    from kinematics.leg import Leg, Limits
+
+_HOMES = {
+    "InvalidInput": "exceptions",
+    "InvalidPath": "exceptions",
+    "InvalidUrdf": "exceptions",
+    "InverseSolution": "inverse",
+    "KinematicsError": "exceptions",
+    "Leg": "leg",
+    "Limits": "leg",
+    "UnknownDescription": "exceptions",
+    "UnknownFrame": "exceptions",
+    "UnreachableFoot": "exceptions",
+    "UnsupportedLeg": "exceptions",
+    "urdf_path": "descriptions",
+}
+
+__all__ = [
+    "InvalidInput",
+    "InvalidPath",
+    "InvalidUrdf",
+    "InverseSolution",
+    "KinematicsError",
+    "Leg",
+    "Limits",
+    "UnknownDescription",
+    "UnknownFrame",
+    "UnreachableFoot",
+    "UnsupportedLeg",
+    "urdf_path",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for when it is asked for (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'kinematics' has no attribute {name!r}")
+    return getattr(import_module(f"kinematics.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

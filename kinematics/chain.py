@@ -1,0 +1,155 @@
+"""A serial chain of revolute joints as constants: all that positions and derivatives need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.intp]
+
+AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
+
+
+class Link(NamedTuple):
+    """What one joint does to a point beyond it: ``p -> origin + (still + cos C + sin S) p``.
+
+    This is Rodrigues' formula with the joint's constant placement R multiplied in:
+    still = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by its
+    cosine and sine alone.
+
+    Attributes:
+        origin: The joint's origin in the frame before it [m], shape (3, 1).
+        still: Part that the rotation leaves alone, shape (3, 3).
+        cosine: Part that goes with the cosine, shape (3, 3).
+        sine: Part that goes with the sine, shape (3, 3).
+    """
+
+    origin: Array
+    still: Array
+    cosine: Array
+    sine: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Revolute joints in series, from the base to the foot.
+
+    Every joint's frame is the one before it, moved by the joint's constant placement and then turned
+    about the joint's axis; the foot is a point in the last frame. Nothing here is specific to NumPy
+    but the constants: :meth:`foot` and :meth:`foot_and_jacobian` use plain operators on columns, and
+    take arrays of shape (3, n) as well as symbols.
+
+    Attributes:
+        rotations: Constant rotations of the joints' frames, shape (k, 3, 3).
+        translations: Origins of the joints in the frames before them [m], shape (k, 3).
+        axes: Unit axes of the joints, in their own frames, shape (k, 3).
+        tip: The foot in the last joint's frame [m], shape (3,).
+    """
+
+    rotations: Array
+    translations: Array
+    axes: Array
+    tip: Array
+
+    @cached_property
+    def links(self) -> tuple[Link, ...]:
+        """The constants of each joint, from the base to the foot."""
+        links = []
+        for rotation, origin, axis in zip(
+            self.rotations, self.translations, self.axes, strict=True
+        ):
+            along = np.outer(axis, axis)
+            parts = (along, np.eye(3) - along, cross_matrix(axis))
+            links.append(Link(origin[:, None], *(rotation @ part for part in parts)))
+        return tuple(links)
+
+    def foot(self, cosines: Sequence[Any], sines: Sequence[Any]) -> Any:
+        """The foot in the base frame.
+
+        Args:
+            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
+            sines: Sine of each, likewise.
+
+        Returns:
+            Position [m]: (3, n) for arrays, a column of three for numbers and symbols.
+        """
+        point: Any = self.tip[:, None]
+        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
+            point = link.origin + _turned(link, point, cosine, sine)
+        return point
+
+    def foot_and_jacobian(
+        self, cosines: Sequence[Any], sines: Sequence[Any]
+    ) -> tuple[Any, list[Any]]:
+        """The foot in the base frame, and its derivative with respect to each angle.
+
+        Args:
+            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
+            sines: Sine of each, likewise.
+
+        Returns:
+            Position [m] as from :meth:`foot`, and k derivatives [m/rad] of its shape.
+        """
+        point: Any = self.tip[:, None]
+        columns: list[Any] = []
+        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
+            own = cosine * (link.sine @ point) - sine * (link.cosine @ point)
+            columns = [own, *(_turned(link, column, cosine, sine) for column in columns)]
+            point = link.origin + _turned(link, point, cosine, sine)
+        return point, columns
+
+    def turned_axes(self, cosines: Sequence[Any], sines: Sequence[Any]) -> list[Any]:
+        """Unit axis of each joint in the base frame.
+
+        Args:
+            cosines: Cosine of each joint's angle, from the base: k numbers, arrays (n,) or symbols.
+            sines: Sine of each, likewise.
+
+        Returns:
+            k directions: (3, 1) or (3, n) for arrays, columns of three for numbers and symbols.
+        """
+        axes: list[Any] = []
+        for link, axis, cosine, sine in reversed(
+            list(zip(self.links, self.axes, cosines, sines, strict=True))
+        ):
+            own = link.still @ axis[:, None]
+            axes = [own, *(_turned(link, beyond, cosine, sine) for beyond in axes)]
+        return axes
+
+    def neutral_axes(self) -> tuple[Array, Array, Array]:
+        """The chain with every angle 0, in the base frame.
+
+        Returns:
+            Unit axes, shape (k, 3), a point on each axis [m], shape (k, 3), and the foot [m], (3,).
+        """
+        rotation, origin = np.eye(3), np.zeros(3)
+        axes, points = [], []
+        for turn, step, axis in zip(self.rotations, self.translations, self.axes, strict=True):
+            origin = origin + rotation @ step
+            rotation = rotation @ turn
+            axes.append(rotation @ axis)
+            points.append(origin)
+        return np.array(axes), np.array(points), origin + rotation @ self.tip
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    """The same array, closed to writing."""
+    array.setflags(write=False)
+    return array
+
+
+def cross_matrix(axis: Array) -> Array:
+    """[a]×, the matrix of the cross product: ``cross_matrix(a) @ p == numpy.cross(a, p)``."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:
+    """A vector beyond the joint, seen from before it."""
+    return link.still @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)

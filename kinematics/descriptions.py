@@ -1,0 +1,27 @@
+"""Where the robots that are shipped with the package lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kinematics.exceptions import UnknownDescription
+
+SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
+"""The files of the folder ``urdf``, which lies beside this package in a checkout and in a wheel."""
+
+
+def urdf_path(name: str) -> Path:
+    """Path of a robot description that is shipped: one of :data:`SHIPPED`.
+
+    Args:
+        name: File name, such as ``"ers210a.urdf"``.
+
+    Returns:
+        Absolute path of the file.
+
+    Raises:
+        UnknownDescription: No such file is shipped.
+    """
+    if name not in SHIPPED:
+        raise UnknownDescription(name, SHIPPED)
+    return Path(__file__).resolve().parent.parent / "urdf" / name

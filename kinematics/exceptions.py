@@ -1,0 +1,109 @@
+"""Everything that the leg raises on purpose.
+
+::
+
+    KinematicsError
+    └── InvalidInput (also a ValueError)     what was given cannot be used; the message says what to do
+        ├── UnknownDescription               no such robot is shipped; carries those that are
+        ├── InvalidUrdf                      not a robot description; carries the path
+        ├── UnknownFrame                     no such frame in the robot; carries those that are
+        ├── UnsupportedLeg                   the robot is fine, but no leg can be made between the frames
+        ├── InvalidPath                      angles or foot positions with NaN or the wrong shape
+        └── UnreachableFoot                  points that the leg cannot reach; carries which and how far
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kinematics.chain import Array, Indices
+
+
+class KinematicsError(Exception):
+    """The root of the tree."""
+
+
+class InvalidInput(KinematicsError, ValueError):
+    """What was given cannot be used: the message says what, what was expected and what to do."""
+
+
+class UnknownDescription(InvalidInput):
+    """No robot description of that name is shipped.
+
+    Attributes:
+        name: What was asked for.
+        shipped: What there is.
+    """
+
+    def __init__(self, name: str, shipped: Sequence[str]) -> None:
+        """List what is shipped."""
+        self.name = name
+        self.shipped = tuple(shipped)
+        super().__init__(
+            f"robot description {name!r} is not shipped; shipped: {', '.join(shipped)}; "
+            "a file of your own goes to Leg.from_urdf directly"
+        )
+
+
+class InvalidUrdf(InvalidInput):
+    """A file does not describe a robot.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path, problem: str) -> None:
+        """Compose the message from the file and the problem."""
+        self.path = path
+        super().__init__(f"{path}: {problem}")
+
+
+class UnknownFrame(InvalidInput):
+    """The robot has no frame of that name.
+
+    Attributes:
+        name: What was asked for.
+        frames: What there is.
+    """
+
+    def __init__(self, name: str, frames: Sequence[str], *, role: str) -> None:
+        """List the frames that the robot has; ``role`` says which argument was wrong."""
+        self.name = name
+        self.frames = tuple(frames)
+        super().__init__(
+            f"{role}: frame {name!r} is not in the URDF; frames: {', '.join(frames) or 'none'}"
+        )
+
+
+class UnsupportedLeg(InvalidInput):
+    """No leg can be made of what lies between the two frames, or none with an inverse."""
+
+
+class InvalidPath(InvalidInput):
+    """Angles or foot positions are not a finite array of the right shape."""
+
+
+class UnreachableFoot(InvalidInput):
+    """The leg cannot reach some of the points within its joint limits.
+
+    Attributes:
+        indices: Which points, read-only, shape (m,).
+        distances: How far each lies from the nearest point that can be reached [m], read-only,
+            shape (m,).
+    """
+
+    def __init__(self, indices: Indices, distances: Array, *, of: int) -> None:
+        """Name the points, as far as they fit on a line, and the worst of them."""
+        self.indices = indices
+        self.distances = distances
+        listed = ", ".join(str(index) for index in indices[:10])
+        more = ", ..." if len(indices) > 10 else ""
+        worst = int(distances.argmax())
+        super().__init__(
+            f"{len(indices)} of {of} foot positions are out of reach, the worst by "
+            f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move them "
+            "(are they in metres, in the base frame?), or ask for unreachable='nearest'"
+        )

@@ -1,0 +1,117 @@
+"""Joint angles that put the foot at the points of a path: enumerate, check, choose."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.branches import choose, wrap
+from kinematics.chain import Array, Chain, read_only
+from kinematics.closed_form import ClosedForm
+from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
+from kinematics.nearest import nearest_poses
+
+Unreachable = Literal["raise", "nearest", "clamp"]
+
+REACHED = 1e-9
+"""A pose reaches a point when its foot is within this of it [m]."""
+
+
+class InverseSolution(NamedTuple):
+    """Joint angles for a path of the foot, and how well they do.
+
+    Attributes:
+        angles: Joint angles within the limits [rad], read-only, shape (n, k).
+        reachable: Whether the foot is at the point, to 1e-9 m, read-only, shape (n,).
+        distance: Distance between the foot at ``angles`` and the point [m], read-only, shape (n,).
+    """
+
+    angles: Array
+    reachable: npt.NDArray[np.bool_]
+    distance: Array
+
+
+def solve_inverse(
+    chain: Chain,
+    lower: Array,
+    upper: Array,
+    closed_form: ClosedForm | None,
+    foot: Array,
+    *,
+    unreachable: Unreachable = "raise",
+) -> InverseSolution:
+    """Joint angles that put the foot at each point of a path; see :meth:`kinematics.Leg.inverse`.
+
+    Args:
+        chain: The leg, with three joints.
+        lower: Lower joint limits [rad], shape (3,).
+        upper: Upper joint limits [rad], shape (3,).
+        closed_form: Its closed form, or None to search numerically.
+        foot: Points in the base frame [m], finite, shape (n, 3).
+        unreachable: What to do with points out of reach.
+
+    Returns:
+        The angles, each judged by the chain's forward kinematics.
+
+    Raises:
+        UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
+        UnsupportedLeg: The leg has not three joints, or no closed form to clamp.
+        InvalidInput: ``unreachable`` is none of the three.
+    """
+    _check(chain, closed_form, unreachable)
+    if closed_form is None:
+        poses = nearest_poses(chain, lower, upper, foot)
+    else:
+        poses = np.clip(wrap(closed_form.poses(foot), lower, upper), lower, upper)
+    distances = _distances(chain, poses, foot)
+    missed = distances.min(axis=1) > REACHED
+    if closed_form is not None and missed.any() and unreachable != "clamp":
+        nearest = nearest_poses(chain, lower, upper, foot[missed])
+        poses, distances = _widened(poses, distances, nearest.shape[1])
+        poses[missed, : nearest.shape[1]] = nearest
+        distances[missed] = np.inf
+        distances[missed, : nearest.shape[1]] = _distances(chain, nearest, foot[missed])
+        missed = distances.min(axis=1) > REACHED
+    if unreachable == "raise" and missed.any():
+        indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
+        raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
+    allowance = np.where(missed, distances.min(axis=1) + REACHED, REACHED)
+    angles = choose(poses, distances <= allowance[:, None], lower, upper)
+    distance = _distances(chain, angles[:, None], foot)[:, 0]
+    return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
+
+
+def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:
+    """Refuse what has no inverse."""
+    if unreachable not in get_args(Unreachable):
+        raise InvalidInput(
+            f"unreachable: got {unreachable!r}, expected one of {', '.join(get_args(Unreachable))}"
+        )
+    if len(chain.axes) != 3:
+        raise UnsupportedLeg(
+            f"the inverse needs a leg of 3 joints, this one has {len(chain.axes)}; choose the base "
+            "and foot frames so that three joints lie between them"
+        )
+    if unreachable == "clamp" and closed_form is None:
+        raise UnsupportedLeg(
+            "unreachable='clamp' needs a leg with a closed form, whose arguments it clamps; this "
+            "leg's neighbouring axes neither intersect nor are parallel: use 'nearest'"
+        )
+
+
+def _distances(chain: Chain, poses: Array, foot: Array) -> Array:
+    """Distance between the foot at each pose (n, m, k) and its point (n, 3) [m], shape (n, m)."""
+    flat = poses.reshape(-1, poses.shape[-1]).T
+    reached = chain.foot(np.cos(flat), np.sin(flat)).T.reshape(*poses.shape[:2], 3)
+    return np.asarray(np.linalg.norm(reached - foot[:, None], axis=-1))
+
+
+def _widened(poses: Array, distances: Array, least: int) -> tuple[Array, Array]:
+    """Room for at least ``least`` poses at each point; the new ones count as infinitely far."""
+    missing = max(0, least - poses.shape[1])
+    return (
+        np.concatenate([poses, np.repeat(poses[:, :1], missing, axis=1)], axis=1),
+        np.pad(distances, ((0, 0), (0, missing)), constant_values=np.inf),
+    )

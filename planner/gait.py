@@ -1,0 +1,145 @@
+"""The walk that the paper's trajectory comes from: a half ellipse, and the joints that trace it."""
+
+from __future__ import annotations
+
+import math
+import operator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.descriptions import urdf_path
+from kinematics.leg import Leg
+from planner.exceptions import InvalidInput
+from planner.trajectory import Array
+
+
+def half_ellipse(
+    *,
+    samples: int = 88,
+    length: float = 0.04893,
+    height: float = 0.042,
+    forward: float = 0.049,
+    sideways: float = 0.028,
+    hip_height: float = 0.077,
+    ground_fraction: float = 0.5,
+) -> Array:
+    """One cycle of a foot that pushes backward along the ground and swings forward in an arc.
+
+    With the phase φ = k / samples, on the ground (φ < g = ``ground_fraction``) the foot moves backward
+    at constant speed; in the air it follows the upper half of an ellipse at an angle uniform in time::
+
+        x = forward + length (1 - 2 φ / g),       z = -hip_height
+        x = forward + length cos α,               z = -hip_height + height sin α,   α = π (1 - φ) / (1 - g)
+
+    where α falls from π to 0. Whatever the leg can reach of it is the leg's affair. The defaults are the
+    front legs of UT Austin Villa's hand-tuned walk of 2003, without its skew; ``docs/math.md``.
+
+    Args:
+        samples: Number of points in the cycle, at least 4.
+        length: Horizontal semi-axis [m]: the stroke is twice this.
+        height: Vertical semi-axis: how high the foot is lifted [m]; 0 drags it.
+        forward: How far the middle of the stroke lies before the hip [m].
+        sideways: How far the path lies outside the hip [m].
+        hip_height: How far the ground lies below the hip [m].
+        ground_fraction: Fraction of the cycle that the foot is on the ground, between 0 and 1.
+
+    Returns:
+        Foot positions [m], shape (samples, 3), read-only; hip frame with x forward, y outward (for a
+        left leg: left), z up.
+
+    Raises:
+        InvalidInput: A parameter is not a number or out of its range.
+    """
+    count = _count(samples)
+    length = _number("length", length, above=0.0)
+    height = _number("height", height, least=0.0)
+    forward = _number("forward", forward)
+    sideways = _number("sideways", sideways)
+    hip_height = _number("hip_height", hip_height)
+    ground = _number("ground_fraction", ground_fraction, above=0.0, below=1.0)
+
+    phase = np.arange(count) / count
+    on_ground = phase < ground
+    angle = np.pi * (1.0 - phase) / (1.0 - ground)  # of the ellipse; π where the foot lifts off
+    path = np.empty((count, 3))
+    path[:, 0] = forward + length * np.where(on_ground, 1.0 - 2.0 * phase / ground, np.cos(angle))
+    path[:, 1] = sideways
+    path[:, 2] = -hip_height + height * np.where(on_ground, 0.0, np.sin(angle))
+    path.setflags(write=False)
+    return path
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceWalk:
+    """The walk behind the paper's trajectories, for one front leg over one cycle.
+
+    Attributes:
+        leg: The simplified leg, 64 and 69 mm without offsets.
+        wanted_foot: The half ellipse in the hip frame [m], shape (88, 3), read-only.
+        desired: Desired joint angles [rad], shape (88, 3), read-only.
+        desired_foot: Where these angles bring the foot [m], shape (88, 3), read-only.
+        reachable: Whether that is the wanted point, read-only, shape (88,).
+        joint_names: The joints, in the order of the columns.
+    """
+
+    leg: Leg
+    wanted_foot: Array
+    desired: Array
+    desired_foot: Array
+    reachable: npt.NDArray[np.bool_]
+    joint_names: tuple[str, ...]
+
+
+def reference_walk() -> ReferenceWalk:
+    """The half ellipse of a front leg, turned into joint angles as the walk's authors did.
+
+    Near the top of the swing 15 of the 88 points are out of reach of the simplified leg or past a
+    joint limit. There each inverse function's argument is clamped and then the angles to the limits;
+    the desired foot path is the one that these angles trace.
+    """
+    leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
+    wanted_foot = half_ellipse()
+    solution = leg.inverse(wanted_foot, unreachable="clamp")
+    return ReferenceWalk(
+        leg=leg,
+        wanted_foot=wanted_foot,
+        desired=solution.angles,
+        desired_foot=leg.foot_positions(solution.angles),
+        reachable=solution.reachable,
+        joint_names=leg.joint_names,
+    )
+
+
+def _number(
+    name: str,
+    value: float,
+    *,
+    least: float = -math.inf,
+    above: float = -math.inf,
+    below: float = math.inf,
+) -> float:
+    """The value as a float within its range, or an error that names the range."""
+    try:
+        number = math.nan if isinstance(value, (bool, str, bytes)) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isfinite(number) and least <= number and above < number < below:
+        return number
+    bounds = [f"at least {least:g}"] if math.isfinite(least) else []
+    bounds += [f"above {above:g}"] if math.isfinite(above) else []
+    bounds += [f"below {below:g}"] if math.isfinite(below) else []
+    wanted = " ".join(["a finite number", " and ".join(bounds)]).strip()
+    raise InvalidInput(f"{name}: got {value!r}, expected {wanted}")
+
+
+def _count(samples: int) -> int:
+    """The number of samples, or an error."""
+    try:
+        count = -1 if isinstance(samples, bool) else operator.index(samples)
+    except TypeError:
+        count = -1
+    if count < 4:
+        raise InvalidInput(f"samples: got {samples!r}, expected a whole number, at least 4")
+    return count
