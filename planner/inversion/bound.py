@@ -7,7 +7,7 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -144,9 +144,7 @@ def envelope(model: JointModel) -> tuple[float, float]:
     return 1.0 - half, v_max * (replaced + half)
 
 
-def propose(
-    reachable: Reachable, desired: Array, *, norm: Norm
-) -> tuple[Array, Array]:
+def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array, Array]:
     """The nearest trajectory of the set and the multipliers that prove it so, as a solver has them.
 
     Args:
@@ -164,11 +162,12 @@ def propose(
 
     angles = cvxpy.Variable(reachable.matrix.shape[1])
     errors = angles[reachable.sampled] - desired
-    objective = cvxpy.sum_squares(errors) if norm == "rms" else cvxpy.norm_inf(errors)
+    distance: Any = cvxpy.sum_squares if norm == "rms" else cvxpy.norm_inf  # type: ignore[attr-defined]
+    objective = distance(errors)
     conditions = reachable.matrix @ angles <= reachable.limit
     problem = cvxpy.Problem(cvxpy.Minimize(objective), [conditions])
     try:
-        problem.solve(solver=cvxpy.CLARABEL)
+        problem.solve(solver=cvxpy.CLARABEL)  # type: ignore[no-untyped-call]
     except cvxpy.SolverError as error:
         raise SolverFailed("lower bound", str(error)) from error
     if angles.value is None or conditions.dual_value is None:

@@ -24,8 +24,8 @@ def invert_closed_form(
     """Requests by the paper's method: approximate by lines, invert each, switch between them early.
 
     The wanted trajectory is approximated by a piecewise linear one within ±v_max, each line is
-    raised by its C_m (Section 4.2), and the requests change from one line to the next l + a/2 before
-    the approximation does (Section 4.3), at the true time, be it between two requests.
+    raised by its C_m (Section 4.2), and the requests change from one line to the next l + a/2
+    before the approximation does (Section 4.3), at the true time, be it between two requests.
 
     From rest the joint rests at the first desired angle until the plan begins.
 
@@ -67,12 +67,13 @@ def invert_closed_form(
 
 
 def requests_along(model: JointModel, curve: PiecewiseLinear, *, rule: Rule) -> Array:
-    """The inverted lines of ``curve``, each until l + a/2 before the next one begins [rad], (n,)."""
+    """The inverted lines of ``curve``, each until l + a/2 before the next begins [rad], (n,)."""
     samples = np.arange(curve.samples, dtype=np.float64)
     ahead = switching_time(model) / model.period  # [samples]
     slopes = curve.slope_at(samples + ahead)  # of the line that counts at each request
     lines = curve(samples + ahead) - slopes * ahead * model.period
-    return lines + line_offset(model, slopes, rule=rule)
+    requests: Array = lines + line_offset(model, slopes, rule=rule)
+    return requests
 
 
 def switching_time(model: JointModel) -> float:

@@ -26,13 +26,13 @@ MOST_EVALUATIONS = 200
 """Halving an interval of doubles more often than this changes nothing."""
 
 
-def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact") -> npt.ArrayLike:
+def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact") -> float | Array:
     """What must be added to a line to get the requests that make the joint follow it: C_m.
 
-    ``exact`` solves S(C) = m (Equation 6, with the model's own window), which is piecewise linear and
-    monotone, so that the joint follows the line without a steady error; where a whole interval
-    solves it, which happens at v_max, the end nearest to the line is taken. ``paper`` is Equations 10
-    to 12, which replace the sum in S by an integral; for |m| = v_max they give theta_0 + (l + a) m.
+    ``exact`` solves S(C) = m (Equation 6, with the model's own window), which is piecewise linear
+    and monotone, so that the joint follows the line without a steady error; at v_max, where every C
+    from some threshold on solves it, the threshold is taken. ``paper`` is Equations 10 to 12, which
+    replace the sum in S by an integral; at v_max they give the threshold theta_0 + (l + a) v_max.
 
     With ``hold`` > 1 the requests are the line at the instants of the requests; with an ``offset``
     the answer is C_m - offset, so that in every case requests = line + line_offset.
@@ -61,7 +61,8 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
         )
     per_tick = np.minimum(np.abs(slopes) * model.tick, model.v_max_per_tick)
     solve = _exact if rule == "exact" else _paper
-    offsets = np.sign(slopes) * solve(model, per_tick.ravel()).reshape(slopes.shape) - model.offset
+    lead = solve(model, per_tick.ravel()).reshape(slopes.shape)
+    offsets: Array = np.sign(slopes) * lead - model.offset
     return float(offsets) if slopes.ndim == 0 else offsets
 
 
@@ -126,11 +127,9 @@ def _exact(model: JointModel, slope: Array) -> Array:
     return solution
 
 
-def _moved(
-    model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array
-) -> Array:
+def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array) -> Array:
     """How far the joint moves in one request period when it is ``offset`` behind the line."""
-    angle = np.zeros_like(slope)
+    angle: Array = np.zeros_like(slope)
     for ages in steps:
         angle = advance(
             angle,

@@ -68,14 +68,14 @@ class Inversion:
 
     @cached_property
     def lower_bound(self) -> float:
-        """What no requests at all can go below, in the plan's norm [rad]: the ``envelope`` bound."""
+        """What no requests can go below, in the plan's norm [rad]: the ``envelope`` bound."""
         return lower_bound(
             self.model, self.desired, cyclic=self.cyclic, norm=self.norm, start=self.start
         )
 
     @property
     def gap(self) -> float:
-        """Relative distance from the lower bound; inf where the bound is zero and the error is not."""
+        """Relative distance from the lower bound; inf where only the bound is zero."""
         error = self.rms if self.norm == "rms" else self.max_error
         if self.lower_bound > 0.0:
             return error / self.lower_bound - 1.0

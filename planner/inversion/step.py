@@ -5,8 +5,8 @@ With the angles' linearised response ``B dM = H dR`` (B bidiagonal, H banded) th
     minimise  |W^(1/2) (r + dM)|^2 + (R + dR - R0)' P (R + dR - R0) + mu |dR|^2
 
 over the free requests. Its dual has one unknown per sample and the banded positive definite matrix
-``B W^-1 B' + H Q^-1 H'`` with ``Q = P + mu`` (``docs/math.md``, equation 14); a cycle is folded, first
-sample beside last, so that its matrix is banded too.
+``B W^-1 B' + H Q^-1 H'`` with ``Q = P + mu`` (``docs/math.md``, equation 14); a cycle is folded,
+first sample beside last, so that its matrix is banded too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.model.transition import Linearised, Reach
+from planner.model.transition import Linearised, Reach, acting
 from planner.trajectory import Array
 
 
@@ -34,12 +34,13 @@ class Stencil:
         """Work out the indices once."""
         self.samples = samples
         self.cyclic = cyclic
-        count = reach.count
-        rows = np.arange(samples)[:, np.newaxis]
+        count = reach.width
+        self.acting = acting(reach, samples, cyclic=cyclic)  # request of H[k, j]
         ages = reach.youngest + np.arange(count)
-        self.acting = self._wrap(rows - ages)  # request of H[k, j]; -1 where it was before the first
-        answering = self._wrap(rows + ages)  # sample in which request k acts as the j-th
-        self._entries = np.where(answering < 0, samples * count, answering * count + np.arange(count))
+        answering = self._wrap(np.arange(samples)[:, np.newaxis] + ages)  # sample of H'[k, j]
+        self._entries = np.where(
+            answering < 0, samples * count, answering * count + np.arange(count)
+        )
         self._fold(count)
 
     def _wrap(self, index: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:
@@ -48,7 +49,7 @@ class Stencil:
         return np.where((index < 0) | (index >= self.samples), -1, index)
 
     def _fold(self, count: int) -> None:
-        """Place every pair of samples that share a request in the lower band of the folded matrix."""
+        """Find the place in the folded lower band of every pair of samples that share a request."""
         n = self.samples
         order = np.arange(n)
         if self.cyclic:  # 0, n-1, 1, n-2, ...
@@ -69,19 +70,23 @@ class Stencil:
 
     def windows(self, requests: Array) -> Array:
         """The requests that act before each sample, youngest first, (n, count)."""
-        return requests[np.maximum(self.acting, 0)]
+        windows: Array = requests[np.maximum(self.acting, 0)]
+        return windows
 
     def forward(self, by_request: Array, change: Array) -> Array:
         """H dR."""
-        return np.einsum("kj,kj->k", by_request, self._at_requests(change))
+        answer: Array = np.einsum("kj,kj->k", by_request, self._at_requests(change))
+        return answer
 
     def backward(self, by_request: Array, multipliers: Array) -> Array:
         """H' y."""
         products = np.append(by_request * multipliers[:, np.newaxis], 0.0)
-        return products[self._entries].sum(axis=1)
+        answer: Array = products[self._entries].sum(axis=1)
+        return answer
 
     def _at_requests(self, values: Array) -> Array:
-        return np.append(values, 0.0)[self.acting]
+        picked: Array = np.append(values, 0.0)[self.acting]
+        return picked
 
     def matrix(self, run: Linearised, inverse_weights: Array, inverse_pull: Array) -> Array:
         """``B W^-1 B' + H Q^-1 H'``, folded, as a lower band, (bandwidth + 1, n)."""
@@ -90,9 +95,7 @@ class Stencil:
         scaled = run.by_request * self._at_requests(inverse_pull)
         for distance, (here, there, place, twice) in enumerate(self._places):
             shared = max(count - distance, 0)
-            entries = np.einsum(
-                "kj,kj->k", scaled[here, :shared], run.by_request[there, distance:]
-            )
+            entries = np.einsum("kj,kj->k", scaled[here, :shared], run.by_request[there, distance:])
             if distance == 0:
                 previous = np.roll(inverse_weights, 1)
                 entries += inverse_weights + run.by_angle**2 * previous

@@ -14,7 +14,7 @@ from planner.exceptions import InvalidModel
 from planner.trajectory import Array
 
 WHOLE_TICKS = 1e-9
-"""Times this close to a whole number of ticks [ticks] are taken as whole: 0.032 s / 0.008 s is 4."""
+"""Times this close to whole ticks [ticks] are taken as whole: 0.032 s / 0.008 s is 4."""
 
 LONGEST_WINDOW = 100_000
 """Most ticks that lag and acceleration time may span: beyond it the unit is surely mistaken."""
@@ -42,9 +42,10 @@ class Window(NamedTuple):
 def saturation(error: Any, *, v_max: Any, theta_0: Any, smoothing: Any = 0.0) -> Any:
     """Speed that an error between request and angle calls for: f of Equation 2.
 
-    Written as ``v_max (|x + theta_0| - |x - theta_0|) / (2 theta_0)``, which is Equation 2 and needs
-    nothing but operators, so that one definition serves floats, arrays and CasADi expressions. With
-    ``smoothing`` e > 0 each ``|x|`` becomes ``sqrt(x^2 + e^2)``, which rounds both corners.
+    Written as ``v_max (|x + theta_0| - |x - theta_0|) / (2 theta_0)``, which is Equation 2 and
+    needs nothing but operators, so that one definition serves floats, arrays and CasADi
+    expressions. With ``smoothing`` e > 0 each ``|x|`` becomes ``sqrt(x^2 + e^2)``, which rounds
+    both corners.
 
     Args:
         error: Request minus angle [rad], float, array or CasADi expression.
@@ -133,8 +134,8 @@ class JointModel:
             raise InvalidModel(f"lag: got {self.lag:g} s, expected 0 or more")
         if self.lag + self.acceleration_time > LONGEST_WINDOW * self.tick:
             raise InvalidModel(
-                f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected at "
-                f"most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
+                f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
+                f"at most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
             )
         if self.v_max * self.tick >= 2.0 * self.theta_0:
             raise InvalidModel(

@@ -10,7 +10,7 @@ from planner.model.joint import JointModel, Window, advance
 from planner.trajectory import Array, as_trajectory
 
 CLOSED = 1e-12
-"""A cycle is closed when its ends agree to this [rad], relative to its size where that exceeds 1."""
+"""A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""
 
 NEWTON_CYCLES = 100
 """Cycles after which Newton's method gives way to waiting, which cannot jump back and forth."""
@@ -28,9 +28,9 @@ def simulate(
 ) -> Array:
     """Angles of the joint under ``requests``: the exact model, which has the last word on a plan.
 
-    Cyclic, the answer is the steady cycle: the requests are repeated until the ends of a cycle agree
-    to 1e-12 rad, with Newton's method on the angle at the seam in place of mere waiting. From rest,
-    the requests before the first are taken to have been the first.
+    Cyclic, the answer is the steady cycle: the requests are repeated until the ends of a cycle
+    agree to 1e-12 rad, with Newton's method on the angle at the seam in place of mere waiting. From
+    rest, the requests before the first are taken to have been the first.
 
     Args:
         model: The joint.
@@ -106,16 +106,14 @@ def _steady_cycle(model: JointModel, pulls: Array) -> list[float]:
         low, high = (seam, high) if end > seam else (low, seam)
         contraction = _contraction(model, padded, [seam, *angles[:-1]])
         newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
-        if low < newton < high and cycle < NEWTON_CYCLES:
-            seam = newton
-        else:
-            seam = end  # waiting: right wherever Newton's method has no slope to go by
+        # Waiting is right wherever Newton's method has no slope to go by.
+        seam = newton if low < newton < high and cycle < NEWTON_CYCLES else end
     raise NoSteadyCycle(abs(end - seam), MOST_CYCLES)
 
 
 def _contraction(model: JointModel, pulls: list[float], before: list[float]) -> float:
     """Derivative of the angle at the end of a cycle with respect to the angle at its start."""
-    first, weights = model.window
+    weights = model.window.weights
     windows = np.lib.stride_tricks.sliding_window_view(np.array(pulls), len(weights))
     windows = windows[: len(before)]  # (ticks, m), oldest first
     errors = windows - np.array(before)[:, np.newaxis]

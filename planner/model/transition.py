@@ -1,11 +1,13 @@
-"""One request period of the joint and its derivatives, written by CasADi, at every sample at once."""
+"""One request period of the joint and its derivatives, written by CasADi, sample after sample."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.model.joint import JointModel, advance
 from planner.trajectory import Array
@@ -18,7 +20,7 @@ class Reach(NamedTuple):
     oldest: int
 
     @property
-    def count(self) -> int:
+    def width(self) -> int:
         """Number of requests that act."""
         return self.oldest - self.youngest + 1
 
@@ -31,22 +33,29 @@ def reach(model: JointModel) -> Reach:
     return Reach(-youngest, -oldest)
 
 
+def acting(reach: Reach, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
+    """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
+
+    From rest -1 stands for the requests before the first, which the first one stands in for.
+    """
+    ages = reach.youngest + np.arange(reach.width)
+    numbers = np.arange(samples)[:, np.newaxis] - ages
+    return numbers % samples if cyclic else np.maximum(numbers, -1)
+
+
 class Linearised(NamedTuple):
     """Angles of a run and their derivatives, sample by sample.
 
-    ``d angles[k] = by_angle[k] * d angles[k-1] + sum_j by_request[k, j] * d request[k - youngest - j]``
+    ``d angles[k] = by_angle[k] d angles[k-1] + sum_j by_request[k, j] d requests[acting[k, j]]``
     """
 
     angles: Array  # (n,) [rad]
     by_angle: Array  # (n,)
-    by_request: Array  # (n, reach.count)
+    by_request: Array  # (n, reach.width)
 
 
 class Transitions:
-    """``samples`` request periods of the joint in a row, compiled once and used for many requests.
-
-    Not shared between threads: the buffers belong to the instance.
-    """
+    """``samples`` request periods of the joint in a row, compiled once for many requests."""
 
     def __init__(self, model: JointModel, samples: int) -> None:
         """Let CasADi write the period, its derivatives and the run over all samples."""
@@ -54,7 +63,7 @@ class Transitions:
 
         self.reach = reach(model)
         angle = casadi.SX.sym("angle")
-        requests = casadi.SX.sym("requests", self.reach.count)
+        requests = casadi.SX.sym("requests", self.reach.width)
         smoothing = casadi.SX.sym("smoothing")
         after = _period(model, angle, requests, smoothing)
         period = casadi.Function(
@@ -62,18 +71,20 @@ class Transitions:
             [angle, requests, smoothing],
             [after, casadi.jacobian(after, angle), casadi.jacobian(after, requests)],
         )
+        self._one_at_a_time = Lock()  # the buffers below belong to the instance
         self._seam = np.zeros(1)
-        self._windows = np.zeros((samples, self.reach.count))
+        self._windows = np.zeros((samples, self.reach.width))
         self._smoothing = np.zeros(samples)
         self._result = Linearised(
-            np.zeros(samples), np.zeros(samples), np.zeros((samples, self.reach.count))
+            np.zeros(samples), np.zeros(samples), np.zeros((samples, self.reach.width))
         )
         self._function = period.mapaccum("run", samples)
         self._buffer, self._evaluate = self._function.buffer()
         for i, argument in enumerate((self._seam, self._windows.ravel(), self._smoothing)):
-            self._buffer.set_arg(i, memoryview(argument))
+            self._buffer.set_arg(i, memoryview(argument))  # type: ignore[call-arg, arg-type]
         for i, result in enumerate(self._result):
-            self._buffer.set_res(i, memoryview(result.reshape(-1)))
+            view = memoryview(result.reshape(-1))  # type: ignore[arg-type]
+            self._buffer.set_res(i, view)  # type: ignore[call-arg]
 
     def run(self, seam: float, windows: Array, smoothing: float) -> Linearised:
         """Angles from ``seam`` on, with derivatives.
@@ -81,26 +92,27 @@ class Transitions:
         Args:
             seam: Angle before the first sample [rad].
             windows: Requests that act before each sample, youngest first [rad], shape
-                (samples, reach.count).
+                (samples, reach.width).
             smoothing: See :func:`planner.model.joint.saturation` [rad].
 
         Returns:
             Copies that stay as they are.
         """
-        self._seam[0] = seam
-        self._windows[:] = windows
-        self._smoothing[:] = smoothing
-        self._evaluate()
-        return Linearised(*(result.copy() for result in self._result))
+        with self._one_at_a_time:
+            self._seam[0] = seam
+            self._windows[:] = windows
+            self._smoothing[:] = smoothing
+            self._evaluate()
+            return Linearised(*(result.copy() for result in self._result))
 
 
-def _period(model: JointModel, angle: object, requests: object, smoothing: object) -> object:
+def _period(model: JointModel, angle: Any, requests: Any, smoothing: Any) -> Any:
     """Angle after one request period, as a CasADi expression."""
     youngest = reach(model).youngest
     weights = model.window.weights.tolist()
     for tick in range(1 - model.hold, 1):
         ages = [-((tick - model.window.first - j) // model.hold) for j in range(len(weights))]
-        window = [requests[age - youngest] + model.offset for age in ages]  # type: ignore[index]
+        window = [requests[age - youngest] + model.offset for age in ages]
         angle = advance(
             angle,
             window,

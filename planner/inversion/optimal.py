@@ -1,0 +1,99 @@
+"""The optimised inversion: direct optimal control over the requests, on the full model."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.ideal import slope_bounded
+from planner.exceptions import InvalidInput, SolverFailed
+from planner.inversion.bound import Norm, check_norm
+from planner.inversion.closed_form import invert_closed_form, requests_along
+from planner.inversion.descent import improve
+from planner.inversion.result import Inversion
+from planner.inversion.tracking import Tracking, checked_limits
+from planner.model.joint import JointModel
+from planner.trajectory import Array, as_trajectory
+
+
+def invert_optimal(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    limits: tuple[float, float] | None = None,
+    norm: Norm = "rms",
+    start: float | None = None,
+) -> Inversion:
+    """Requests that make the joint come as close to ``desired`` as the search can find.
+
+    The requests are the only unknowns; the angles are simulated, their derivatives written by
+    CasADi. Damped Gauss-Newton steps, each at a cost in proportion to the length, lower the error
+    on a saturation whose rounded corners are sharpened stage by stage, from the closed form
+    onwards. Every stage is judged by the exact model, and the best requests are kept, so the plan
+    is never worse than the closed form (within the limits) that it starts from.
+
+    From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
+
+    Args:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        cyclic: Whether the trajectory repeats for ever.
+        limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
+        norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
+        start: From rest: where the joint rests before [rad]; by default at the first desired angle.
+
+    Returns:
+        The plan; its bound and gap say how much better any other could be.
+
+    Raises:
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
+        InvalidInput: The norm is none, the limits are no pair, or ``start`` does not fit.
+        Infeasible: The limits exclude each other, the start or a desired angle.
+        SolverFailed: No requests were found under which the joint finds a cycle.
+    """
+    check_norm(norm)
+    desired = as_trajectory(desired, name="desired", minimum=3)
+    checked = checked_limits(limits, desired=desired, model=model)
+    if cyclic and start is not None:
+        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
+    if not cyclic and start is None:
+        start = float(desired[0])
+    problem = Tracking(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
+    best, least = problem.resting, math.inf
+    for first in starts(problem):
+        requests, error = improve(problem, problem.admissible(first))
+        if error < least:
+            best, least = requests, error
+    if not math.isfinite(least):
+        raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    best.setflags(write=False)
+    return Inversion(
+        model=model,
+        desired=desired,
+        requests=best,
+        method="optimal",
+        cyclic=cyclic,
+        norm=norm,
+        limits=checked,
+        start=start,
+    )
+
+
+def starts(problem: Tracking) -> list[Array]:
+    """Requests from which the search sets out: two closed forms.
+
+    The first inverts the best trajectory within ±v_max line by line, each sample being a knot; the
+    second is the paper's, with few lines.
+    """
+    model, desired = problem.model, problem.desired
+    ideal = slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
+    knots = np.arange(len(desired), dtype=np.float64)
+    curve = PiecewiseLinear(
+        knots=knots, values=ideal, samples=len(desired), tick=model.period, cyclic=problem.cyclic
+    )
+    few_lines = invert_closed_form(model, desired, cyclic=problem.cyclic, rule="exact")
+    return [requests_along(model, curve, rule="exact"), few_lines.requests]

@@ -1,0 +1,155 @@
+"""The problem of the optimised inversion: follow a trajectory with requests within limits."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from planner.exceptions import Infeasible, InvalidInput, NoSteadyCycle
+from planner.inversion.bound import Norm
+from planner.inversion.step import Stencil
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.model.transition import Linearised, reach, transitions
+from planner.trajectory import Array
+
+Limits = tuple[float, float]
+
+ON_THE_LIMIT = 1e-9
+"""How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
+
+CLOSED = 1e-11
+"""Ends of a smoothed cycle that agree to this [rad] are close enough for a derivative."""
+
+MOST_CYCLES = 30
+"""Cycles after which smoothed requests that do not close count as unusable."""
+
+
+class Tracking:
+    """Desired angles for a joint, and how far requests lead it from them.
+
+    Attributes:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,).
+        cyclic: Whether the trajectory repeats for ever.
+        norm: The error that counts.
+        lower, upper: Limits on every request [rad].
+        start: From rest: angle at which the joint rests before the plan [rad].
+        movable: Requests that may be chosen, shape (n,): from rest the first one holds the joint.
+    """
+
+    def __init__(
+        self,
+        model: JointModel,
+        desired: Array,
+        *,
+        cyclic: bool,
+        norm: Norm,
+        limits: Limits | None,
+        start: float | None,
+    ) -> None:
+        """Take the problem as it is: :func:`planner.invert_optimal` has checked it."""
+        self.model = model
+        self.desired = desired
+        self.cyclic = cyclic
+        self.norm = norm
+        self.lower, self.upper = (-math.inf, math.inf) if limits is None else limits
+        self.start = start
+        self.movable = np.ones(len(desired), dtype=np.bool_)
+        if not cyclic:
+            self.movable[0] = False
+
+    @cached_property
+    def stencil(self) -> Stencil:
+        """Where requests act."""
+        return Stencil(reach(self.model), len(self.desired), cyclic=self.cyclic)
+
+    @cached_property
+    def resting(self) -> Array:
+        """Requests under which the joint would rest at the desired angles [rad], (n,)."""
+        return self.admissible(self.desired - self.model.offset)
+
+    def admissible(self, requests: Array) -> Array:
+        """The nearest requests within the limits, the first one holding the joint at its start."""
+        nearest = np.clip(requests, self.lower, self.upper)
+        if self.start is not None:
+            nearest[0] = self.start - self.model.offset
+        return nearest
+
+    def simulate(self, requests: Array) -> Array:
+        """Angles of the exact model [rad], (n,)."""
+        return simulate(self.model, requests, cyclic=self.cyclic, start=self.start)
+
+    def error(self, angles: Array) -> float:
+        """What is to be made small [rad]."""
+        errors = np.abs(angles - self.desired)
+        return float(np.max(errors) if self.norm == "max" else np.sqrt(np.mean(errors**2)))
+
+    def exact_error(self, requests: Array) -> float:
+        """Error of the exact model [rad]; inf for requests under which the joint finds no cycle."""
+        try:
+            return self.error(self.simulate(requests))
+        except NoSteadyCycle:
+            return math.inf
+
+    def linearise(self, requests: Array, *, smoothing: float, seam: float) -> Linearised | None:
+        """Angles of the smoothed model and their derivatives; None where it finds no cycle.
+
+        Args:
+            requests: Requests [rad], shape (n,).
+            smoothing: Radius of the saturation's corners [rad].
+            seam: Angle near which the cycle's seam is sought [rad].
+        """
+        compiled = transitions(self.model, len(requests))
+        windows = self.stencil.windows(requests)
+        if self.start is not None:
+            run = compiled.run(self.start, windows, smoothing)
+            run.by_angle[0] = 0.0  # nothing comes before the first sample that could change
+            return run
+        low, high = float(np.min(requests)), float(np.max(requests))
+        margin = self.model.theta_0 + self.model.offset
+        for _ in range(MOST_CYCLES):
+            run = compiled.run(seam, windows, smoothing)
+            mismatch = float(run.angles[-1]) - seam
+            if abs(mismatch) <= CLOSED * max(1.0, abs(seam)):
+                return run
+            contraction = float(np.prod(run.by_angle))
+            if contraction < 1.0:
+                mismatch /= 1.0 - contraction
+            seam = min(max(seam + mismatch, low - margin), high + margin)
+        return None
+
+
+def checked_limits(
+    limits: tuple[float, float] | None, *, desired: Array, model: JointModel
+) -> Limits | None:
+    """The limits as floats, or the reason why no requests within them can do.
+
+    Raises:
+        InvalidInput: The limits are not two numbers.
+        Infeasible: The lower limit is above the upper one, or a desired angle beyond them.
+    """
+    if limits is None:
+        return None
+    pair = np.asarray(limits, dtype=np.float64)
+    if pair.shape != (2,) or np.any(np.isnan(pair)):
+        raise InvalidInput(
+            f"limits: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
+        )
+    lower, upper = float(pair[0]), float(pair[1])
+    if lower > upper:
+        raise Infeasible(
+            f"limits: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
+            "swap them, or check their units"
+        )
+    beyond = np.maximum(lower + model.offset - desired, desired - model.offset - upper)
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > ON_THE_LIMIT:
+        raise Infeasible(
+            f"desired: sample {worst} is {desired[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond "
+            f"the angles {lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the "
+            "limits on the requests let the joint rest; clip the trajectory, or widen the limits"
+        )
+    return lower, upper
