@@ -1,4 +1,4 @@
-"""Leg kinematics over Pinocchio: where the foot is, and which joint angles put it where it should be."""
+"""Leg kinematics over Pinocchio: where the foot is, and which angles put it where it should be."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
         UnsupportedLeg,
     )
     from kinematics.inverse import InverseSolution
-    from kinematics.leg import Leg, Limits
+    from kinematics.leg import Leg
+    from kinematics.limits import Limits
 
 _HOMES = {
     "InvalidInput": "exceptions",
@@ -27,7 +28,7 @@ _HOMES = {
     "InverseSolution": "inverse",
     "KinematicsError": "exceptions",
     "Leg": "leg",
-    "Limits": "leg",
+    "Limits": "limits",
     "UnknownDescription": "exceptions",
     "UnknownFrame": "exceptions",
     "UnreachableFoot": "exceptions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
@@ -20,8 +20,8 @@ class Link(NamedTuple):
     """What one joint does to a point beyond it: ``p -> origin + (still + cos C + sin S) p``.
 
     This is Rodrigues' formula with the joint's constant placement R multiplied in:
-    still = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by its
-    cosine and sine alone.
+    still = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
+    its cosine and sine alone.
 
     Attributes:
         origin: The joint's origin in the frame before it [m], shape (3, 1).
@@ -40,10 +40,10 @@ class Link(NamedTuple):
 class Chain:
     """Revolute joints in series, from the base to the foot.
 
-    Every joint's frame is the one before it, moved by the joint's constant placement and then turned
-    about the joint's axis; the foot is a point in the last frame. Nothing here is specific to NumPy
-    but the constants: :meth:`foot` and :meth:`foot_and_jacobian` use plain operators on columns, and
-    take arrays of shape (3, n) as well as symbols.
+    Every joint's frame is the one before it, moved by the joint's constant placement and then
+    turned about the joint's axis; the foot is a point in the last frame. Nothing here is specific
+    to NumPy but the constants: the methods that take cosines and sines use plain operators on
+    columns of three, and so serve numbers, arrays and symbols.
 
     Attributes:
         rotations: Constant rotations of the joints' frames, shape (k, 3, 3).
@@ -69,7 +69,7 @@ class Chain:
             links.append(Link(origin[:, None], *(rotation @ part for part in parts)))
         return tuple(links)
 
-    def foot(self, cosines: Sequence[Any], sines: Sequence[Any]) -> Any:
+    def foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> Any:
         """The foot in the base frame.
 
         Args:
@@ -85,7 +85,7 @@ class Chain:
         return point
 
     def foot_and_jacobian(
-        self, cosines: Sequence[Any], sines: Sequence[Any]
+        self, cosines: Iterable[Any], sines: Iterable[Any]
     ) -> tuple[Any, list[Any]]:
         """The foot in the base frame, and its derivative with respect to each angle.
 
@@ -104,7 +104,7 @@ class Chain:
             point = link.origin + _turned(link, point, cosine, sine)
         return point, columns
 
-    def turned_axes(self, cosines: Sequence[Any], sines: Sequence[Any]) -> list[Any]:
+    def turned_axes(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
         """Unit axis of each joint in the base frame.
 
         Args:

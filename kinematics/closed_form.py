@@ -27,7 +27,7 @@ EXACT = 1e-9
 """Axes intersect or are parallel when they do to this: radians, and metres per metre of leg."""
 
 APART = 1e-3
-"""Axes and points count as apart only beyond this, likewise: below it the closed form is fragile."""
+"""Axes and points are apart only beyond this, likewise: below it the closed form is fragile."""
 
 
 class Circle(NamedTuple):

@@ -3,13 +3,13 @@
 ::
 
     KinematicsError
-    └── InvalidInput (also a ValueError)     what was given cannot be used; the message says what to do
-        ├── UnknownDescription               no such robot is shipped; carries those that are
-        ├── InvalidUrdf                      not a robot description; carries the path
-        ├── UnknownFrame                     no such frame in the robot; carries those that are
-        ├── UnsupportedLeg                   the robot is fine, but no leg can be made between the frames
-        ├── InvalidPath                      angles or foot positions with NaN or the wrong shape
-        └── UnreachableFoot                  points that the leg cannot reach; carries which and how far
+    └── InvalidInput (also a ValueError)   what was given cannot be used; the message says why
+        ├── UnknownDescription             no such robot is shipped; carries those that are
+        ├── InvalidUrdf                    not a robot description; carries the path
+        ├── UnknownFrame                   no such frame in the robot; carries those that are
+        ├── UnsupportedLeg                 a fine robot, but no such leg between the two frames
+        ├── InvalidPath                    angles or foot positions with NaN or the wrong shape
+        └── UnreachableFoot                points out of the leg's reach; carries which and how far
 """
 
 from __future__ import annotations
@@ -104,6 +104,6 @@ class UnreachableFoot(InvalidInput):
         worst = int(distances.argmax())
         super().__init__(
             f"{len(indices)} of {of} foot positions are out of reach, the worst by "
-            f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move them "
-            "(are they in metres, in the base frame?), or ask for unreachable='nearest'"
+            f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move "
+            "them (are they in metres, in the base frame?), or ask for unreachable='nearest'"
         )

@@ -7,10 +7,11 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.branches import choose, wrap
+from kinematics.branches import choose
 from kinematics.chain import Array, Chain, read_only
 from kinematics.closed_form import ClosedForm
 from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
+from kinematics.limits import Limits
 from kinematics.nearest import nearest_poses
 
 Unreachable = Literal["raise", "nearest", "clamp"]
@@ -35,8 +36,7 @@ class InverseSolution(NamedTuple):
 
 def solve_inverse(
     chain: Chain,
-    lower: Array,
-    upper: Array,
+    limits: Limits,
     closed_form: ClosedForm | None,
     foot: Array,
     *,
@@ -46,8 +46,7 @@ def solve_inverse(
 
     Args:
         chain: The leg, with three joints.
-        lower: Lower joint limits [rad], shape (3,).
-        upper: Upper joint limits [rad], shape (3,).
+        limits: Its joint limits.
         closed_form: Its closed form, or None to search numerically.
         foot: Points in the base frame [m], finite, shape (n, 3).
         unreachable: What to do with points out of reach.
@@ -62,13 +61,13 @@ def solve_inverse(
     """
     _check(chain, closed_form, unreachable)
     if closed_form is None:
-        poses = nearest_poses(chain, lower, upper, foot)
+        poses = nearest_poses(chain, limits, foot)
     else:
-        poses = np.clip(wrap(closed_form.poses(foot), lower, upper), lower, upper)
+        poses = limits.clip(limits.wrap(closed_form.poses(foot)))
     distances = _distances(chain, poses, foot)
     missed = distances.min(axis=1) > REACHED
     if closed_form is not None and missed.any() and unreachable != "clamp":
-        nearest = nearest_poses(chain, lower, upper, foot[missed])
+        nearest = nearest_poses(chain, limits, foot[missed])
         poses, distances = _widened(poses, distances, nearest.shape[1])
         poses[missed, : nearest.shape[1]] = nearest
         distances[missed] = np.inf
@@ -78,7 +77,7 @@ def solve_inverse(
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
         raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
     allowance = np.where(missed, distances.min(axis=1) + REACHED, REACHED)
-    angles = choose(poses, distances <= allowance[:, None], lower, upper)
+    angles = choose(poses, distances <= allowance[:, None], limits)
     distance = _distances(chain, angles[:, None], foot)[:, 0]
     return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
 

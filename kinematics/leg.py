@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,22 +14,11 @@ from kinematics.chain import Array, Chain, read_only
 from kinematics.closed_form import ClosedForm, find_closed_form
 from kinematics.exceptions import InvalidPath
 from kinematics.inverse import InverseSolution, Unreachable, solve_inverse
+from kinematics.limits import Limits
 from kinematics.read_urdf import read_chain
 
 FARTHEST = 1e6
-"""A foot position or angle beyond this [m, rad] is a mistake: squares of it would lose all digits."""
-
-
-class Limits(NamedTuple):
-    """Joint limits, read-only arrays.
-
-    Attributes:
-        lower: Lower limits [rad], -inf for a continuous joint, shape (k,).
-        upper: Upper limits [rad], inf for a continuous joint, shape (k,).
-    """
-
-    lower: Array
-    upper: Array
+"""A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +48,8 @@ class Leg:
         """The leg between two frames of the robot that a URDF describes.
 
         Args:
-            path: The URDF; :func:`kinematics.urdf_path` finds those that are shipped. Meshes are not
-                needed.
+            path: The URDF; :func:`kinematics.urdf_path` finds those that are shipped. Meshes are
+                not needed.
             base: Frame (link or joint) on the way to the foot; positions are given in it.
             foot: Frame whose origin is the foot.
 
@@ -70,8 +59,8 @@ class Leg:
             UnsupportedLeg: The base is not above the foot, no joint lies between them, or one that
                 is neither revolute nor continuous, or one that mimics another.
         """
-        chain, names, lower, upper = read_chain(path, base=base, foot=foot)
-        return cls(base, foot, names, Limits(read_only(lower), read_only(upper)), chain)
+        chain, names, limits = read_chain(path, base=base, foot=foot)
+        return cls(base, foot, names, limits, chain)
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -154,7 +143,7 @@ class Leg:
         """
         points = _as_path(foot, name="foot", columns=3, unit="m")
         return solve_inverse(
-            self.chain, *self.limits, self.closed_form, points, unreachable=unreachable
+            self.chain, self.limits, self.closed_form, points, unreachable=unreachable
         )
 
     def _angles(self, angles: npt.ArrayLike) -> Array:
@@ -177,7 +166,7 @@ def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Ar
     bad = np.flatnonzero(~np.all(np.abs(given) <= FARTHEST, axis=1))
     if bad.size:
         raise InvalidPath(
-            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} {unit}, "
-            f"the first at index {bad[0]} ({given[bad[0]]}); remove or interpolate them first"
+            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} {unit}: "
+            f"first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
         )
     return np.array(given, dtype=np.float64)

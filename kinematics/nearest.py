@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics.chain import Array, Chain, Indices
+from kinematics.limits import Limits
 
 GRID = 9
 """Poses per joint among which the searches start."""
@@ -19,7 +20,7 @@ CHUNK = 512
 """Points searched at once, which bounds the memory."""
 
 
-def nearest_poses(chain: Chain, lower: Array, upper: Array, foot: Array) -> Array:
+def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     """Local minima of the distance between foot and point, within the limits.
 
     A grid of poses finds the basins; from the lowest pose of each a projected Newton method with
@@ -27,31 +28,26 @@ def nearest_poses(chain: Chain, lower: Array, upper: Array, foot: Array) -> Arra
 
     Args:
         chain: The leg.
-        lower: Lower joint limits [rad], may be -inf, shape (k,).
-        upper: Upper joint limits [rad], may be inf, shape (k,).
+        limits: The joint limits.
         foot: Points in the base frame [m], shape (n, 3).
 
     Returns:
         Poses [rad], shape (n, m, k), m the largest number of basins; a point that has fewer repeats
         its first.
     """
-    bottom = np.where(
-        np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * np.pi, -np.pi)
-    )
-    top = np.where(np.isfinite(upper), upper, bottom + 2 * np.pi)
-    steps = [np.linspace(*ends, GRID) for ends in zip(bottom, top, strict=True)]
+    steps = [np.linspace(*ends, GRID) for ends in zip(*limits.central, strict=True)]
     grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1)  # (GRID, ..., k)
-    flat = grid.reshape(-1, len(lower))
+    flat = grid.reshape(-1, len(steps))
     feet = chain.foot(np.cos(flat.T), np.sin(flat.T)).T  # (GRID ** k, 3)
     found = []
     for begin in range(0, len(foot), CHUNK):
         points = foot[begin : begin + CHUNK]
         which, basin = _basins(feet, points, grid.shape[:-1])
-        poses = _descend(chain, lower, upper, points[which], flat[basin])
+        poses = _descend(chain, limits, points[which], flat[basin])
         found.append(_padded(which, poses, len(points)))
     most = max((poses.shape[1] for poses in found), default=1)
     filled = [np.concatenate([p, np.repeat(p[:, :1], most - p.shape[1], axis=1)], 1) for p in found]
-    return np.concatenate([np.empty((0, most, len(lower))), *filled])
+    return np.concatenate([np.empty((0, most, len(steps))), *filled])
 
 
 def _basins(feet: Array, points: Array, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
@@ -59,10 +55,10 @@ def _basins(feet: Array, points: Array, shape: tuple[int, ...]) -> tuple[Indices
     squares = ((points[:, None] - feet) ** 2).sum(axis=-1).reshape(-1, *shape)
     lowest = np.ones_like(squares, dtype=bool)
     for axis in range(1, squares.ndim):
-        rises = np.diff(squares, axis=axis) >= 0.0  # from each pose to the next
-        edge = np.ones_like(np.take(rises, [0], axis=axis))
-        lowest &= np.concatenate([rises, edge], axis=axis)
-        lowest &= np.concatenate([edge, ~rises | (np.diff(squares, axis=axis) == 0.0)], axis=axis)
+        rise = np.diff(squares, axis=axis)  # from each pose to the next
+        edge = np.ones_like(np.take(lowest, [0], axis=axis))
+        lowest &= np.concatenate([rise >= 0.0, edge], axis=axis)
+        lowest &= np.concatenate([edge, rise <= 0.0], axis=axis)
     which, basin = np.nonzero(lowest.reshape(len(points), -1))
     return which, basin
 
@@ -72,10 +68,10 @@ def _padded(which: Indices, poses: Array, count: int) -> Array:
     counts = np.bincount(which, minlength=count)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     column = np.arange(counts.max())
-    return poses[first[:, None] + np.where(column < counts[:, None], column, 0)]
+    return np.asarray(poses[first[:, None] + np.where(column < counts[:, None], column, 0)])
 
 
-def _descend(chain: Chain, lower: Array, upper: Array, points: Array, poses: Array) -> Array:
+def _descend(chain: Chain, limits: Limits, points: Array, poses: Array) -> Array:
     """The minimum below each start: projected Newton steps, damped until they go down."""
     poses = poses.copy()
     going = np.arange(len(poses))
@@ -85,8 +81,8 @@ def _descend(chain: Chain, lower: Array, upper: Array, points: Array, poses: Arr
         if not going.size:
             break
         here = poses[going]
-        step = _newton_step(chain, lower, upper, points[going], here, damping[going])
-        there = np.clip(here + step, lower, upper)
+        step = _newton_step(chain, limits, points[going], here, damping[going])
+        there = limits.clip(here + step)
         reached = _half_squares(chain, points[going], there)
         better = reached < value[going]
         poses[going[better]] = there[better]
@@ -104,7 +100,7 @@ def _half_squares(chain: Chain, points: Array, poses: Array) -> Array:
 
 
 def _newton_step(
-    chain: Chain, lower: Array, upper: Array, points: Array, poses: Array, damping: Array
+    chain: Chain, limits: Limits, points: Array, poses: Array, damping: Array
 ) -> Array:
     """Newton's step for half the squared distance among the joints that are free to move."""
     cosines, sines = np.cos(poses.T), np.sin(poses.T)
@@ -121,7 +117,8 @@ def _newton_step(
             hessian[:, i, j] = hessian[:, j, i] = (columns[i] * columns[j] + miss * bend).sum(
                 axis=0
             )
-    held = ((poses <= lower) & (gradient > 0.0)) | ((poses >= upper) & (gradient < 0.0))
+    held = (poses <= limits.lower) & (gradient > 0.0)
+    held |= (poses >= limits.upper) & (gradient < 0.0)
     gradient[held] = 0.0
     hessian[held[:, :, None] | held[:, None, :]] = 0.0
     # Away from a minimum the curvature may be negative: its size keeps the step going down.

@@ -14,11 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, read_only
 from kinematics.exceptions import InvalidUrdf, UnknownFrame, UnsupportedLeg
+from kinematics.limits import Limits
 
 AGREEMENT = 1e-12
-"""The chain's foot must agree with Pinocchio's to this [m], relative to its size where above 1 m."""
+"""The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
+
+UNLIMITED = 1e6
+"""Limits beyond this [rad] are a way of writing that there is none."""
 
 
 class ChainInRobot(NamedTuple):
@@ -27,14 +31,12 @@ class ChainInRobot(NamedTuple):
     Attributes:
         chain: The constants.
         joint_names: Names of the joints, from the base to the foot.
-        lower: Lower joint limits [rad], -inf for a continuous joint, shape (k,).
-        upper: Upper joint limits [rad], inf for a continuous joint, shape (k,).
+        limits: Their limits.
     """
 
     chain: Chain
     joint_names: tuple[str, ...]
-    lower: Array
-    upper: Array
+    limits: Limits
 
 
 def read_chain(path: str | os.PathLike[str], *, base: str, foot: str) -> ChainInRobot:
@@ -62,13 +64,13 @@ def read_chain(path: str | os.PathLike[str], *, base: str, foot: str) -> ChainIn
     names = tuple(str(model.names[joint]) for joint in joints)
     if copies := [name for name in names if name in mimics]:
         raise UnsupportedLeg(
-            f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another joint; every joint of "
-            "a leg must be driven: remove its <mimic> element, or choose a foot above it"
+            f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every joint of a "
+            "leg must be driven: remove its <mimic> element, or choose a foot above it"
         )
     axes = [_axis(model, joint) for joint in joints]
     placements = [start.placement.inverse() * model.jointPlacements[joints[0]]]
     placements += [model.jointPlacements[joint] for joint in joints[1:]]
-    lower, upper = _limits(path, model, joints)
+    limits = _limits(path, model, joints)
     chain = Chain(
         rotations=np.array([placement.rotation for placement in placements]),
         translations=np.array([placement.translation for placement in placements]),
@@ -78,7 +80,7 @@ def read_chain(path: str | os.PathLike[str], *, base: str, foot: str) -> ChainIn
     if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
         raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
     _check_against_pinocchio(model, chain, start, end, joints)
-    return ChainInRobot(chain, names, lower, upper)
+    return ChainInRobot(chain, names, limits)
 
 
 def _read_model(path: Path) -> tuple[Any, set[str]]:
@@ -123,7 +125,7 @@ def _captured_stderr() -> Iterator[Any]:
     try:
         terminal = os.dup(2)
     except OSError:  # a process without standard error has nothing to catch
-        yield lambda: []
+        yield list
         return
     with tempfile.TemporaryFile() as caught:
 
@@ -142,12 +144,12 @@ def _captured_stderr() -> Iterator[Any]:
 
 def _frame(model: Any, name: str, *, role: str) -> Any:
     """The frame of that name; where a link and a joint share it, their frames coincide."""
-    # getFrameId returns nframes for a name it does not know and refuses shared names: search instead.
+    # getFrameId returns nframes for a name it does not know, and refuses shared names.
     for frame in model.frames:
         if frame.name == name:
             return frame
     known = dict.fromkeys(str(frame.name) for frame in model.frames)
-    raise UnknownFrame(name, [known_name for known_name in known], role=role)
+    raise UnknownFrame(name, list(known), role=role)
 
 
 def _joints_between(model: Any, start: Any, end: Any) -> list[int]:
@@ -161,8 +163,8 @@ def _joints_between(model: Any, start: Any, end: Any) -> list[int]:
     joints = above[above.index(start.parentJoint) + 1 :]
     if not joints:
         raise UnsupportedLeg(
-            f"no joint lies between base {start.name!r} and foot {end.name!r}: the foot cannot move; "
-            "choose a base further up or a foot further down"
+            f"no joint lies between base {start.name!r} and foot {end.name!r}: the foot cannot "
+            "move; choose a base further up or a foot further down"
         )
     return joints
 
@@ -180,12 +182,12 @@ def _axis(model: Any, joint: int) -> Array:
         if not motion[:3].any() and abs(length - 1.0) < 1e-6:
             return np.asarray(motion[3:] / length, dtype=np.float64)
     raise UnsupportedLeg(
-        f"joint {model.names[joint]!r} is a {kind.shortname().removeprefix('JointModel')} joint with "
-        "no axis to turn about; a leg has revolute and continuous joints only"
+        f"joint {model.names[joint]!r} has no axis to turn about (Pinocchio: {kind.shortname()}); "
+        "a leg has revolute and continuous joints only"
     )
 
 
-def _limits(path: Path, model: Any, joints: list[int]) -> tuple[Array, Array]:
+def _limits(path: Path, model: Any, joints: list[int]) -> Limits:
     """Joint limits; a continuous joint has none."""
     lower, upper = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):
@@ -198,7 +200,9 @@ def _limits(path: Path, model: Any, joints: list[int]) -> tuple[Array, Array]:
                 f"joint {model.names[joint]!r} has the limits {lower[k]:g} and {upper[k]:g}, "
                 "expected lower <= upper [rad]",
             )
-    return lower, upper
+    for limit in (lower, upper):
+        limit[np.abs(limit) > UNLIMITED] = np.copysign(np.inf, limit[np.abs(limit) > UNLIMITED])
+    return Limits(read_only(lower), read_only(upper))
 
 
 def _check_against_pinocchio(
