@@ -1,4 +1,4 @@
-"""What a plan has to beat: the desired angles as requests, as they are or sent early (Section 5)."""
+"""What a plan has to beat: the desired angles as requests, as they are or early (Section 5)."""
 
 from __future__ import annotations
 
@@ -45,9 +45,7 @@ def direct(models: Sequence[JointModel], desired: Array) -> Array:
         raise InvalidTrajectory(
             f"desired: got shape {desired.shape}, expected (n, {len(models)}), one column per model"
         )
-    angles = np.column_stack(
-        [simulate(model, desired[:, j]) for j, model in enumerate(models)]
-    )
+    angles = np.column_stack([simulate(model, desired[:, j]) for j, model in enumerate(models)])
     angles.setflags(write=False)
     return angles
 

@@ -22,6 +22,10 @@ class Distance(NamedTuple):
     rms: float
     max: float
 
+    def in_units_of(self, unit: float) -> Distance:
+        """The same distance where ``unit`` counts as 1: ``math.radians(1)`` for degrees."""
+        return Distance(self.rms / unit, self.max / unit)
+
 
 def angle_distance(angles: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
     """Distance between two angle trajectories (paper, Section 5).
@@ -39,6 +43,14 @@ def angle_distance(angles: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
 def foot_distance(positions: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
     """Distance between two foot paths: of the Euclidean distances at each time (paper, Section 5).
 
+    Arguments and errors are those of :func:`foot_distances`.
+    """
+    return _over_samples(foot_distances(positions, desired))
+
+
+def foot_distances(positions: npt.ArrayLike, desired: npt.ArrayLike) -> Array:
+    """Euclidean distance between two foot paths at each time [m], shape (n,).
+
     Args:
         positions: Positions of the foot [m], shape (n, 3).
         desired: Positions to compare them with [m], shape (n, 3).
@@ -46,10 +58,12 @@ def foot_distance(positions: npt.ArrayLike, desired: npt.ArrayLike) -> Distance:
     Raises:
         InvalidTrajectory: The shapes differ or are not (n, 3), or a value is not finite.
     """
-    return _over_samples(np.linalg.norm(_difference(positions, desired, dimensions=2), axis=1))
+    distances: Array = np.linalg.norm(_difference(positions, desired, dimensions=2), axis=1)
+    distances.setflags(write=False)
+    return distances
 
 
-def _over_samples(distances: npt.NDArray[np.floating]) -> Distance:
+def _over_samples(distances: Array) -> Distance:
     return Distance(float(np.sqrt(np.mean(distances**2))), float(np.max(distances)))
 
 

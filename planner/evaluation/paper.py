@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from planner.evaluation.metrics import Distance
+
 JOINTS = ("rotator", "abductor", "knee")
 
 SOURCE = (
@@ -17,6 +19,10 @@ STEP_AMPLITUDES = (40.0, 110.0)
 
 SEGMENTS = 6
 """Lines of an approximation; the paper draws its own by hand, with about as many (Figure 6)."""
+
+
+Table2 = Mapping[str, Mapping[str, Distance]]
+FootTable = Mapping[str, Distance]
 
 
 class Measured(NamedTuple):
@@ -52,8 +58,8 @@ TABLE_2: Mapping[str, Mapping[str, Published]] = {
 }
 """Distances between angle trajectories [degrees], by joint and comparison.
 
-Des is the desired trajectory, Dir what the joint does when it is requested, Pwl its piecewise linear
-approximation, and MB (model-based) what the joint does under the requests computed from that.
+Des is the desired trajectory, Dir what the joint does when it is requested, Pwl its piecewise
+linear approximation, and MB (model-based) what the joint does under the requests from that.
 """
 
 FOOT: Mapping[str, Published] = {
@@ -62,3 +68,25 @@ FOOT: Mapping[str, Published] = {
     "closed_form": Published(Measured(1.21, 0.04), Measured(2.34, 0.12)),
 }
 """Distances of the foot from its desired path [cm], by method."""
+
+
+def deviations(table2: Table2, foot: FootTable) -> tuple[float, ...]:
+    """How far the baseline figures are from the published ones, each relative to the latter.
+
+    The baselines are the figures that no choice of an approximation enters: the six of (Des, Dir),
+    and L2 and Linf of the foot under the direct method and under the best time shift.
+
+    Args:
+        table2: Our distances by joint and comparison [degrees].
+        foot: Our foot distances by method [cm].
+
+    Returns:
+        Ten relative deviations, without a sign.
+    """
+    pairs = [(table2[joint]["Des,Dir"], TABLE_2[joint]["Des,Dir"]) for joint in JOINTS]
+    pairs += [(foot[method], FOOT[method]) for method in ("direct", "shift")]
+    return tuple(
+        abs(our / published.mean - 1.0)
+        for ours, theirs in pairs
+        for our, published in zip(ours, theirs, strict=True)
+    )

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from kinematics import Leg, urdf_path
 from planner.evaluation.baselines import TimeShift, best_time_shift, direct
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance
-from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES
+from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
+from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES, deviations
 from planner.evaluation.step_response import StepResponse, measure_step_response
 from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
@@ -61,10 +63,12 @@ class FootOutcome:
 
     Attributes:
         positions: Its path [m], shape (n, 3).
-        distance: Its distance from the desired path [m].
+        distances: Its distance from the desired path at each sample [m], shape (n,).
+        distance: The same over all samples [m].
     """
 
     positions: Array
+    distances: Array
     distance: Distance
 
 
@@ -77,6 +81,7 @@ class Reproduction:
         segments: Lines of each approximation.
         walk: The reference walk with its leg.
         joints: One outcome per joint, in the leg's order.
+        knee: Where the leg's knee is at the desired angles [m], shape (n, 3).
         shift: The best time shift.
         foot: The foot under ``direct``, ``shift``, ``closed_form`` and ``optimal``.
         steps: The step tests, by amplitude [degrees].
@@ -87,10 +92,32 @@ class Reproduction:
     segments: int
     walk: ReferenceWalk
     joints: tuple[JointOutcome, ...]
+    knee: Array
     shift: TimeShift
     foot: Mapping[str, FootOutcome]
     steps: Mapping[float, StepResponse]
     seconds: Mapping[str, float]
+
+    @property
+    def table2(self) -> dict[str, dict[str, Distance]]:
+        """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
+        return {
+            joint.name: {
+                comparison: distance.in_units_of(math.radians(1.0))
+                for comparison, distance in joint.distances.items()
+            }
+            for joint in self.joints
+        }
+
+    @property
+    def foot_table(self) -> dict[str, Distance]:
+        """Distances of the foot from its desired path by method [cm]."""
+        return {method: outcome.distance.in_units_of(0.01) for method, outcome in self.foot.items()}
+
+    @property
+    def baseline_deviation(self) -> float:
+        """Mean relative deviation of the ten baseline figures from the paper's."""
+        return float(np.mean(deviations(self.table2, self.foot_table)))
 
 
 def reproduce(
@@ -114,7 +141,11 @@ def reproduce(
 
     def foot(angles: Array) -> FootOutcome:
         positions = walk.leg.foot_positions(angles)
-        return FootOutcome(positions, foot_distance(positions, walk.desired_foot))
+        return FootOutcome(
+            positions,
+            foot_distances(positions, walk.desired_foot),
+            foot_distance(positions, walk.desired_foot),
+        )
 
     clock.start("baselines", "the baselines")
     direct_angles = direct(models, walk.desired)
@@ -150,6 +181,7 @@ def reproduce(
             )
             for j, name in enumerate(walk.joint_names)
         ),
+        knee=_knee_of(walk),
         shift=shift,
         foot={
             "direct": foot(direct_angles),
@@ -181,6 +213,12 @@ class _Clock:
             spent = time.perf_counter() - self._since
             self.seconds[self._part] = self.seconds.get(self._part, 0.0) + spent
         self._part = None
+
+
+def _knee_of(walk: ReferenceWalk) -> Array:
+    """Path of the knee: the lower leg begins there, however the knee turns."""
+    upper = Leg.from_urdf(urdf_path("reference_leg.urdf"), base=walk.leg.base, foot="lower")
+    return upper.foot_positions(walk.desired)
 
 
 def _predicted(inversions: list[Inversion]) -> Array:

@@ -15,7 +15,7 @@ COUNTERS = ("index", "sample")
 """Columns that only number the rows, and are not read."""
 
 UNEVEN = 0.01
-"""A time step may differ from the period by this part of it: clocks are written with few decimals."""
+"""A time step may differ from the period by this part of it, for clocks written in few decimals."""
 
 
 def read_times(table: Table) -> Array | None:
@@ -42,8 +42,8 @@ def read_times(table: Table) -> Array | None:
         k = int(np.argmax(uneven)) + 1
         raise InvalidFile(
             table.path,
-            f"{TIME} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected even "
-            "steps; resample the path at one rate",
+            f"{TIME} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
+            "even steps; resample the path at one rate",
             line=table.lines[k],
         )
     return times
@@ -67,5 +67,5 @@ def check_period(path: str, times: Array | None, period: float) -> None:
         raise InvalidFile(
             path,
             f"one sample every {step:.6g} s, expected one every {period:.6g} s, the time between "
-            f"requests; resample the path, drop its column {TIME}, or set tick and hold in the model",
+            f"requests; resample the path, drop column {TIME}, or set tick and hold in the model",
         )

@@ -59,7 +59,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = ()) -> JointPath:
     if not columns:
         raise InvalidFile(
             table.path,
-            f"no joint; expected a column <joint>_deg or <joint>_rad beside {', '.join(table.names)}",
+            f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad",
             line=1,
         )
     quantities = with_unit(table, columns, ANGLES)

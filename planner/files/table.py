@@ -18,7 +18,7 @@ from planner.files.text import read_text, write_text
 from planner.trajectory import Array
 
 DECIMALS = 12
-"""Decimals that are written: beyond any sensor, and short for numbers that were short to begin with."""
+"""Decimals that are written: beyond any sensor, and short for numbers that were short before."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def read_table(path: Path | str) -> Table:
 
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
-    """Write columns as CSV, or to standard output for ``-``; ``values`` has shape (n, len(names))."""
+    """Write columns, ``values`` (n, len(names)), as CSV, or to standard output for ``-``."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
@@ -161,9 +161,7 @@ def _check_rows(table: Table) -> None:
                 line=line,
             )
     if len(table.rows) < 2:
-        raise InvalidFile(
-            table.path, f"got {len(table.rows)} rows of samples, expected at least 2"
-        )
+        raise InvalidFile(table.path, f"got {len(table.rows)} rows of samples, expected at least 2")
 
 
 def _is_number(cell: str) -> bool:

@@ -1,0 +1,138 @@
+"""``request-planner``: the commands, and what becomes of what they raise."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any, NoReturn, TextIO
+
+import click
+
+from kinematics.exceptions import KinematicsError
+from planner._version import __version__
+from planner.exceptions import InvalidInput, PlannerError
+
+COMMANDS = ("compare", "fit", "gait", "plan", "reproduce", "simulate")
+"""Each is the function of this name in the module of this name."""
+
+FAILED = 1
+"""Exit status of an answer that failed its own check."""
+
+BAD_INPUT = 2
+"""Exit status of input that cannot be used; one line on standard error says what to do."""
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
+
+PIPE_CLOSED = 141
+"""Exit status when the reader of a pipe went away, as shells have it: 128 + SIGPIPE."""
+
+
+class Commands(click.Group):
+    """The commands, each imported when it is called for, and one exit for all that they raise."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Names of the commands, sorted."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """The command of this name."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command; standalone, end the process with the status that DESIGN settles."""
+        if not standalone_mode:
+            return super().main(args, prog_name, complete_var, standalone_mode, **extra)
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            sys.exit(self._status(args, prog_name or "request-planner", complete_var, **extra))
+
+    def _status(
+        self,
+        args: Sequence[str] | None,
+        prog_name: str,
+        complete_var: str | None,
+        **extra: Any,
+    ) -> int:
+        try:
+            status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
+            sys.stdout.flush()
+        except click.UsageError as error:
+            where = error.ctx.command_path if error.ctx else prog_name
+            return _complain(f"{error.format_message()} See '{where} --help'.", BAD_INPUT)
+        except click.ClickException as error:
+            return _complain(error.format_message(), error.exit_code)
+        except BrokenPipeError:
+            _discard(sys.stdout)
+            return PIPE_CLOSED
+        except (click.Abort, KeyboardInterrupt):
+            return INTERRUPTED
+        except (PlannerError, KinematicsError) as error:
+            theirs = isinstance(error, InvalidInput | ValueError)
+            return _complain(str(error), BAD_INPUT if theirs else FAILED)
+        return status if isinstance(status, int) else 0
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(__version__, message="%(prog)s %(version)s")
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Requests that make a lagging, saturating joint follow the path you want.
+
+    \b
+    Example, a walking foot to requests to what the joints then do:
+        request-planner gait | request-planner plan - --leg reference > requests.csv
+        request-planner simulate requests.csv > angles.csv
+    """  # noqa: D301
+    if "NO_COLOR" in os.environ:
+        context.color = False
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+def main() -> NoReturn:
+    """Run the command line on the process's own arguments."""
+    cli.main()
+    raise AssertionError("the command line returned")
+
+
+def _complain(message: str, status: int) -> int:
+    line = " ".join(message.split())
+    click.echo(f"request-planner: {line}", err=True)
+    return status
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],  # noqa: ARG001
+    filename: str,  # noqa: ARG001
+    lineno: int,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
+    line: str | None = None,  # noqa: ARG001
+) -> None:
+    click.echo(f"request-planner: warning: {message}", err=True)
+
+
+def _discard(stream: TextIO) -> None:
+    """Let the interpreter flush what is left into nothing, so that it does not complain at exit."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    except (OSError, ValueError):
+        return

@@ -1,0 +1,80 @@
+"""How commands speak: results on standard output, everything about them on standard error."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import click
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print a JSON document on standard output."""
+    click.echo(to_json(content), nl=False)
+
+
+def to_json(content: Mapping[str, Any]) -> str:
+    """JSON text; numbers that are not finite, which JSON has not, become null."""
+    return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def summarise(text: str) -> None:
+    """Print a summary on standard error, out of the way of the data; the first line stands out."""
+    first, newline, rest = text.partition("\n")
+    click.echo(click.style(first, bold=True) + newline + rest, err=True)
+
+
+def deliver(
+    document: Mapping[str, Any],
+    summary: str,
+    write: Callable[[str], None],
+    *,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Hand over a command's answer.
+
+    Args:
+        document: The answer for machines.
+        summary: The answer in a few words for people, for standard error.
+        write: Writes the CSV to the file that it is given.
+        output: That file; ``-`` is standard output, which JSON takes for itself.
+        as_json: Whether a machine is asking.
+    """
+    if not as_json or output != "-":
+        write(output)
+    if as_json:
+        print_json(document)
+    else:
+        summarise(summary)
+
+
+class Progress:
+    """One line on a terminal that says what is being done; silence anywhere else."""
+
+    def __init__(self) -> None:
+        """Look whether anybody is watching."""
+        self._watched = sys.stderr.isatty()
+
+    def __call__(self, doing: str) -> None:
+        """Say what is being done."""
+        if self._watched:
+            click.echo(f"\r\x1b[K{doing} …", nl=False, err=True, color=True)
+
+    def done(self) -> None:
+        """Clear the line."""
+        if self._watched:
+            click.echo("\r\x1b[K", nl=False, err=True, color=True)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

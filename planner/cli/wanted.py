@@ -1,0 +1,99 @@
+"""From a CSV to what every joint should do: joint paths as they are, foot paths through a leg."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+from planner.cli.models import load_models
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+    from kinematics.inverse import Unreachable
+    from planner.files.foot_path import FootPath
+    from planner.files.joint_path import JointPath
+    from planner.model.joint import JointModel
+    from planner.trajectory import Array
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What every joint should do.
+
+    Attributes:
+        names: The joints.
+        angles: Their desired angles [rad], shape (n, k).
+        models: Their models.
+        limits: Smallest and largest angle of each joint [rad], where a leg tells.
+        moved: Samples for which the foot was moved to what the leg can reach.
+    """
+
+    names: tuple[str, ...]
+    angles: Array
+    models: tuple[JointModel, ...]
+    limits: dict[str, tuple[float, float]]
+    moved: int = 0
+
+    @property
+    def period(self) -> float:
+        """Time between requests [s]."""
+        return self.models[0].period
+
+
+def load_wanted(
+    path: str,
+    *,
+    model: str,
+    joints: tuple[str, ...] = (),
+    leg: Leg | None = None,
+    unreachable: Unreachable = "raise",
+) -> Wanted:
+    """Read a joint path, or a foot path where a leg can turn it into one.
+
+    Raises:
+        InvalidFile: The file is neither, or its rate is not the models'.
+        KinematicsError: The leg cannot reach the path.
+        click.UsageError: A foot path without a leg, or joints that the leg has not.
+    """
+    from planner.files.foot_path import foot_path, is_foot_path
+    from planner.files.joint_path import joint_path
+    from planner.files.table import read_table
+
+    table = read_table(path)
+    if not is_foot_path(table):
+        return _from_joints(joint_path(table, joints=joints), model, leg)
+    if leg is None:
+        raise click.UsageError(
+            f"{path} is a foot path: name the leg with --leg, or with --urdf, --base and --foot."
+        )
+    if joints:
+        raise click.UsageError("--joint chooses columns of a joint path; a foot moves all joints.")
+    return _from_foot(foot_path(table), model, leg, unreachable)
+
+
+def _from_joints(given: JointPath, model: str, leg: Leg | None) -> Wanted:
+    models = load_models(model, given.names)
+    given.check_period(models[0].period)
+    limits = {} if leg is None else _limits(leg)
+    strange = [name for name in given.names if leg is not None and name not in limits]
+    if leg is not None and strange:
+        raise click.UsageError(
+            f"joint '{strange[0]}' of {given.path} is not on the leg; its joints: "
+            f"{', '.join(leg.joint_names)}."
+        )
+    return Wanted(given.names, given.angles, models, limits)
+
+
+def _from_foot(given: FootPath, model: str, leg: Leg, unreachable: Unreachable) -> Wanted:
+    models = load_models(model, leg.joint_names)
+    given.check_period(models[0].period)
+    solution = leg.inverse(given.positions, unreachable=unreachable)
+    moved = int((~solution.reachable).sum())
+    return Wanted(leg.joint_names, solution.angles, models, _limits(leg), moved)
+
+
+def _limits(leg: Leg) -> dict[str, tuple[float, float]]:
+    lower, upper = leg.limits
+    return {name: (float(lower[j]), float(upper[j])) for j, name in enumerate(leg.joint_names)}

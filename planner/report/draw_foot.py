@@ -1,0 +1,149 @@
+"""Pictures of the foot, seen from the side of the robot: the paper's Figures 1 and 8."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.report.style import (
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    GRID,
+    INK,
+    MUTED,
+    OPTIMAL,
+    SHIFT,
+    SURFACE,
+    WIDTH,
+    Role,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from planner.evaluation.reproduction import Reproduction
+    from planner.trajectory import Array
+
+METHODS = {"direct": DIRECT, "shift": SHIFT, "closed_form": CLOSED_FORM, "optimal": OPTIMAL}
+"""The methods, in the order in which they are drawn."""
+
+SKETCHED = 22
+"""Sample at which the leg is drawn: in the middle of the time on the ground."""
+
+
+def draw_direct_foot(reproduction: Reproduction) -> Figure:
+    """Figure 1: desired path of the foot, and what comes of requesting the desired angles."""
+    figure, axes = _side_view(height=3.3)
+    desired = reproduction.walk.desired_foot
+    actual = reproduction.foot["direct"].positions
+    _draw_path(axes, desired, DESIRED)
+    _draw_path(axes, actual, DIRECT)
+    for k in range(0, len(desired), 8):
+        axes.plot(*_seen(np.array([desired[k], actual[k]])), color=GRID.light, lw=1.0, zorder=1)
+    _mark_direction(axes, desired, 70, DESIRED)
+    _mark_direction(axes, actual, 77, DIRECT)
+    _legend(axes, 2)
+    return figure
+
+
+def draw_foot_paths(reproduction: Reproduction) -> Figure:
+    """Figure 8: the paths of the foot under all methods, with the leg at one instant."""
+    figure, axes = _side_view(height=4.7)
+    _draw_leg(axes, reproduction)
+    _draw_path(axes, reproduction.walk.desired_foot, DESIRED, zorder=6)
+    for method, role in METHODS.items():
+        if method != "shift":  # in space it is the direct method's path
+            _draw_path(axes, reproduction.foot[method].positions, role)
+    _legend(axes, 4)
+    return figure
+
+
+def draw_foot_distances(reproduction: Reproduction) -> Figure:
+    """How far the foot is from where it should be, at each time, under every method."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 2.7), layout="constrained")
+    axes = figure.add_subplot()
+    for method, role in METHODS.items():
+        distances = 100.0 * reproduction.foot[method].distances
+        cycle = np.append(distances, distances[0])
+        axes.plot(np.arange(len(cycle)), cycle, **role.line)
+    samples = len(reproduction.walk.desired)
+    axes.set_xlim(0, samples)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xticks(range(0, samples + 1, samples // 8))
+    axes.set_xlabel(f"time [samples of {1000.0 * reproduction.model.period:g} ms]")
+    axes.set_ylabel("distance [cm]")
+    _legend(axes, 4)
+    return figure
+
+
+def _side_view(height: float) -> tuple[Figure, Axes]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("forward of the hip, x [cm]")
+    axes.set_ylabel("above the hip, z [cm]")
+    return figure, axes
+
+
+def _seen(positions: Array) -> tuple[Array, Array]:
+    return 100.0 * positions[:, 0], 100.0 * positions[:, 2]
+
+
+def _draw_path(axes: Axes, positions: Array, role: Role, zorder: float = 4) -> None:
+    closed = np.vstack([positions, positions[:1]])
+    axes.plot(*_seen(closed), zorder=zorder, **role.line)
+
+
+def _mark_direction(axes: Axes, positions: Array, sample: int, role: Role) -> None:
+    tail, tip = positions[sample], positions[sample + 1]
+    axes.annotate(
+        "",
+        xy=(100.0 * tip[0], 100.0 * tip[2]),
+        xytext=(100.0 * tail[0], 100.0 * tail[2]),
+        arrowprops={"arrowstyle": "-|>", "color": role.light, "lw": 0.0, "mutation_scale": 12},
+        zorder=7,
+    )
+
+
+def _draw_leg(axes: Axes, reproduction: Reproduction) -> None:
+    hip = np.zeros(3)
+    joints = np.vstack([hip, reproduction.knee[SKETCHED], reproduction.walk.desired_foot[SKETCHED]])
+    across, up = _seen(joints)
+    axes.plot(across, up, color=GRID.light, lw=9, solid_joinstyle="round", zorder=1.5)
+    axes.plot(across, up, "o", color=SURFACE.light, ms=6, mec=MUTED.light, mew=1.2, zorder=2)
+    for name, x, z, shift in zip(("hip", "knee"), across, up, ((9, 2), (-9, 6)), strict=False):
+        axes.annotate(
+            name,
+            (x, z),
+            xytext=shift,
+            textcoords="offset points",
+            color=MUTED.light,
+            fontsize=8.5,
+            ha="left" if shift[0] > 0 else "right",
+        )
+    ground = 100.0 * float(reproduction.walk.desired_foot[:, 2].min())
+    axes.axhline(ground, color=MUTED.light, lw=0.6, zorder=1)
+    axes.annotate(
+        "ground",
+        (0.995, ground),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, -3),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        fontsize=8.5,
+        color=MUTED.light,
+    )
+
+
+def _legend(axes: Axes, columns: int) -> None:
+    figure = axes.figure
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns, labelcolor=INK.light)

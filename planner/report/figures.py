@@ -1,0 +1,153 @@
+"""All pictures of the report, with what they show in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from planner.evaluation.paper import STEP_AMPLITUDES
+from planner.report import draw_agreement, draw_foot, draw_joints, draw_model
+from planner.report.style import applied
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from planner.evaluation.reproduction import Reproduction
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the report.
+
+    Attributes:
+        name: Name of its files, without the ending.
+        title: What it is about, in a few words.
+        caption: What to see in it.
+        description: What it shows, for those who cannot see it.
+        figure: The picture.
+    """
+
+    name: str
+    title: str
+    caption: str
+    description: str
+    figure: Figure
+
+
+def pictures(reproduction: Reproduction) -> tuple[Picture, ...]:
+    """Draw every picture, in the order of the paper's figures."""
+    with applied():
+        return tuple(
+            Picture(name, title, caption, description, draw(reproduction))
+            for name, title, caption, description, draw in (*_IN_THE_PAPER, *_BEYOND)
+        )
+
+
+_Entry = tuple[str, str, str, str, "Callable[[Reproduction], Figure]"]
+
+_IN_THE_PAPER: tuple[_Entry, ...] = (
+    (
+        "figure1_foot_direct",
+        "Figure 1: the foot, desired and actual",
+        "Request the desired angles as they are, and the foot lags: it cuts the swing short. Grey "
+        "lines join the two paths at the same instants.",
+        "Side view of two closed foot paths: the desired half ellipse, flat on the ground, and the "
+        "smaller, tilted path under the direct method.",
+        draw_foot.draw_direct_foot,
+    ),
+    (
+        "figure2_joints_direct",
+        "Figure 2: the joints under the direct method",
+        "Every joint starts late and then moves at its top speed at most. The paper shows the "
+        "rotator.",
+        "Angles of rotator, abductor and knee over one cycle; the actual angles follow the "
+        "requested ones some ten samples later and with cut peaks.",
+        draw_joints.draw_direct_joints,
+    ),
+    *(
+        (
+            f"figure{number}_step_{amplitude:g}",
+            f"Figure {number}: step test, {amplitude:g} degrees",
+            caption,
+            f"Requests step between 0 and {amplitude:g} degrees; the angle waits for the lag, "
+            "takes the acceleration time to reach its top speed, and moves along a straight line.",
+            partial(draw_model.draw_step, amplitude=amplitude),
+        )
+        for number, amplitude, caption in (
+            (3, STEP_AMPLITUDES[0], "From rest to top speed: lag, acceleration time, plateau."),
+            (
+                4,
+                STEP_AMPLITUDES[1],
+                "From top speed to top speed the other way: twice the change of speed in the same "
+                "acceleration time, at the same top speed. So neither is an acceleration limit.",
+            ),
+        )
+    ),
+    (
+        "figure5_speed",
+        "Figure 5: the function f",
+        "The speed that an error calls for: proportional up to θ₀, v_max beyond.",
+        "A line through the origin that turns level at plus and minus theta 0, at the speeds plus "
+        "and minus v max.",
+        draw_model.draw_speed,
+    ),
+    (
+        "figure6_approximation",
+        "Figure 6: piecewise linear approximations",
+        "Six lines per joint, none steeper than v_max, with knots chosen automatically; in the "
+        "paper they were drawn by hand. Where the desired angles are faster than the joint, the "
+        "lines must leave them.",
+        "For each joint the desired angles and six straight lines that follow them, joined at "
+        "marked knots.",
+        draw_joints.draw_approximation,
+    ),
+    (
+        "figure7_trajectories",
+        "Figure 7: the four trajectories of the paper's method",
+        "The requests run ahead of the approximation, the joint stays on it.",
+        "For each joint four curves: desired, approximation, requests, which lead the others and "
+        "overshoot them, and actual angles close to the approximation.",
+        draw_joints.draw_trajectories,
+    ),
+    (
+        "figure8_foot_paths",
+        "Figure 8: the foot under every method",
+        "The desired path, what the direct method makes of it, and the two inversions, with the "
+        "leg in the middle of its time on the ground. The best time shift runs along the direct "
+        "method's path, only earlier.",
+        "Side view of the leg and four closed foot paths; those of the closed form and the "
+        "optimised requests come closer to the desired one than the direct method's.",
+        draw_foot.draw_foot_paths,
+    ),
+)
+
+_BEYOND: tuple[_Entry, ...] = (
+    (
+        "foot_distances",
+        "The foot's error over time",
+        "Distance of the foot from where it should be at each instant, under every method. Where "
+        "the swing is faster than the joints can be, no method follows it.",
+        "Four curves over one cycle: the distances under the direct method and the time shift are "
+        "larger through most of it than those of the closed form and the optimised requests.",
+        draw_foot.draw_foot_distances,
+    ),
+    (
+        "optimised_trajectories",
+        "Beyond the paper: optimised requests",
+        "Found on the full nonlinear model, inside the joint's limits, and within a fraction of a "
+        "percent of what no requests whatever can beat.",
+        "For each joint the desired angles, the optimised requests and the resulting angles.",
+        draw_joints.draw_optimised,
+    ),
+    (
+        "table2_agreement",
+        "Table 2 at a glance",
+        "Each row is a joint: the paper's robot and the paper's model, L₂ on the left and L∞ on "
+        "the right.",
+        "Eighteen pairs of dots, one for each figure of Table 2, the paper's and ours, joined by "
+        "lines; most pairs lie close together.",
+        draw_agreement.draw_agreement,
+    ),
+)

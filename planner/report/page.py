@@ -1,0 +1,70 @@
+"""The report as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from planner.report.figures import Picture
+from planner.report.paper_tables import foot_rows, table2_rows
+from planner.report.render import to_inline_svg
+from planner.report.style import ROLES
+
+if TYPE_CHECKING:
+    import jinja2
+
+PARAMETERS = {
+    "v_max": "top speed [rad/s]",
+    "theta_0": "error from which on the joint moves at top speed [rad]",
+    "lag": "lag [s]",
+    "acceleration_time": "acceleration time [s]",
+    "tick": "time step of the model [s]",
+    "hold": "ticks for which a request is held",
+    "offset": "static sag [rad]",
+}
+"""What the parameters of a joint are called in words."""
+
+
+def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequence[str]) -> str:
+    """The whole page.
+
+    Args:
+        results: The content of ``results.json``.
+        pictures: The pictures, in order; drawn into the page.
+        files: Files of the run to link to, relative to the page.
+    """
+    drawings = {
+        picture.name: to_inline_svg(
+            picture.figure, name=picture.name, description=picture.description
+        )
+        for picture in pictures
+    }
+    return (
+        _environment()
+        .get_template("report.html")
+        .render(
+            results=results,
+            table2=table2_rows(results),
+            foot=foot_rows(results),
+            pictures=pictures,
+            drawings=drawings,
+            files=files,
+            roles=ROLES,
+            parameters=PARAMETERS,
+        )
+    )
+
+
+def _environment() -> jinja2.Environment:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("planner.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
+    environment.filters["percent"] = lambda share, digits=1: f"{100.0 * share:.{digits}f} %"
+    return environment

@@ -1,0 +1,125 @@
+"""The tables of the report: our figures beside the paper's, with the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from planner.report.text_table import NOTHING, number, percent, text_table
+
+COMPARISONS = {
+    "Des,Dir": "desired to direct",
+    "Des,MB": "desired to closed form",
+    "Pwl,MB": "approximation to closed form",
+    "Des,Opt": "desired to optimised",
+}
+"""What the paper's pairs of trajectories are called in words."""
+
+METHODS = {
+    "direct": "direct: request the desired angles",
+    "shift": "best time shift of them",
+    "closed_form": "closed form: the paper's method",
+    "optimal": "optimised requests",
+    "foot_optimal": "optimised in the foot's space",
+}
+
+NORMS = {"L2": "L₂", "Linf": "L∞"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One of our figures, and the paper's where it has one."""
+
+    ours: float
+    paper: float | None
+
+    @property
+    def difference(self) -> str:
+        """Relative to the paper's figure, with a sign."""
+        if self.paper is None:
+            return NOTHING
+        return f"{100.0 * (self.ours / self.paper - 1.0):+.0f} %".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: what is measured, in which norm, and one cell per column."""
+
+    label: str
+    norm: str
+    cells: tuple[Cell, ...]
+    ours_only: bool
+
+
+def table2_rows(results: Mapping[str, Any]) -> list[Row]:
+    """Table 2: one row per comparison and norm, one cell per joint [degrees]."""
+    joints = list(results["table2"].values())
+    return [
+        _row(label, norm, [joint[comparison] for joint in joints])
+        for comparison, label in COMPARISONS.items()
+        for norm in NORMS
+    ]
+
+
+def foot_rows(results: Mapping[str, Any]) -> list[Row]:
+    """The foot: one row per method, a cell for each norm [cm]."""
+    rows = []
+    for method, label in METHODS.items():
+        if method in results["foot"]:
+            entry = results["foot"][method]
+            cells = tuple(_cell(entry, norm) for norm in NORMS)
+            rows.append(Row(label, "", cells, entry["paper"] is None))
+    return rows
+
+
+def paper_text(results: Mapping[str, Any]) -> str:
+    """All tables as plain text, for the terminal."""
+    joints = list(results["table2"])
+    blocks = [
+        "Distances between joint trajectories [deg]: ours / the paper's (difference)",
+        text_table(
+            ["", "", *joints],
+            [[row.label, row.norm, *map(_text, row.cells)] for row in table2_rows(results)],
+        ),
+        "",
+        "Distance of the foot from its desired path [cm]: ours / the paper's (difference)",
+        text_table(
+            ["", *NORMS.values()],
+            [[row.label, *map(_text, row.cells)] for row in foot_rows(results)],
+        ),
+        "",
+        "No requests whatever track better than this [deg rms]; gap: how far above a plan is",
+        text_table(
+            ["", *joints],
+            [
+                ["lower bound", *(number(bound["rms"]) for bound in results["bounds"].values())],
+                ["gap, closed form"]
+                + [percent(bound["closed_form_gap"]) for bound in results["bounds"].values()],
+                [
+                    "gap, optimised",
+                    *(percent(bound["gap"]) for bound in results["bounds"].values()),
+                ],
+            ],
+        ),
+        "",
+        f"The ten baseline figures (direct, shift) deviate from the paper's by "
+        f"{100.0 * results['baseline_deviation']:.1f} % on average.",
+        results["note"],
+    ]
+    return "\n".join(blocks)
+
+
+def _row(label: str, norm: str, entries: list[Mapping[str, Any]]) -> Row:
+    cells = tuple(_cell(entry, norm) for entry in entries)
+    return Row(label, NORMS[norm], cells, all(cell.paper is None for cell in cells))
+
+
+def _cell(entry: Mapping[str, Any], norm: str) -> Cell:
+    return Cell(entry[norm], None if entry["paper"] is None else entry["paper"][norm])
+
+
+def _text(cell: Cell) -> str:
+    if cell.paper is None:
+        return f"{cell.ours:.2f} / {NOTHING} ({NOTHING})".ljust(1)
+    return f"{cell.ours:.2f} / {cell.paper:.2f} ({cell.difference})"

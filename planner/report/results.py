@@ -1,0 +1,94 @@
+"""``results.json``: every figure of the experiment beside the paper's own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from planner._version import __version__
+from planner.evaluation.metrics import Distance
+from planner.evaluation.paper import FOOT, SOURCE, TABLE_2, Published
+from planner.evaluation.reproduction import RULE, JointOutcome, Reproduction
+
+NOTE = (
+    "The joint here is the paper's model with the parameters of its Table 1; "
+    "the paper's figures were measured on a robot, over 20 steps of the walk."
+)
+
+LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib")
+
+
+def results(reproduction: Reproduction) -> dict[str, Any]:
+    """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds."""
+    return {
+        "made_by": f"request-planner {__version__} reproduce",
+        "note": NOTE,
+        "source": SOURCE,
+        "units": {"table2": "deg", "foot": "cm", "bounds": "deg", "gap": "1", "seconds": "s"},
+        "table2": {
+            joint: {
+                comparison: _entry(distance, TABLE_2.get(joint, {}).get(comparison))
+                for comparison, distance in comparisons.items()
+            }
+            for joint, comparisons in reproduction.table2.items()
+        },
+        "foot": {
+            method: _entry(distance, FOOT.get(method))
+            for method, distance in reproduction.foot_table.items()
+        },
+        "best_shift_samples": reproduction.shift.samples,
+        "baseline_deviation": reproduction.baseline_deviation,
+        "bounds": {joint.name: _bound(joint) for joint in reproduction.joints},
+        "step_tests": {
+            f"{amplitude:g}": {
+                "lag_ticks": response.lag,
+                "acceleration_ticks": response.acceleration,
+                "v_max_deg_per_tick": math.degrees(response.v_max) * reproduction.model.period,
+            }
+            for amplitude, response in reproduction.steps.items()
+        },
+        "parameters": {
+            "model": dataclasses.asdict(reproduction.model),
+            "segments": reproduction.segments,
+            "rule": RULE,
+            "samples": len(reproduction.walk.desired),
+            "clamped_samples": int((~reproduction.walk.reachable).sum()),
+        },
+        "versions": versions(),
+        "seconds": {**reproduction.seconds, "total": sum(reproduction.seconds.values())},
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of this project, of Python, and of the libraries whose numbers these are."""
+    found = {"request-planner": __version__, "python": platform.python_version()}
+    for library in LIBRARIES:
+        try:
+            found[library] = version(library)
+        except PackageNotFoundError:  # installed by other means than a package
+            found[library] = "unknown"
+    return found
+
+
+def _entry(distance: Distance, published: Published | None) -> dict[str, Any]:
+    paper = None
+    if published is not None:
+        paper = {
+            "L2": published.L2.mean,
+            "Linf": published.Linf.mean,
+            "L2_deviation": published.L2.deviation,
+            "Linf_deviation": published.Linf.deviation,
+        }
+    return {"L2": distance.rms, "Linf": distance.max, "paper": paper}
+
+
+def _bound(joint: JointOutcome) -> dict[str, Any]:
+    return {
+        "rms": math.degrees(joint.optimal.lower_bound),
+        "gap": joint.optimal.gap,
+        "closed_form_gap": joint.closed_form.gap,
+        "level": "envelope",
+    }

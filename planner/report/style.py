@@ -1,0 +1,117 @@
+"""How every picture looks: one colour and one line per role, told apart without colours too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import Any, NamedTuple
+
+
+class Role(NamedTuple):
+    """What a curve stands for, and how it is drawn everywhere.
+
+    Attributes:
+        label: Its name in legends.
+        light: Its colour on white; from Okabe and Ito's palette for all kinds of colour vision,
+            some of them darkened.
+        dark: Its colour on a dark page.
+        width: Width of the line [pt].
+        dashes: Pattern of the line.
+    """
+
+    label: str
+    light: str
+    dark: str
+    width: float = 1.8
+    dashes: Any = "-"
+
+    @property
+    def line(self) -> dict[str, Any]:
+        """Arguments for matplotlib's ``plot``."""
+        return {
+            "color": self.light,
+            "linewidth": self.width,
+            "linestyle": self.dashes,
+            "label": self.label,
+        }
+
+
+INK = Role("ink", "#1f2328", "#e8eaed")
+MUTED = Role("muted", "#6b7280", "#9aa3ad")
+GRID = Role("grid", "#dfe3e8", "#32383f", width=0.7)
+SURFACE = Role("surface", "#fefefe", "#16191d")
+
+DESIRED = Role("desired", "#15181c", "#f4f6f8", width=1.5, dashes=(0, (4, 1.6)))
+REQUESTED = Role("requested", "#d18b00", "#f2b441", width=1.4)
+DIRECT = Role("direct", "#c8501a", "#f28a54")
+SHIFT = Role("best time shift", "#8a4b9f", "#cc96dd", width=1.4, dashes=(0, (1.2, 1.2)))
+APPROXIMATION = Role(
+    "approximation", "#a8437f", "#ee8fc4", width=1.4, dashes=(0, (6, 1.5, 1.2, 1.5))
+)
+CLOSED_FORM = Role("closed form", "#0067a8", "#58b4f0")
+OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", dashes=(0, (7, 1.2)))
+
+ROLES: Mapping[str, Role] = {
+    "ink": INK,
+    "muted": MUTED,
+    "grid": GRID,
+    "surface": SURFACE,
+    "desired": DESIRED,
+    "requested": REQUESTED,
+    "direct": DIRECT,
+    "shift": SHIFT,
+    "approximation": APPROXIMATION,
+    "closed-form": CLOSED_FORM,
+    "optimal": OPTIMAL,
+}
+"""Every role by the name of its CSS variable."""
+
+WIDTH = 5.6
+"""Width of a picture [inch]: legible on a phone, and a column and a half of a paper."""
+
+SETTINGS: Mapping[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "mathtext.fontset": "dejavusans",
+    "text.color": INK.light,
+    "axes.edgecolor": MUTED.light,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.labelcolor": INK.light,
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.unicode_minus": True,
+    "figure.facecolor": SURFACE.light,
+    "grid.color": GRID.light,
+    "grid.linewidth": GRID.width,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "legend.handlelength": 2.4,
+    "lines.solid_capstyle": "round",
+    "lines.dash_capstyle": "butt",
+    "xtick.color": MUTED.light,
+    "ytick.color": MUTED.light,
+    "xtick.labelcolor": INK.light,
+    "ytick.labelcolor": INK.light,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "savefig.facecolor": SURFACE.light,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "request-planner",
+}
+"""Matplotlib's settings for every picture."""
+
+
+def applied() -> AbstractContextManager[None]:
+    """A context in which matplotlib draws and saves with these settings."""
+    import matplotlib as mpl
+
+    settings: Any = dict(SETTINGS)
+    return mpl.rc_context(settings)
