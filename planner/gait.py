@@ -27,14 +27,15 @@ def half_ellipse(
 ) -> Array:
     """One cycle of a foot that pushes backward along the ground and swings forward in an arc.
 
-    With the phase φ = k / samples, on the ground (φ < g = ``ground_fraction``) the foot moves backward
-    at constant speed; in the air it follows the upper half of an ellipse at an angle uniform in time::
+    With the phase φ = k / samples and g = ``ground_fraction``, the foot moves backward at constant
+    speed while φ < g, and then along the upper half of an ellipse at an angle uniform in time::
 
-        x = forward + length (1 - 2 φ / g),       z = -hip_height
-        x = forward + length cos α,               z = -hip_height + height sin α,   α = π (1 - φ) / (1 - g)
+        on the ground:   x = forward + length (1 - 2 φ / g)    z = -hip_height
+        in the air:      x = forward + length cos α            z = -hip_height + height sin α
 
-    where α falls from π to 0. Whatever the leg can reach of it is the leg's affair. The defaults are the
-    front legs of UT Austin Villa's hand-tuned walk of 2003, without its skew; ``docs/math.md``.
+    where α = π (1 - φ) / (1 - g) falls from π to 0. How much of it a leg can reach is the leg's
+    affair. The defaults are the front legs of UT Austin Villa's hand-tuned walk of 2003 (Kohl and
+    Stone, 2004) without its skew.
 
     Args:
         samples: Number of points in the cycle, at least 4.
@@ -46,8 +47,8 @@ def half_ellipse(
         ground_fraction: Fraction of the cycle that the foot is on the ground, between 0 and 1.
 
     Returns:
-        Foot positions [m], shape (samples, 3), read-only; hip frame with x forward, y outward (for a
-        left leg: left), z up.
+        Foot positions [m], shape (samples, 3), read-only; hip frame with x forward, y outward,
+        z up (a left leg's hip frame has y to the left, so it fits as it is).
 
     Raises:
         InvalidInput: A parameter is not a number or out of its range.
@@ -96,8 +97,8 @@ def reference_walk() -> ReferenceWalk:
     """The half ellipse of a front leg, turned into joint angles as the walk's authors did.
 
     Near the top of the swing 15 of the 88 points are out of reach of the simplified leg or past a
-    joint limit. There each inverse function's argument is clamped and then the angles to the limits;
-    the desired foot path is the one that these angles trace.
+    joint limit. There the argument of each inverse function is clamped and then the angles to the
+    limits; the desired foot path is the one that these angles trace.
     """
     leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
     wanted_foot = half_ellipse()

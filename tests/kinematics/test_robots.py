@@ -1,0 +1,209 @@
+"""The robots that are shipped: Sony's numbers, signs, mirror symmetry, consistent inertias."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import kinematics
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from kinematics import Leg, UnknownDescription, urdf_path
+from kinematics.descriptions import SHIPPED
+from made_up_robots import LEGS, ers210a_leg, reference_leg
+
+DRAWING = 5e-5
+"""Sony's vectors are rounded and their ball fitted: they hold to this [m]."""
+
+WRITTEN = 5e-7
+"""Inertias are written with seven digits: they hold to this, relatively."""
+
+VECTORS = {  # rotator, abductor, knee [deg]: ball of the left leg in the body [mm]
+    "front_left": [
+        ((0, 0, 0), (60.594, 59.700, -119.772)),
+        ((0, 0, 35), (94.700, 59.700, -116.400)),
+        ((30, 10, 60), (157.538, 77.409, -59.315)),
+        ((-40, 5, 100), (70.803, 65.437, -95.053)),
+        ((-20, 15, 40), (59.089, 89.253, -117.150)),
+    ],
+    "hind_left": [
+        ((0, 0, 0), (-50.107, 59.700, -124.636)),
+        ((0, 0, 35), (-88.900, 59.700, -126.400)),
+        ((30, 10, 60), (-162.316, 79.408, -69.650)),
+        ((-40, 5, 100), (-69.795, 66.263, -106.540)),
+        ((-20, 15, 40), (-51.021, 91.962, -124.973)),
+    ],
+}
+ANGLES = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
+
+
+def root_of(name):
+    return ElementTree.parse(urdf_path(name)).getroot()
+
+
+def numbers(text):
+    return np.array(text.split(), dtype=float)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_robot_is_found(name):
+    assert urdf_path(name).is_file()
+
+
+def test_the_shipped_robots_are_the_files_of_the_folder():
+    folder = urdf_path(SHIPPED[0]).parent
+    assert sorted(SHIPPED) == sorted(path.name for path in folder.glob("*.urdf"))
+
+
+def test_an_unknown_robot_is_an_error_that_lists_the_shipped_ones():
+    with pytest.raises(UnknownDescription, match=r"'aibo'.*ers210a\.urdf, reference_leg\.urdf") as e:
+        urdf_path("aibo")
+    assert e.value.shipped == SHIPPED
+
+
+def test_a_path_out_of_the_folder_is_not_a_shipped_robot():
+    with pytest.raises(UnknownDescription):
+        urdf_path("../pyproject.toml")
+
+
+def test_robots_are_found_beside_the_package_wherever_it_is_installed(tmp_path):
+    for package in ("kinematics", "urdf"):
+        source = Path(kinematics.__file__).parent.parent / package
+        shutil.copytree(source, tmp_path / package)
+    code = "from kinematics import urdf_path; print(urdf_path('ers210a.urdf').is_file())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "True"
+
+
+@pytest.mark.parametrize("name", VECTORS)
+def test_the_ball_is_where_the_published_vectors_have_it(name):
+    degrees, millimetres = zip(*VECTORS[name], strict=True)
+    found = ers210a_leg(name).foot_positions(np.radians(degrees))
+    assert np.abs(found - 1e-3 * np.array(millimetres)).max() < DRAWING
+
+
+@pytest.mark.parametrize(
+    ("name", "paw"),
+    [("front_left", (53.42, 59.7, -130.0)), ("hind_left", (-42.94, 59.7, -134.88))],
+)
+def test_the_paw_is_where_the_drawing_has_it(name, paw):
+    found = ers210a_leg(name, "paw").foot_positions([[0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(found, [1e-3 * np.array(paw)], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_joints_and_limits_are_sonys(name):
+    leg = ers210a_leg(name)
+    assert leg.joint_names == (f"{name}_rotator", f"{name}_abductor", f"{name}_knee")
+    np.testing.assert_allclose(np.degrees(leg.limits.lower), [-117, -11, -27], atol=1e-12)
+    np.testing.assert_allclose(np.degrees(leg.limits.upper), [117, 89, 147], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_driven_joint_may_turn_as_fast_as_the_papers_joint(name):
+    limits = root_of(name).findall("joint[@type='revolute']/limit")
+    assert len(limits) == {"ers210a.urdf": 12, "reference_leg.urdf": 3}[name]
+    speeds = [np.degrees(float(limit.get("velocity"))) for limit in limits]
+    np.testing.assert_allclose(speeds, 312.5, rtol=1e-12)
+
+
+@pytest.mark.parametrize("point", ["ball", "paw"])
+@pytest.mark.parametrize("end", ["front", "hind"])
+@given(angles=ANGLES)
+@settings(deadline=None, max_examples=25)
+def test_equal_angles_left_and_right_give_mirror_poses(end, point, angles):
+    left = ers210a_leg(f"{end}_left", point).foot_positions([angles])
+    right = ers210a_leg(f"{end}_right", point).foot_positions([angles])
+    np.testing.assert_allclose(right, left * [1.0, -1.0, 1.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_positive_angles_swing_front_feet_forward_hind_feet_backward_and_all_outward(name):
+    rotator, abductor, knee = ers210a_leg(name).jacobians([[0.0, 0.0, 0.0]])[0].T
+    forward = 1.0 if name.startswith("front") else -1.0
+    outward = 1.0 if name.endswith("left") else -1.0
+    assert forward * rotator[0] > 0.0
+    assert forward * knee[0] > 0.0
+    assert outward * abductor[1] > 0.0
+
+
+@given(angles=ANGLES)
+@settings(deadline=None)
+def test_the_reference_leg_is_its_formula(angles):
+    upper, lower = 0.064, 0.069
+    (c1, c2, c3), (s1, s2, s3) = np.cos(angles), np.sin(angles)
+    reach = upper + lower * c3
+    expected = [
+        lower * c1 * s3 + reach * c2 * s1,
+        reach * s2,
+        lower * s1 * s3 - reach * c2 * c1,
+    ]
+    found = reference_leg().foot_positions([angles])
+    np.testing.assert_allclose(found, [expected], atol=1e-15)
+
+
+def test_the_reference_leg_has_the_limits_of_the_ers210a():
+    ours, sonys = reference_leg().limits, ers210a_leg("front_left").limits
+    np.testing.assert_array_equal(ours.lower, sonys.lower)
+    np.testing.assert_array_equal(ours.upper, sonys.upper)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_inertia_is_that_of_the_links_first_solid(name):
+    links = [link for link in root_of(name).findall("link") if link.find("inertial") is not None]
+    assert links
+    for link in links:
+        inertial, solid = link.find("inertial"), link.find("collision")
+        assert inertial.find("origin").attrib == solid.find("origin").attrib
+        moments = inertial.find("inertia").attrib
+        found = [float(moments[key]) for key in ("ixx", "iyy", "izz")]
+        mass = float(inertial.find("mass").get("value"))
+        np.testing.assert_allclose(
+            found, mass * second_moments(solid.find("geometry")[0]), rtol=WRITTEN
+        )
+        assert {moments[key] for key in ("ixy", "ixz", "iyz")} == {"0"}
+
+
+def second_moments(shape):
+    """Moments of inertia per mass of a homogeneous solid [m²]."""
+    if shape.tag == "box":
+        squares = numbers(shape.get("size")) ** 2
+        return (squares.sum() - squares) / 12.0
+    radius, length = float(shape.get("radius")), float(shape.get("length"))
+    across = radius**2 / 4.0 + length**2 / 12.0
+    return np.array([across, across, radius**2 / 2.0])
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_upper_and_lower_leg_are_drawn_between_their_joints(name):
+    root = root_of("ers210a.urdf")
+    for link, end in (("upper", "knee"), ("lower", "ball_mount")):
+        tip = numbers(root.find(f"joint[@name='{name}_{end}']/origin").get("xyz"))
+        middle = root.find(f"link[@name='{name}_{link}']/visual/origin")
+        np.testing.assert_allclose(numbers(middle.get("xyz")), tip / 2.0, atol=1e-12)
+        pitch = numbers(middle.get("rpy"))[1]
+        along = np.array([np.sin(pitch), 0.0, np.cos(pitch)])
+        assert np.linalg.norm(np.cross(along, tip)) < 6e-4  # 0.5 mm aside, and the pitch's rounding
+
+
+def test_every_foot_is_a_ball_of_sonys_radius_and_masses_are_called_guesses():
+    root = root_of("ers210a.urdf")
+    for name in LEGS:
+        ball = root.find(f"link[@name='{name}_ball']/collision/geometry/sphere")
+        assert float(ball.get("radius")) == 0.0125
+    text = urdf_path("ers210a.urdf").read_text(encoding="utf-8")
+    assert "GUESSES" in text
+    masses = [float(mass.get("value")) for mass in root.iter("mass")]
+    assert sum(masses) == pytest.approx(1.4)
+
+
+def test_a_leg_may_start_at_its_shoulder():
+    leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="hind_left_shoulder", foot="hind_left_paw")
+    assert leg.joint_names == ("hind_left_abductor", "hind_left_knee")
