@@ -1,0 +1,216 @@
+"""The joint's parameters, its window, and the one definition of Equations 2 and 3."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import FrozenInstanceError, replace
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.exceptions import InvalidModel
+from planner.model.joint import JointModel, advance, saturation
+from tests.independent import equation_2
+from tests.strategies import models
+
+ROUNDING = 1e-15
+"""Disagreement that rounding leaves between two ways to write a sum [relative]."""
+
+FIELDS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "offset")
+
+errors = st.floats(-1.0, 1.0)
+speeds = st.floats(0.001, 0.2)
+thresholds = st.floats(0.01, 0.5)
+
+
+@given(errors, speeds, thresholds)
+def test_saturation_is_equation_2(error, v_max, theta_0):
+    expected = equation_2(error, v_max=v_max, theta_0=theta_0)
+    scale = v_max * (1.0 + abs(error) / theta_0)
+    assert saturation(error, v_max=v_max, theta_0=theta_0) == pytest.approx(
+        expected, rel=0.0, abs=4.0 * ROUNDING * scale
+    )
+
+
+@given(thresholds, speeds)
+def test_saturation_is_top_speed_at_both_corners_and_zero_in_the_middle(theta_0, v_max):
+    for sign in (-1.0, 1.0):
+        speed = saturation(sign * theta_0, v_max=v_max, theta_0=theta_0)
+        assert speed == pytest.approx(sign * v_max, rel=4.0 * ROUNDING)
+    assert saturation(0.0, v_max=v_max, theta_0=theta_0) == 0.0
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.03])
+def test_saturation_is_odd_and_never_beyond_v_max(smoothing):
+    x = np.linspace(-1.0, 1.0, 401)
+    speed = saturation(x, v_max=0.05, theta_0=0.12, smoothing=smoothing)
+    np.testing.assert_allclose(speed, -speed[::-1], rtol=0.0, atol=ROUNDING)
+    assert np.all(np.abs(speed) <= 0.05 * (1.0 + ROUNDING))
+    assert np.all(np.diff(speed) >= -ROUNDING)
+
+
+def test_smoothing_vanishes_with_its_radius():
+    x = np.linspace(-1.0, 1.0, 401)
+    sharp = saturation(x, v_max=0.05, theta_0=0.12)
+    distances = [
+        float(np.max(np.abs(saturation(x, v_max=0.05, theta_0=0.12, smoothing=radius) - sharp)))
+        for radius in (0.1, 0.01, 0.001)
+    ]
+    assert distances[0] > distances[1] > distances[2]
+    # A corner rounded with radius e lies v_max e / (2 theta_0) inside it, to first order.
+    assert distances[2] == pytest.approx(0.05 * 0.001 / (2.0 * 0.12), rel=0.01)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.02])
+@given(model=models(), angle=errors, seed=st.integers(0, 2**32 - 1))
+def test_one_definition_agrees_for_floats_arrays_and_casadi(smoothing, model, angle, seed):
+    weights = model.window.weights.tolist()
+    requests = np.random.default_rng(seed).uniform(-1.0, 1.0, size=len(weights))
+    parameters = {"v_max": model.v_max_per_tick, "theta_0": model.theta_0, "smoothing": smoothing}
+    as_float = advance(angle, requests.tolist(), weights=weights, **parameters)
+    as_array = advance(np.full(3, angle), requests, weights=weights, **parameters)
+    symbols = casadi.SX.sym("angle"), casadi.SX.sym("requests", len(weights))
+    compiled = casadi.Function(
+        "advance", symbols, [advance(*symbols, weights=weights, **parameters)]
+    )
+    scale = max(1.0, abs(as_float))
+    assert isinstance(as_float, float)
+    np.testing.assert_allclose(as_array, as_float, rtol=0.0, atol=ROUNDING * scale)
+    assert float(compiled(angle, requests)) == pytest.approx(as_float, abs=ROUNDING * scale)
+
+
+def test_table_1_of_the_paper_is_the_ers210a():
+    model = JointModel.ers210a()
+    assert math.degrees(model.v_max_per_tick) == pytest.approx(2.5)
+    assert math.degrees(model.theta_0) == pytest.approx(7.0)
+    assert (model.lag_ticks, model.acceleration_ticks) == (4.0, 6.0)
+    assert (model.tick, model.hold, model.offset) == (0.008, 1, 0.0)
+
+
+def test_the_window_of_whole_ticks_is_that_of_equation_3():
+    window = JointModel.ers210a().window
+    assert (window.first, window.last) == (5, 10)
+    np.testing.assert_array_equal(window.weights, np.full(6, 1.0 / 6.0))
+
+
+@pytest.mark.parametrize(
+    ("lag", "acceleration", "first", "lengths"),
+    [
+        (0.0, 1.0, 1, [1.0]),
+        (0.25, 0.5, 1, [0.5]),
+        (2.5, 1.0, 3, [0.5, 0.5]),
+        (1.75, 3.5, 2, [0.25, 1.0, 1.0, 1.0, 0.25]),
+        (3.0, 2.5, 4, [1.0, 1.0, 0.5]),
+        (0.5, 0.5, 1, [0.5]),
+    ],
+)
+def test_the_window_of_fractional_ticks_measures_the_overlap(lag, acceleration, first, lengths):
+    model = _model(lag=lag * 0.008, acceleration_time=acceleration * 0.008)
+    assert model.window.first == first
+    np.testing.assert_allclose(
+        model.window.weights, np.array(lengths) / acceleration, rtol=0.0, atol=ROUNDING
+    )
+
+
+@given(models())
+def test_weights_are_positive_and_sum_to_one(model):
+    assert np.all(model.window.weights > 0.0)
+    assert model.window.weights.sum() == pytest.approx(1.0, abs=4.0 * ROUNDING)
+    assert model.window.first >= 1
+
+
+@pytest.mark.parametrize("ticks", range(1, 60))
+def test_times_that_are_whole_ticks_but_for_rounding_are_taken_as_whole(ticks):
+    for tick in (0.008, 0.001, 0.005, 1.0 / 30.0):
+        model = _model(tick=tick, lag=tick * ticks, acceleration_time=ticks * tick, theta_0=1.0)
+        assert model.lag_ticks == ticks
+        assert model.window.first == ticks + 1
+        np.testing.assert_array_equal(model.window.weights, np.full(ticks, 1.0 / ticks))
+
+
+@pytest.mark.parametrize("acceleration_time", [1e-15, 1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("lag", [0.0, 0.032, 0.0333])
+def test_an_acceleration_time_near_zero_leaves_one_request_that_counts_in_full(
+    lag, acceleration_time
+):
+    window = _model(lag=lag, acceleration_time=acceleration_time).window
+    assert window.weights.tolist() == [1.0]
+    assert window.first == math.floor(lag / 0.008 + 1e-9) + 1
+
+
+def test_the_period_is_the_time_between_requests():
+    assert _model(tick=0.005, hold=4).period == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, -math.inf, True, "1.0", b"1", None, 1j, [0.1], {}]
+)
+def test_a_parameter_that_is_no_finite_number_is_refused_by_name(name, value):
+    with pytest.raises(InvalidModel, match=rf"^{name}: got .*expected a finite number in SI"):
+        _model(**{name: value})
+
+
+@pytest.mark.parametrize("name", ["v_max", "theta_0", "acceleration_time", "tick"])
+@pytest.mark.parametrize("value", [0.0, -1.0, -1e-300])
+def test_a_parameter_that_must_be_positive_says_so(name, value):
+    with pytest.raises(InvalidModel, match=rf"^{name}: got .*, expected more than 0"):
+        _model(**{name: value})
+
+
+def test_a_lag_may_be_zero_but_not_negative():
+    assert _model(lag=0.0).window.first == 1
+    with pytest.raises(InvalidModel, match=r"^lag: got -0.001 s, expected 0 or more"):
+        _model(lag=-0.001)
+
+
+@pytest.mark.parametrize("hold", [0, -1, 1.0, 1.5, True, "1", None, math.nan])
+def test_hold_must_be_a_whole_number_of_ticks(hold):
+    with pytest.raises(InvalidModel, match=r"^hold: got .*, expected a whole number of ticks"):
+        _model(hold=hold)
+
+
+def test_integers_of_numpy_are_numbers_too():
+    assert _model(hold=np.int64(3)).hold == 3
+    assert type(_model(v_max=np.float32(2.0)).v_max) is float
+
+
+def test_a_tick_too_short_for_the_window_is_taken_for_a_mistaken_unit():
+    with pytest.raises(InvalidModel, match=r"100000 ticks.*are the times in seconds"):
+        _model(tick=1e-9)
+
+
+def test_a_joint_that_would_never_come_to_rest_is_refused():
+    with pytest.raises(InvalidModel, match=r"v_max \* tick: got 0.2 rad, expected less than 2"):
+        _model(v_max=25.0, theta_0=0.1)
+    assert _model(v_max=24.99, theta_0=0.1).theta_0 == 0.1
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_an_integer_too_large_for_a_float_is_refused_by_name(name):
+    with pytest.raises(InvalidModel, match=rf"^{name}: "):
+        _model(**{name: 10**400})
+
+
+def test_a_model_is_frozen_hashable_and_equal_by_value():
+    model = JointModel.ers210a()
+    with pytest.raises(FrozenInstanceError):
+        model.lag = 0.0  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        model.window.weights[0] = 1.0
+    assert hash(model) == hash(JointModel.ers210a())
+    assert model == JointModel.ers210a()
+    assert model != replace(model, offset=0.1)
+
+
+def test_parameters_are_given_by_name_only():
+    with pytest.raises(TypeError):
+        JointModel(5.0, 0.1, 0.03, 0.05)  # type: ignore[misc]
+
+
+def _model(**parameters):
+    standard = {"v_max": 5.0, "theta_0": 0.12, "lag": 0.032, "acceleration_time": 0.048}
+    return JointModel(**{**standard, **parameters})

@@ -1,0 +1,96 @@
+"""Derivatives of the angles against central differences of the simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.model.sensitivity import sensitivities
+from tests.instances import random_model, random_model_outside_equation_13
+
+STEP = 1e-6
+"""Half the distance of the central differences [rad]."""
+
+AGREEMENT = 1e-5
+"""What is left of the seam's 1e-12 rad after division by STEP, and room for its amplification."""
+
+
+def differences(model, requests, **options):
+    """Central differences of the angles, shape (n, n)."""
+    columns = []
+    for j in range(len(requests)):
+        ahead, behind = requests.copy(), requests.copy()
+        ahead[j] += STEP
+        behind[j] -= STEP
+        change = simulate(model, ahead, **options) - simulate(model, behind, **options)
+        columns.append(change / (2.0 * STEP))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("samples", [2, 3, 24, 60])
+@pytest.mark.parametrize(
+    "options",
+    [{"cyclic": True}, {"cyclic": False}, {"cyclic": False, "start": 0.05}],
+    ids=["cyclic", "from rest", "from a start"],
+)
+def test_sensitivities_are_the_slopes_of_the_simulation(options, samples, hold):
+    rng = np.random.default_rng([samples, hold])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    requests = rng.uniform(-1.5, 1.5, size=samples) * model.theta_0
+    np.testing.assert_allclose(
+        sensitivities(model, requests, **options),
+        differences(model, requests, **options),
+        rtol=0.0,
+        atol=AGREEMENT,
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_sensitivities_hold_for_joints_outside_equation_13(cyclic, seed):
+    rng = np.random.default_rng(seed)
+    model = random_model_outside_equation_13(rng)
+    requests = rng.uniform(-1.0, 1.0, size=20) * model.theta_0
+    np.testing.assert_allclose(
+        sensitivities(model, requests, cyclic=cyclic),
+        differences(model, requests, cyclic=cyclic),
+        rtol=0.0,
+        atol=AGREEMENT,
+    )
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_raising_every_request_raises_every_angle_by_as_much(cyclic):
+    rng = np.random.default_rng(11)
+    requests = rng.uniform(-0.3, 0.3, size=30)
+    derivatives = sensitivities(JointModel.ers210a(), requests, cyclic=cyclic)
+    np.testing.assert_allclose(derivatives.sum(axis=1), 1.0, rtol=0.0, atol=1e-12)
+
+
+def test_at_a_corner_the_derivative_is_the_mean_of_both_sides():
+    model = JointModel(v_max=3.125, theta_0=0.125, lag=0.0, acceleration_time=0.008, tick=0.008)
+    inside = model.v_max_per_tick / model.theta_0  # slope of f below the corner; 0 above it
+    # The second request acts on the third sample from exactly theta_0 away.
+    requests = np.array([0.0, 0.125, 0.0])
+    derivatives = sensitivities(model, requests, cyclic=False)
+    assert derivatives[2, 1] == pytest.approx(inside / 2.0, rel=1e-12)
+
+
+def test_a_cycle_without_a_derivative_is_an_error(monkeypatch):
+    # Between saturated requests the joint may rest anywhere in a range; put it in its middle.
+    monkeypatch.setattr(
+        "planner.model.sensitivity.simulate", lambda *_arguments, **_options: np.zeros(2)
+    )
+    with pytest.raises(NoSteadyCycle):
+        sensitivities(JointModel.ers210a(), [5.0, -5.0])
+
+
+def test_bad_requests_and_starts_are_refused_as_by_the_simulation():
+    with pytest.raises(InvalidTrajectory, match="requests"):
+        sensitivities(JointModel.ers210a(), [0.0, np.nan])
+    with pytest.raises(InvalidInput, match="start"):
+        sensitivities(JointModel.ers210a(), [0.0, 0.1], start=0.0)

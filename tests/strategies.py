@@ -1,0 +1,40 @@
+"""Joints and trajectories for property tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as numpy_strategies
+
+from planner.model.joint import JointModel
+
+TICK = 0.01
+"""Time step of the models [s]."""
+
+whole_ticks = st.integers(0, 7).map(float)
+fractional_ticks = st.floats(0.0, 7.0)
+
+
+@st.composite
+def models(draw, *, whole=False, holds=(1, 4), offsets=True):
+    """Joints of every kind: Equation 13 kept or broken, corners of the parameters included."""
+    lag = draw(whole_ticks if whole else fractional_ticks)
+    acceleration = draw(st.integers(1, 9).map(float) if whole else st.floats(0.25, 9.0))
+    theta_0 = draw(st.floats(0.02, 0.3))
+    ratio = draw(st.floats(0.02, 1.95))  # v_max per tick over theta_0; 2 is impossible
+    return JointModel(
+        v_max=ratio * theta_0 / TICK,
+        theta_0=theta_0,
+        lag=lag * TICK,
+        acceleration_time=acceleration * TICK,
+        tick=TICK,
+        hold=draw(st.integers(*holds)),
+        offset=draw(st.floats(-0.5, 0.5)) if offsets else 0.0,
+    )
+
+
+def trajectories(*, least=3, most=20, reach=2.0):
+    """Angles or requests within ±reach [rad]."""
+    return numpy_strategies.arrays(
+        np.float64, st.integers(least, most), elements=st.floats(-reach, reach, width=32)
+    )
