@@ -11,11 +11,16 @@ from planner.inversion.tracking import Tracking
 from planner.model.transition import Linearised
 from planner.trajectory import Array
 
-SHARPENING = (0.8, 0.4, 0.2, 0.08, 0.04, 0.02, 0.008)
-"""Radius of the saturation's corners, stage by stage [theta_0]."""
+GUIDING = ((0.1,), (0.4, 0.1, 0.02))
+"""Radii of the saturation's corners [theta_0] while the requests are led along the ideal: two ways
+to end in different valleys, of which the better one is kept."""
 
-POWERS = {"rms": 2.0, "max": 48.0}
-"""The largest error is approached through the mean of this power of the errors."""
+SHARPENING = (0.1, 0.04, 0.02, 0.008)
+"""Radius of the saturation's corners [theta_0], stage by stage. Wider corners lead astray: measured
+on random saturating trajectories, a start at 0.8 ends 1 % worse on average than one at 0.1."""
+
+POWERS = (4.0, 8.0, 16.0, 32.0, 64.0)
+"""The largest error is approached through sums of these powers of the errors, one by one."""
 
 PULL = 1e-6
 """Weight on the distance of a request from the desired angle, at the first stage; it falls with the
@@ -60,32 +65,33 @@ class Iterate(NamedTuple):
     cost: float
 
 
-def stages(problem: Tracking) -> list[Stage]:
+def stages(problem: Tracking, radii: tuple[float, ...]) -> list[Stage]:
     """The stages for the problem's norm, the smoothest first; the largest error comes last."""
-    plan = [
-        Stage(radius * problem.model.theta_0, 2.0, PULL * (radius / SHARPENING[0]) ** 2)
-        for radius in SHARPENING
+    squares = [
+        Stage(radius * problem.model.theta_0, 2.0, PULL * (radius / radii[0]) ** 2)
+        for radius in radii
     ]
-    power = 2.0
-    while power < POWERS[problem.norm]:
-        power = min(2.0 * power, POWERS[problem.norm])
-        plan += [stage._replace(power=power) for stage in plan[len(SHARPENING) // 2 :: 2][:2]]
-    return plan
+    if problem.norm == "rms":
+        return squares
+    return squares + [squares[-1]._replace(power=power) for power in POWERS]
 
 
-def improve(problem: Tracking, requests: Array) -> tuple[Array, float]:
+def improve(
+    problem: Tracking, requests: Array, radii: tuple[float, ...] = SHARPENING
+) -> tuple[Array, float]:
     """Requests that track at least as well as the given ones, and their exact error.
 
     Args:
         problem: What to follow, and within which limits.
         requests: Where to start [rad], shape (n,), within the limits.
+        radii: Radius of the saturation's corners [theta_0], stage by stage.
 
     Returns:
         The best requests met, judged by the exact model, and that error [rad].
     """
     best, least = requests, problem.exact_error(requests)
     damping = DAMPING[1]
-    for stage in stages(problem):
+    for stage in stages(problem, radii):
         requests, damping = descend(problem, requests, stage, damping)
         error = problem.exact_error(requests)
         if error < least:

@@ -138,4 +138,5 @@ def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset:
             v_max=model.v_max_per_tick,
             theta_0=model.theta_0,
         )
-    return angle
+    moved: Array = angle
+    return moved

@@ -11,12 +11,18 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.bound import Norm, check_norm
-from planner.inversion.closed_form import invert_closed_form, requests_along
-from planner.inversion.descent import improve
+from planner.inversion.closed_form import requests_along
+from planner.inversion.descent import GUIDING, improve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, checked_limits
 from planner.model.joint import JointModel
 from planner.trajectory import Array, as_trajectory
+
+NEAR_IDEAL = 1.005
+"""Error over that of the ideal up to which a second search would gain next to nothing."""
+
+NEGLIGIBLE = 1e-3
+"""Error up to which a second search is not worth its time [theta_0]."""
 
 
 def invert_optimal(
@@ -63,11 +69,7 @@ def invert_optimal(
     if not cyclic and start is None:
         start = float(desired[0])
     problem = Tracking(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
-    best, least = problem.resting, math.inf
-    for first in starts(problem):
-        requests, error = improve(problem, problem.admissible(first))
-        if error < least:
-            best, least = requests, error
+    best, least = search(problem)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
     best.setflags(write=False)
@@ -83,17 +85,31 @@ def invert_optimal(
     )
 
 
-def starts(problem: Tracking) -> list[Array]:
-    """Requests from which the search sets out: two closed forms.
+def search(problem: Tracking) -> tuple[Array, float]:
+    """The best requests found, and their exact error [rad].
 
-    The first inverts the best trajectory within ±v_max line by line, each sample being a knot; the
-    second is the paper's, with few lines.
+    The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
+    as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
+    requests than what it cannot. Where the result is not near the ideal's error, which no requests
+    can go below, it does so once more with wider corners.
     """
     model, desired = problem.model, problem.desired
     ideal = slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
-    knots = np.arange(len(desired), dtype=np.float64)
-    curve = PiecewiseLinear(
-        knots=knots, values=ideal, samples=len(desired), tick=model.period, cyclic=problem.cyclic
+    lines = PiecewiseLinear(
+        knots=np.arange(len(desired), dtype=np.float64),
+        values=ideal,
+        samples=len(desired),
+        tick=model.period,
+        cyclic=problem.cyclic,
     )
-    few_lines = invert_closed_form(model, desired, cyclic=problem.cyclic, rule="exact")
-    return [requests_along(model, curve, rule="exact"), few_lines.requests]
+    first = problem.admissible(requests_along(model, lines, rule="exact"))
+    best, least = first, problem.exact_error(first)
+    near = NEAR_IDEAL * problem.error(ideal) + NEGLIGIBLE * model.theta_0
+    for radii in GUIDING:
+        guided, _ = improve(problem.along(ideal), first, radii)
+        requests, error = improve(problem, guided)
+        if error < least:
+            best, least = requests, error
+        if least <= near:
+            break
+    return best, least

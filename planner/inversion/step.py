@@ -11,6 +11,7 @@ first sample beside last, so that its matrix is banded too.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -103,6 +104,12 @@ class Stencil:
                 entries -= run.by_angle[there] * inverse_weights[here]
             np.add.at(band, place, twice * entries)
         return band.reshape(self.bandwidth + 1, n)
+
+
+@lru_cache(maxsize=32)
+def stencil(reach: Reach, samples: int, *, cyclic: bool) -> Stencil:
+    """The stencil for this reach and length: worked out at the first call, then kept."""
+    return Stencil(reach, samples, cyclic=cyclic)
 
 
 def gauss_newton_step(

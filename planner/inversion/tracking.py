@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput, NoSteadyCycle
 from planner.inversion.bound import Norm
-from planner.inversion.step import Stencil
+from planner.inversion.step import Stencil, stencil
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.model.transition import Linearised, reach, transitions
@@ -64,7 +64,18 @@ class Tracking:
     @cached_property
     def stencil(self) -> Stencil:
         """Where requests act."""
-        return Stencil(reach(self.model), len(self.desired), cyclic=self.cyclic)
+        return stencil(reach(self.model), len(self.desired), cyclic=self.cyclic)
+
+    def along(self, desired: Array) -> Tracking:
+        """The same problem with other desired angles [rad], (n,), in the rms norm."""
+        return Tracking(
+            self.model,
+            desired,
+            cyclic=self.cyclic,
+            norm="rms",
+            limits=(self.lower, self.upper),
+            start=self.start,
+        )
 
     @cached_property
     def resting(self) -> Array:
