@@ -161,7 +161,9 @@ def _check_rows(table: Table) -> None:
                 line=line,
             )
     if len(table.rows) < 2:
-        raise InvalidFile(table.path, f"got {len(table.rows)} rows of samples, expected at least 2")
+        raise InvalidFile(
+            table.path, f"rows of samples: got {len(table.rows)}, expected at least 2"
+        )
 
 
 def _is_number(cell: str) -> bool:

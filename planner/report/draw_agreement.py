@@ -18,7 +18,7 @@ def draw_agreement(reproduction: Reproduction) -> Figure:
     """Dumb-bells: the paper's figure at one end, ours at the other, a row per figure of Table 2."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 4.0), layout="constrained")
     axes = figure.add_subplot()
     ticks, names = [], []
     row = 0.0
@@ -42,7 +42,7 @@ def draw_agreement(reproduction: Reproduction) -> Figure:
     axes.set_ylim(row + 0.8, 0.1)
     axes.set_xlim(left=0.0)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("distance between trajectories [deg]: L₂ left, L∞ right in each row")
+    axes.set_xlabel("distance [deg]: L₂ left, L∞ right in each row")
     axes.plot([], [], "o", ms=6, mfc="none", mec=INK.light, mew=1.2, label="the paper's robot")
     axes.plot([], [], "o", ms=4.5, color=CLOSED_FORM.light, label="the paper's model, here")
     handles, labels = axes.get_legend_handles_labels()

@@ -36,7 +36,7 @@ SKETCHED = 22
 
 def draw_direct_foot(reproduction: Reproduction) -> Figure:
     """Figure 1: desired path of the foot, and what comes of requesting the desired angles."""
-    figure, axes = _side_view(height=3.3)
+    figure, axes = _side_view(height=2.75)
     desired = reproduction.walk.desired_foot
     actual = reproduction.foot["direct"].positions
     _draw_path(axes, desired, DESIRED)
@@ -51,7 +51,7 @@ def draw_direct_foot(reproduction: Reproduction) -> Figure:
 
 def draw_foot_paths(reproduction: Reproduction) -> Figure:
     """Figure 8: the paths of the foot under all methods, with the leg at one instant."""
-    figure, axes = _side_view(height=4.7)
+    figure, axes = _side_view(height=4.1)
     _draw_leg(axes, reproduction)
     _draw_path(axes, reproduction.walk.desired_foot, DESIRED, zorder=6)
     for method, role in METHODS.items():
@@ -102,12 +102,12 @@ def _draw_path(axes: Axes, positions: Array, role: Role, zorder: float = 4) -> N
 
 
 def _mark_direction(axes: Axes, positions: Array, sample: int, role: Role) -> None:
-    tail, tip = positions[sample], positions[sample + 1]
+    tail, tip = positions[sample], positions[sample + 2]
     axes.annotate(
         "",
         xy=(100.0 * tip[0], 100.0 * tip[2]),
         xytext=(100.0 * tail[0], 100.0 * tail[2]),
-        arrowprops={"arrowstyle": "-|>", "color": role.light, "lw": 0.0, "mutation_scale": 12},
+        arrowprops={"arrowstyle": "-|>", "color": role.light, "lw": 0.0, "mutation_scale": 15},
         zorder=7,
     )
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from planner.evaluation.reproduction import JointOutcome, Reproduction
     from planner.trajectory import Array
 
-ROW = 1.75
+ROW = 1.55
 """Height of one joint's row [inch]."""
 
 
@@ -101,6 +101,7 @@ def _rows(
         axes.set_title(joint.name)
         axes.set_ylabel("angle [deg]")
         axes.margins(y=0.08)
+    figure.align_ylabels(rows)
     samples = len(reproduction.joints[0].desired)
     rows[-1].set_xlim(0, samples)
     rows[-1].set_xticks(range(0, samples + 1, samples // 8))

@@ -22,7 +22,7 @@ def draw_step(reproduction: Reproduction, amplitude: float) -> Figure:
     from matplotlib.figure import Figure
 
     response = reproduction.steps[amplitude]
-    figure = Figure(figsize=(WIDTH, 3.1), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 2.5), layout="constrained")
     axes = figure.add_subplot()
     samples = np.arange(len(response.angles))
     axes.step(samples, np.degrees(response.requests), where="post", **REQUESTED.line)
@@ -47,7 +47,7 @@ def draw_speed(reproduction: Reproduction) -> Figure:
     model = reproduction.model
     theta_0, v_max = math.degrees(model.theta_0), math.degrees(model.v_max_per_tick)
     errors = np.array([-2.2, -1.0, 0.0, 1.0, 2.2]) * theta_0
-    figure = Figure(figsize=(WIDTH, 2.7), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 2.5), layout="constrained")
     axes = figure.add_subplot()
     axes.axhline(0.0, color=MUTED.light, lw=0.8)
     axes.axvline(0.0, color=MUTED.light, lw=0.8)

@@ -81,14 +81,14 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
                 4,
                 STEP_AMPLITUDES[1],
                 "From top speed to top speed the other way: twice the change of speed in the same "
-                "acceleration time, at the same top speed. So neither is an acceleration limit.",
+                "acceleration time, where a limit on the acceleration would take twice as long.",
             ),
         )
     ),
     (
         "figure5_speed",
         "Figure 5: the function f",
-        "The speed that an error calls for: proportional up to θ₀, v_max beyond.",
+        "The speed that an error calls for: proportional up to θ₀, top speed beyond.",
         "A line through the origin that turns level at plus and minus theta 0, at the speeds plus "
         "and minus v max.",
         draw_model.draw_speed,
@@ -96,9 +96,9 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
     (
         "figure6_approximation",
         "Figure 6: piecewise linear approximations",
-        "Six lines per joint, none steeper than v_max, with knots chosen automatically; in the "
-        "paper they were drawn by hand. Where the desired angles are faster than the joint, the "
-        "lines must leave them.",
+        "Six lines per joint, none steeper than the top speed, with knots chosen automatically; in "
+        "the paper they were drawn by hand. Where the desired angles are faster than the joint, "
+        "the lines must leave them.",
         "For each joint the desired angles and six straight lines that follow them, joined at "
         "marked knots.",
         draw_joints.draw_approximation,

@@ -24,6 +24,9 @@ PARAMETERS = {
 }
 """What the parameters of a joint are called in words."""
 
+HERO = "figure8_foot_paths"
+"""The picture beside the verdict."""
+
 
 def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequence[str]) -> str:
     """The whole page.
@@ -48,6 +51,7 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
             foot=foot_rows(results),
             pictures=pictures,
             drawings=drawings,
+            hero=next(picture for picture in pictures if picture.name == HERO),
             files=files,
             roles=ROLES,
             parameters=PARAMETERS,

@@ -39,7 +39,8 @@ class Cell:
         """Relative to the paper's figure, with a sign."""
         if self.paper is None:
             return NOTHING
-        return f"{100.0 * (self.ours / self.paper - 1.0):+.0f} %".replace("-", "−")
+        percents = round(100.0 * (self.ours / self.paper - 1.0))
+        return f"{percents:+d} %".replace("-", "−") if percents else "0 %"
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,10 @@ def paper_text(results: Mapping[str, Any]) -> str:
         "Distances between joint trajectories [deg]: ours / the paper's (difference)",
         text_table(
             ["", "", *joints],
-            [[row.label, row.norm, *map(_text, row.cells)] for row in table2_rows(results)],
+            [
+                [row.label if row.norm == NORMS["L2"] else "", row.norm, *map(_text, row.cells)]
+                for row in table2_rows(results)
+            ],
         ),
         "",
         "Distance of the foot from its desired path [cm]: ours / the paper's (difference)",
@@ -121,5 +125,5 @@ def _cell(entry: Mapping[str, Any], norm: str) -> Cell:
 
 def _text(cell: Cell) -> str:
     if cell.paper is None:
-        return f"{cell.ours:.2f} / {NOTHING} ({NOTHING})".ljust(1)
+        return f"{cell.ours:.2f}"
     return f"{cell.ours:.2f} / {cell.paper:.2f} ({cell.difference})"

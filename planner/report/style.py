@@ -66,8 +66,8 @@ ROLES: Mapping[str, Role] = {
 }
 """Every role by the name of its CSS variable."""
 
-WIDTH = 5.6
-"""Width of a picture [inch]: legible on a phone, and a column and a half of a paper."""
+WIDTH = 4.8
+"""Width of a picture [inch]: legible on a phone, and between one and two columns of a paper."""
 
 SETTINGS: Mapping[str, Any] = {
     "font.family": "sans-serif",

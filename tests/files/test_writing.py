@@ -1,0 +1,114 @@
+"""Files and folders appear whole or not at all, and nothing of the user's is lost."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+
+from planner.exceptions import InvalidFile
+from planner.files import text
+from planner.files.output_folder import list_files, output_folder
+from planner.files.text import write_text
+
+
+def _run(folder, name="a.csv", content="1"):
+    with output_folder(folder) as aside:
+        (aside / name).write_text(content)
+        (aside / "results.json").write_text(json.dumps({"files": [name]}))
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
+    file = tmp_path / "plan.csv"
+    write_text(file, "old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(text.os, "fdopen", full)
+    with pytest.raises(InvalidFile, match=r"cannot be written \(no space left on device\)"):
+        write_text(file, "new")
+    assert file.read_text() == "old"
+    assert list_files(tmp_path) == ["plan.csv"]
+
+
+def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_had(tmp_path):
+    plain, written = tmp_path / "plain", tmp_path / "written"
+    plain.touch()
+    write_text(written, "new")
+    assert written.stat().st_mode == plain.stat().st_mode
+    written.chmod(0o640)
+    write_text(written, "newer")
+    assert written.stat().st_mode & 0o777 == 0o640
+
+
+def test_writing_through_a_link_keeps_the_link(tmp_path):
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.write_text("old")
+    link.symlink_to(file)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert file.read_text() == "new"
+
+
+def test_a_device_takes_what_it_is_given():
+    write_text(os.devnull, "anything")
+
+
+def test_a_folder_that_does_not_exist_is_bad_input(tmp_path):
+    with pytest.raises(InvalidFile, match=r"cannot be written \(no such file or directory\)"):
+        write_text(tmp_path / "missing" / "plan.csv", "text")
+
+
+def test_a_run_makes_its_folder_and_the_next_run_replaces_it(tmp_path):
+    out = tmp_path / "deep" / "out"
+    _run(out, "a.csv")
+    _run(out, "b.csv", "2")
+    assert list_files(out) == ["b.csv", "results.json"]
+    assert list_files(tmp_path) == ["deep/out/b.csv", "deep/out/results.json"]
+
+
+def test_a_failed_run_leaves_the_last_good_one(tmp_path):
+    out = tmp_path / "out"
+    _run(out)
+
+    def stopped_half_way():
+        with output_folder(out) as aside:
+            (aside / "half.csv").write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped_half_way()
+    assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
+
+
+def test_a_folder_with_a_users_files_is_never_replaced(tmp_path):
+    out = tmp_path / "out"
+    _run(out)
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(InvalidFile) as caught:
+        _run(out)
+    assert str(caught.value) == (
+        f"{out}: holds files that no earlier run made (notes.txt), expected a new or empty folder "
+        "or an earlier run's; choose another folder or move them away"
+    )
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_files_that_appear_during_a_run_are_kept(tmp_path):
+    out = tmp_path / "out"
+    _run(out)
+    with pytest.raises(InvalidFile, match=r"late\.txt"), output_folder(out):
+        (out / "late.txt").write_text("mine")
+    assert list_files(out) == ["a.csv", "late.txt", "results.json"]
+
+
+def test_an_empty_folder_is_filled_and_a_file_is_refused(tmp_path):
+    empty, file = tmp_path / "empty", tmp_path / "file"
+    empty.mkdir()
+    _run(empty)
+    assert "a.csv" in list_files(empty)
+    file.touch()
+    with pytest.raises(InvalidFile, match="is a file, expected a folder"):
+        _run(file)
