@@ -31,6 +31,7 @@ def choose(poses: Array, allowed: npt.NDArray[np.bool_], limits: Limits) -> Arra
     margin = np.where(allowed, limits.margin(poses), -np.inf)
     keys = np.concatenate([-np.moveaxis(poses, -1, 0), -margin[None]])
     order = np.lexsort(np.round(keys, SAME), axis=-1)  # best first
+    order = order[:, : allowed.sum(axis=1).max(initial=1)]  # those not allowed come last
     poses = np.take_along_axis(poses, order[..., None], axis=1)
     allowed = np.take_along_axis(allowed, order, axis=1)
 

@@ -121,8 +121,8 @@ class Leg:
         """Joint angles that put the foot at each point of a path, and how near they bring it.
 
         Where two neighbouring axes of the leg intersect or are parallel the poses are enumerated in
-        closed form (10,000 points take some 20 ms); otherwise they are searched for numerically
-        (some ms a point). Each is judged by forward kinematics. Several poses may reach a point: at
+        closed form (10,000 points take some 30 ms); otherwise they are searched for numerically
+        (1 ms a point). Each is judged by forward kinematics. Several poses may reach a point: at
         the first point the one deepest inside the limits is taken, at every later point the one
         closest to the pose before it (:func:`kinematics.branches.choose`).
 
@@ -166,7 +166,7 @@ def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Ar
     bad = np.flatnonzero(~np.all(np.abs(given) <= FARTHEST, axis=1))
     if bad.size:
         raise InvalidPath(
-            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} {unit}: "
-            f"first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
+            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} "
+            f"{unit}: first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
         )
     return np.array(given, dtype=np.float64)

@@ -42,7 +42,7 @@ class Limits(NamedTuple):
         lower, upper = self.finite
         half = np.minimum(0.5 * (upper - lower), 0.5 * TURN)
         middle = 0.5 * (lower + upper)
-        return Limits(middle - half, middle + half)
+        return Limits(self.clip(middle - half), self.clip(middle + half))
 
     def clip(self, angles: Array) -> Array:
         """The nearest angles within the limits [rad], for angles of shape (..., k)."""

@@ -7,8 +7,9 @@ import pinocchio
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kinematics import Leg
 from made_up_robots import LEGS, Joint, ers210a_leg, made_up_leg, reference_leg, urdf_text
+
+from kinematics import Leg
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""

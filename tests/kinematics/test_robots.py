@@ -8,14 +8,15 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-import kinematics
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_up_robots import LEGS, ers210a_leg, reference_leg
+
+import kinematics
 from kinematics import Leg, UnknownDescription, urdf_path
 from kinematics.descriptions import SHIPPED
-from made_up_robots import LEGS, ers210a_leg, reference_leg
 
 DRAWING = 5e-5
 """Sony's vectors are rounded and their ball fitted: they hold to this [m]."""
@@ -61,7 +62,9 @@ def test_the_shipped_robots_are_the_files_of_the_folder():
 
 
 def test_an_unknown_robot_is_an_error_that_lists_the_shipped_ones():
-    with pytest.raises(UnknownDescription, match=r"'aibo'.*ers210a\.urdf, reference_leg\.urdf") as e:
+    with pytest.raises(
+        UnknownDescription, match=r"'aibo'.*ers210a\.urdf, reference_leg\.urdf"
+    ) as e:
         urdf_path("aibo")
     assert e.value.shipped == SHIPPED
 

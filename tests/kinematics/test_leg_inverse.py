@@ -1,0 +1,243 @@
+"""Joint angles from foot positions: exact where reachable, deterministic where several poses do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_robots import (
+    CLOSED,
+    LEGS,
+    SHAPES,
+    Joint,
+    X,
+    Y,
+    angles_within,
+    ers210a_leg,
+    made_up_leg,
+    reference_leg,
+)
+
+from kinematics import UnreachableFoot
+from kinematics.branches import choose
+from kinematics.inverse import solve_inverse
+from kinematics.limits import Limits
+from kinematics.nearest import nearest_poses
+
+EXACT = 1e-9
+"""An answer puts the foot within this of the point [m]."""
+
+CLOSE = 1e-12
+"""The closed form is this exact away from singular poses [m]."""
+
+SAME_POSE = 1e-6
+"""Poses found by two routes agree to this [rad]; a singular pose is known to √eps only."""
+
+
+@pytest.fixture(params=SHAPES)
+def shape(request, tmp_path):
+    return made_up_leg(tmp_path, *SHAPES[request.param])
+
+
+@pytest.fixture(params=CLOSED)
+def closed_shape(request, tmp_path):
+    return made_up_leg(tmp_path, *SHAPES[request.param])
+
+
+@pytest.mark.parametrize("name", LEGS)
+@given(data=st.data())
+@settings(deadline=None, max_examples=50)
+def test_the_inverse_undoes_the_forward_kinematics_on_every_leg_of_the_robot(name, data):
+    leg = ers210a_leg(name)
+    foot = leg.foot_positions(data.draw(angles_within(leg)))
+    solution = leg.inverse(foot)
+    assert np.linalg.norm(leg.foot_positions(solution.angles) - foot, axis=1).max() < EXACT
+    assert solution.reachable.all()
+    assert (solution.angles >= leg.limits.lower).all()
+    assert (solution.angles <= leg.limits.upper).all()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@given(data=st.data())
+@settings(deadline=None, max_examples=50)
+def test_the_inverse_undoes_the_forward_kinematics_on_every_kind_of_leg(
+    name, data, tmp_path_factory
+):
+    leg = made_up_leg(tmp_path_factory.mktemp("robot"), *SHAPES[name])
+    foot = leg.foot_positions(data.draw(angles_within(leg)))
+    found = leg.joint_angles(foot)
+    assert np.linalg.norm(leg.foot_positions(found) - foot, axis=1).max() < EXACT
+    assert (found >= leg.limits.lower).all()
+    assert (found <= leg.limits.upper).all()
+
+
+def test_legs_with_neighbouring_axes_that_meet_have_a_closed_form_and_others_none(tmp_path):
+    for name, (joints, tip) in SHAPES.items():
+        leg = made_up_leg(tmp_path, joints, tip)
+        assert (leg.closed_form is not None) == (name in CLOSED)
+    assert all(ers210a_leg(name).closed_form is not None for name in LEGS)
+    assert reference_leg().closed_form is not None
+
+
+@pytest.mark.parametrize(
+    ("joints", "tip"),
+    [
+        ([Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y), Joint((0, 0, -0.1), Y)], (0, 0, -0.1)),
+        ([Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, 0), Y)], (0, 0, -0.1)),
+        ([Joint((0, 0, 0), X), Joint((0, 0, 0), X), Joint((0, 0, -0.1), Y)], (0, 0, -0.1)),
+        ([Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, -0.1), Y)], (0, 0.1, 0)),
+    ],
+    ids=["three parallel axes", "a wrist", "one axis twice", "the foot on the last axis"],
+)
+def test_a_leg_that_cannot_move_its_foot_in_three_directions_is_searched(joints, tip, tmp_path):
+    leg = made_up_leg(tmp_path, joints, tip)
+    assert leg.closed_form is None
+    foot = leg.foot_positions(np.random.default_rng(1).uniform(-1.0, 1.0, (5, 3)))
+    np.testing.assert_allclose(leg.foot_positions(leg.joint_angles(foot)), foot, atol=EXACT)
+    with pytest.raises(UnreachableFoot):
+        leg.joint_angles(foot + 0.3)
+
+
+def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
+    leg = closed_shape
+    free = replace(leg, limits=Limits(np.full(3, -np.pi), np.full(3, np.pi)))
+    foot = leg.foot_positions(np.random.default_rng(5).uniform(*leg.limits, (30, 3)))
+    enumerated = free.closed_form.poses(foot)
+    searched = nearest_poses(leg.chain, free.limits, foot)
+    count = 0
+    for point, poses, candidates in zip(foot, searched, enumerated, strict=True):
+        reached = np.linalg.norm(leg.foot_positions(poses) - point, axis=1) < CLOSE
+        for pose in poses[reached]:
+            off = np.remainder(candidates - pose + np.pi, 2 * np.pi) - np.pi
+            assert np.abs(off).max(axis=1).min() < SAME_POSE
+            count += 1
+    assert count > len(foot)  # several poses for most points, or the test shows little
+
+
+def test_the_search_agrees_with_the_closed_form_on_the_robot():
+    leg = ers210a_leg("hind_left")
+    foot = leg.foot_positions(np.linspace([-0.5, 0.0, 0.3], [0.5, 0.6, 1.9], 40))
+    searched = solve_inverse(leg.chain, leg.limits, None, foot)
+    np.testing.assert_allclose(searched.angles, leg.joint_angles(foot), atol=SAME_POSE)
+
+
+def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(shape):
+    phase = np.linspace(0.0, 2.0 * np.pi, 200)[:, None]
+    angles = 0.4 * np.sin(phase + np.arange(3.0)) + [0.1, 0.2, 1.2]
+    found = shape.joint_angles(shape.foot_positions(angles))
+    assert np.abs(np.diff(found, axis=0)).max() < 0.1  # no jump between poses
+
+
+def test_later_points_stay_on_the_pose_of_the_point_before():
+    leg = reference_leg()
+    angles = np.linspace([0.3, 0.1, -0.4], [0.3, 0.1, -0.2], 20)
+    foot = leg.foot_positions(angles)
+    others = leg.joint_angles(foot)  # alone, the pose deeper inside the limits is taken
+    assert (others[:, 2] > 0.0).all()
+    bent = leg.foot_positions([[0.3, 0.1, -0.46]])  # only a backward knee is deep inside here
+    assert np.abs(np.diff(others, axis=0)).max() < 0.05
+    np.testing.assert_allclose(leg.foot_positions(leg.joint_angles(bent)), bent, atol=EXACT)
+
+
+def test_the_first_pose_is_the_one_deepest_inside_the_limits():
+    poses = np.array([[[0.9, 0.0], [0.2, -0.3], [0.1, 0.8]]])
+    limits = Limits(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    allowed = np.ones((1, 3), dtype=bool)
+    np.testing.assert_array_equal(choose(poses, allowed, limits), [[0.2, -0.3]])
+    allowed[0, 1] = False
+    np.testing.assert_array_equal(choose(poses, allowed, limits), [[0.1, 0.8]])
+
+
+def test_of_poses_equally_deep_the_larger_last_angle_is_taken():
+    poses = np.array([[[0.5, -0.5], [-0.5, 0.5], [0.5 + 1e-12, 0.5]]])
+    limits = Limits(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    np.testing.assert_array_equal(choose(poses, np.ones((1, 3), bool), limits), poses[:, 2])
+
+
+def test_each_later_pose_is_the_nearest_to_the_one_before():
+    poses = np.array([[[0.0], [3.0]], [[2.9], [0.3]], [[3.1], [0.4]], [[0.5], [0.6]]])
+    limits = Limits(np.array([-1.0]), np.array([4.0]))
+    allowed = np.array([[True, False], [True, True], [True, True], [True, True]])
+    chosen = choose(poses, allowed, limits)
+    np.testing.assert_array_equal(chosen[:, 0], [0.0, 0.3, 0.4, 0.5])
+
+
+def test_the_pose_does_not_depend_on_rounding_of_the_point():
+    leg = ers210a_leg("front_left")
+    rng = np.random.default_rng(6)
+    foot = leg.foot_positions(rng.uniform(*leg.limits, (200, 3)))
+    for point in foot:
+        one, other = leg.joint_angles([point])[0], leg.joint_angles([point * (1 + 1e-15)])[0]
+        np.testing.assert_allclose(one, other, atol=1e-4)
+
+
+def test_a_joint_that_turns_for_ever_follows_on_without_jumps(tmp_path):
+    joints = [replace(SHAPES[CLOSED[0]][0][0], kind="continuous"), *SHAPES[CLOSED[0]][0][1:]]
+    leg = made_up_leg(tmp_path, joints, SHAPES[CLOSED[0]][1])
+    assert np.isinf(leg.limits.lower[0])
+    angles = np.linspace([-9.0, 0.3, 1.0], [9.0, 0.5, 1.3], 300)
+    foot = leg.foot_positions(angles)
+    found = leg.joint_angles(foot)
+    assert np.abs(np.diff(found, axis=0)).max() < 0.1
+    assert found[-1, 0] - found[0, 0] == pytest.approx(18.0, abs=1.0)  # on another pose, perhaps
+    np.testing.assert_allclose(leg.foot_positions(found), foot, atol=EXACT)
+
+
+def test_a_joint_of_several_turns_stays_within_its_limits(tmp_path):
+    joints = [replace(SHAPES[CLOSED[0]][0][0], lower=-9.0, upper=9.0), *SHAPES[CLOSED[0]][0][1:]]
+    leg = made_up_leg(tmp_path, joints, SHAPES[CLOSED[0]][1])
+    angles = np.linspace([-20.0, 0.3, 1.0], [20.0, 0.5, 1.3], 600)
+    foot = leg.foot_positions(angles)
+    found = leg.joint_angles(foot)
+    assert (np.abs(found[:, 0]) <= 9.0).all()
+    backward = np.diff(found[:, 0]) < -0.1
+    assert backward.sum() == 6  # 40 rad in a range of 18, a full turn back at each end
+    assert (found[:-1, 0][backward] > 8.9).all()
+    np.testing.assert_allclose(leg.foot_positions(found), foot, atol=EXACT)
+
+
+@pytest.mark.parametrize("knee", [0.0, 1e-9, 1e-7, 1e-5, -1e-6])
+def test_the_fully_stretched_leg_is_within_reach(knee):
+    leg = reference_leg()
+    foot = leg.foot_positions([[0.4, 0.3, knee]])
+    solution = leg.inverse(foot)
+    assert solution.distance.max() < EXACT
+    assert abs(solution.angles[0, 2]) < 1e-4
+    with pytest.raises(UnreachableFoot):
+        leg.joint_angles(foot * (1.0 + 1e-6))
+
+
+def test_a_knee_that_only_just_stretches_reaches_the_stretched_leg(tmp_path):
+    joints = [Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, -0.2), Y, lower=0.0)]
+    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.2))
+    foot = leg.foot_positions([[0.4, 0.3, 0.0], [-0.7, 0.2, 0.0], [0.1, 0.0, 0.0]])
+    assert leg.inverse(foot).distance.max() < EXACT
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_every_corner_of_the_limits_is_within_reach(name):
+    leg = ers210a_leg(name)
+    corners = np.array(np.meshgrid(*zip(*leg.limits, strict=True))).reshape(3, -1).T
+    assert leg.inverse(leg.foot_positions(corners)).distance.max() < EXACT
+
+
+def test_a_foot_on_the_hips_own_axis_is_within_reach():
+    leg = reference_leg()  # straight out to the side the rotator turns the foot on the spot
+    wide = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))
+    foot = wide.foot_positions([[0.7, 0.5 * np.pi, 0.0]])
+    np.testing.assert_allclose(foot, [[0.0, 0.133, 0.0]], atol=CLOSE)
+    assert wide.inverse(foot).distance.max() < EXACT
+
+
+def test_a_leg_folded_onto_its_hip_is_within_reach(tmp_path):
+    joints = [Joint((0, 0, 0), Y), Joint((0, 0, 0), X), Joint((0, 0, -0.2), Y, upper=np.pi)]
+    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.2))
+    assert leg.inverse([[0.0, 0.0, 0.0]]).distance.max() < EXACT
+
+
+def test_the_same_path_gives_the_same_angles(shape):
+    foot = shape.foot_positions(np.random.default_rng(7).uniform(*shape.limits, (50, 3)))
+    np.testing.assert_array_equal(shape.joint_angles(foot), shape.joint_angles(foot.copy()))

@@ -1,0 +1,182 @@
+"""What a URDF must hold for a leg, and what is said when it does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_up_robots import Joint, X, Y, made_up_leg, reference_leg, urdf_text
+
+from kinematics import InvalidPath, InvalidUrdf, KinematicsError, Leg, UnknownFrame, UnsupportedLeg
+from kinematics import urdf_path as shipped
+
+KNEE = Joint((0.0, 0.0, -0.2), Y)
+TIP = (0.0, 0.0, -0.2)
+
+
+def leg_of(folder, text, *, base="link_0", foot="tip"):
+    path = folder / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    return Leg.from_urdf(path, base=base, foot=foot)
+
+
+VALID = urdf_text([Joint((0, 0, 0), X), KNEE], TIP)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is not XML .no element found.*expected a URDF file"),
+        (VALID[:200], "is not XML"),
+        ("\0\x01 binary", "is not XML"),
+        ("<mesh/>", "the root element is <mesh>, expected <robot>"),
+        ('<xacro:x xmlns:xacro="http://ros.org/xacro"/>', "expand xacro files first"),
+        ('<robot name="r"/>', "is not a valid URDF: No link elements"),
+        (VALID.replace("1.0 0.0 0.0", "a b c"), r"is not a valid URDF: .*axis.*\[joint_1\]"),
+        (VALID.replace('xyz="1.0 0.0 0.0"', 'xyz="nan 0 0"'), "is not a valid URDF: .*axis"),
+        (VALID.replace('lower="-2.5"', 'lower="3.0"'), "'joint_1' has the limits 3 and 2.5"),
+        (VALID.replace('parent link="link_1"', 'parent link="hand"'), "hand"),
+    ],
+)
+def test_a_file_that_is_no_robot_is_an_error_that_says_why(text, message, tmp_path, capfd):
+    with pytest.raises(InvalidUrdf, match=message) as error:
+        leg_of(tmp_path, text)
+    assert error.value.path == tmp_path / "robot.urdf"
+    assert "\n" not in str(error.value)
+    assert capfd.readouterr() == ("", "")  # the parser's own complaints are in the message
+
+
+@pytest.mark.parametrize("name", ["no_such.urdf", "."])
+def test_a_file_that_cannot_be_read_is_an_error_with_its_path(name, tmp_path):
+    with pytest.raises(InvalidUrdf, match="cannot be read"):
+        Leg.from_urdf(tmp_path / name, base="hip", foot="foot")
+
+
+def test_standard_error_works_again_after_a_bad_file(tmp_path, capfd):
+    import os
+
+    with pytest.raises(InvalidUrdf):
+        leg_of(tmp_path, '<robot name="r"/>')
+    os.write(2, b"still here")
+    assert capfd.readouterr().err == "still here"
+
+
+@pytest.mark.parametrize(
+    ("base", "foot", "message"),
+    [
+        ("pelvis", "tip", "base: frame 'pelvis' is not in the URDF; frames: .*link_0.*tip"),
+        ("link_0", "", "foot: frame '' is not in the URDF"),
+    ],
+)
+def test_an_unknown_frame_is_an_error_that_lists_the_frames(base, foot, message, tmp_path):
+    with pytest.raises(UnknownFrame, match=message) as error:
+        leg_of(tmp_path, VALID, base=base, foot=foot)
+    assert {"link_0", "link_1", "link_2", "tip", "arm"} <= set(error.value.frames)
+
+
+@pytest.mark.parametrize(
+    ("base", "foot", "message"),
+    [
+        ("tip", "link_0", "base 'tip' is not above foot 'link_0'.*swapped"),
+        ("arm", "tip", "base 'arm' is not above foot 'tip'.*different limbs"),
+        ("link_2", "tip", "no joint lies between base 'link_2' and foot 'tip'"),
+        ("tip", "tip", "no joint lies between"),
+    ],
+)
+def test_frames_that_are_not_the_ends_of_a_leg_are_refused(base, foot, message, tmp_path):
+    with pytest.raises(UnsupportedLeg, match=message):
+        leg_of(tmp_path, VALID, base=base, foot=foot)
+
+
+@pytest.mark.parametrize(
+    ("joint", "message"),
+    [
+        (Joint((0, 0, 0), X, kind="prismatic"), "'joint_1' has no axis to turn about"),
+        (Joint((0, 0, 0), X, kind="floating"), "'joint_1' has no axis to turn about"),
+        (Joint((0, 0, 0), X, kind="planar"), "'joint_1' has no axis to turn about"),
+        (Joint((0, 0, 0), (0, 0, 0)), "'joint_1' has no axis to turn about"),
+        (Joint((0, 0, 0), X, extra='<mimic joint="arm_joint"/>'), "'joint_1' .*mimics another"),
+    ],
+    ids=["prismatic", "floating", "planar", "no axis", "mimic"],
+)
+def test_joints_that_do_not_simply_turn_are_refused(joint, message, tmp_path):
+    with pytest.raises(UnsupportedLeg, match=message):
+        made_up_leg(tmp_path, [joint, KNEE], TIP)
+
+
+def test_such_joints_elsewhere_in_the_robot_do_no_harm(tmp_path):
+    slide = Joint((0, 0, 0), X, kind="prismatic")
+    mimic = Joint((0, 0, 0), X, extra='<mimic joint="arm_joint"/>')
+    text = urdf_text([slide, mimic, Joint((0, 0, 0), X), KNEE], TIP)
+    assert leg_of(tmp_path, text, base="link_2").joint_names == ("joint_3", "joint_4")
+
+
+def test_a_continuous_joint_has_no_limits_and_neither_has_one_with_huge_ones(tmp_path):
+    joints = [
+        Joint((0, 0, 0), X, kind="continuous"),
+        Joint((0, 0, 0), Y, lower=-1e16, upper=1e16),
+        KNEE,
+    ]
+    limits = made_up_leg(tmp_path, joints, TIP).limits
+    np.testing.assert_array_equal(limits.lower, [-np.inf, -np.inf, -2.5])
+    np.testing.assert_array_equal(limits.upper, [np.inf, np.inf, 2.5])
+
+
+def test_a_joint_frame_and_a_link_frame_of_the_same_name_are_one(tmp_path):
+    text = VALID.replace('name="tip_mount"', 'name="tip"')
+    assert leg_of(tmp_path, text).joint_names == ("joint_1", "joint_2")
+
+
+def test_meshes_need_not_exist(tmp_path):
+    mesh = '<link name="link_1"><visual><geometry><mesh filename="package://no/where.stl"/>'
+    text = VALID.replace('<link name="link_1"/>', f"{mesh}</geometry></visual></link>")
+    assert len(leg_of(tmp_path, text).joint_names) == 2
+
+
+def test_a_description_may_be_named_by_a_string_and_hold_any_text(tmp_path):
+    text = VALID.replace('name="made_up"', 'name="Hündchen"')
+    path = tmp_path / "hündchen.urdf"
+    path.write_text(f'<?xml version="1.0" encoding="UTF-8"?>{text}', encoding="utf-8")
+    assert Leg.from_urdf(str(path), base="link_0", foot="tip").base == "link_0"
+
+
+@pytest.mark.parametrize("method", ["foot_positions", "jacobians", "joint_angles", "inverse"])
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([0.0, 0.0, 0.0], r"got shape \(3,\), expected \(n, 3\) .*; for a single row pass \["),
+        (0.0, r"got shape \(\), expected \(n, 3\)"),
+        (np.zeros((4, 2)), r"got shape \(4, 2\), expected \(n, 3\)"),
+        (np.zeros((2, 2, 3)), r"got shape \(2, 2, 3\)"),
+        ([[0.0, 0.0, 0.0], [0.0]], r"expected shape \(n, 3\)"),
+        ([[0, 0, 0], [0, np.nan, 0]], "1 of 2 rows are not finite.*first index 1"),
+        ([[0, 0, -np.inf]], "1 of 1 rows are not finite"),
+        ([[0, 0, 1e7]], r"beyond 1e\+06"),
+        ([["a", "b", "c"]], "expected real numbers"),
+        ([[0, 0, 1j]], "got an array of complex128, expected real numbers"),
+        ([[None, 0, 0]], "got an array of object"),
+        ([[True, False, True]], "got an array of bool"),
+    ],
+)
+def test_a_path_that_is_none_is_an_error_that_says_why(method, values, message):
+    with pytest.raises(InvalidPath, match=message) as error:
+        getattr(reference_leg(), method)(values)
+    assert str(error.value).startswith("foot: " if "in" in method.split("_")[0] else "angles: ")
+
+
+def test_whole_numbers_and_lists_are_paths():
+    leg = reference_leg()
+    np.testing.assert_array_equal(
+        leg.foot_positions([[0, 0, 0]]), leg.foot_positions(np.zeros((1, 3), dtype=np.float32))
+    )
+
+
+def test_every_error_is_of_the_tree_and_a_value_error(tmp_path):
+    for call in (
+        lambda: Leg.from_urdf(tmp_path, base="a", foot="b"),
+        lambda: Leg.from_urdf(shipped("reference_leg.urdf"), base="a", foot="b"),
+        lambda: reference_leg().joint_angles([[0, 0, 1]]),
+        lambda: shipped("x"),
+    ):
+        with pytest.raises(KinematicsError) as error:
+            call()
+        assert isinstance(error.value, ValueError)

@@ -1,0 +1,177 @@
+"""Points out of reach: the error, the nearest pose, the clamped pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_robots import (
+    CLOSED,
+    LEGS,
+    SHAPES,
+    Joint,
+    ers210a_leg,
+    made_up_leg,
+    reference_leg,
+)
+
+from kinematics import InvalidInput, UnreachableFoot, UnsupportedLeg
+from kinematics.limits import Limits
+
+EXACT = 1e-9
+"""Distances are right to this [m]."""
+
+STRAIGHT = 0.133
+"""Length of the stretched reference leg [m]."""
+
+
+@pytest.fixture(params=[*LEGS, "reference", *SHAPES])
+def leg(request, tmp_path):
+    if request.param in SHAPES:
+        return made_up_leg(tmp_path, *SHAPES[request.param])
+    return reference_leg() if request.param == "reference" else ers210a_leg(request.param)
+
+
+def around(leg, count, *, seed):
+    """Points in and out of reach, some far away."""
+    rng = np.random.default_rng(seed)
+    foot = leg.foot_positions(rng.uniform(*leg.limits.finite, (count, 3)))
+    return foot + rng.normal(size=(count, 3)) * np.ptp(foot, axis=0) * rng.uniform(0, 1, (count, 1))
+
+
+def test_no_pose_of_a_fine_grid_is_nearer_than_the_nearest(leg):
+    points = around(leg, 150, seed=1)
+    solution = leg.inverse(points, unreachable="nearest")
+    steps = [np.linspace(*ends, 41) for ends in zip(*leg.limits.finite, strict=True)]
+    grid = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
+    feet = leg.foot_positions(grid)
+    for point, distance in zip(points, solution.distance, strict=True):
+        assert distance <= np.linalg.norm(feet - point, axis=1).min() + EXACT
+    assert (~solution.reachable).sum() > 20
+
+
+def test_the_distance_is_that_of_the_angles_and_the_angles_are_within_limits(leg):
+    points = around(leg, 50, seed=2)
+    solution = leg.inverse(points, unreachable="nearest")
+    found = np.linalg.norm(leg.foot_positions(solution.angles) - points, axis=1)
+    np.testing.assert_allclose(solution.distance, found, atol=1e-15)
+    np.testing.assert_array_equal(solution.reachable, found <= EXACT)
+    assert (solution.angles >= leg.limits.lower).all()
+    assert (solution.angles <= leg.limits.upper).all()
+
+
+def test_moving_any_joint_a_little_brings_the_foot_no_nearer(leg):
+    points = around(leg, 50, seed=3)
+    solution = leg.inverse(points, unreachable="nearest")
+    for step in (1e-4, 1e-2):
+        for move in step * np.concatenate([np.eye(3), -np.eye(3)]):
+            moved = leg.limits.clip(solution.angles + move)
+            distance = np.linalg.norm(leg.foot_positions(moved) - points, axis=1)
+            assert (distance >= solution.distance - EXACT).all()
+
+
+def test_beyond_a_stretched_leg_the_nearest_point_lies_on_the_way_to_the_hip():
+    leg = reference_leg()
+    directions = np.array([[0.3, 0.2, -1.0], [-0.5, 0.1, -0.8], [0.6, 0.5, -0.3]])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for reach in (STRAIGHT + 1e-6, 0.2, 10.0):
+        solution = leg.inverse(reach * directions, unreachable="nearest")
+        np.testing.assert_allclose(solution.distance, reach - STRAIGHT, atol=EXACT)
+        np.testing.assert_allclose(
+            leg.foot_positions(solution.angles), STRAIGHT * directions, atol=1e-7
+        )
+
+
+@pytest.mark.parametrize("name", ["no two axes meet", CLOSED[0]])
+def test_reachable_points_are_reached_whatever_the_mode(name, tmp_path):
+    leg = made_up_leg(tmp_path, *SHAPES[name])
+    foot = leg.foot_positions(np.random.default_rng(4).uniform(*leg.limits, (30, 3)))
+    for mode in ("raise", "nearest", "clamp") if name in CLOSED else ("raise", "nearest"):
+        assert leg.inverse(foot, unreachable=mode).reachable.all()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_error_lists_which_points_are_out_of_reach_and_by_how_much(name, tmp_path):
+    leg = made_up_leg(tmp_path, *SHAPES[name])
+    foot = np.array(leg.foot_positions(np.tile([0.1, 0.2, 1.0], (30, 1))))
+    foot[[4, 17]] += [[0.0, 0.0, 3.0], [2.0, 0.0, 0.0]]
+    nearest = leg.inverse(foot, unreachable="nearest")
+    with pytest.raises(UnreachableFoot, match=r"2 of 30 .* indices: 4, 17; .*'nearest'") as error:
+        leg.joint_angles(foot)
+    np.testing.assert_array_equal(error.value.indices, [4, 17])
+    np.testing.assert_allclose(error.value.distances, nearest.distance[[4, 17]], atol=EXACT)
+
+
+def test_the_error_names_the_worst_point_and_only_the_first_ten():
+    foot = np.tile([0.0, 0.0, -0.2], (30, 1))
+    foot[7] = [0.0, 0.0, -1.133]
+    with pytest.raises(UnreachableFoot, match=r"by 1 m \(index 7\); indices: 0, .*, 9, \.\.\.;"):
+        reference_leg().joint_angles(foot)
+
+
+def test_clamping_is_the_rule_of_the_simplified_legs_own_inverse():
+    leg = reference_leg()
+    upper, lower = 0.064, 0.069
+    rng = np.random.default_rng(5)
+    x, y, z = points = rng.uniform([-0.1, 0.0, -0.13], [0.15, 0.12, -0.02], (300, 3)).T
+    square = (points * points).sum(axis=0)
+    knee = np.arccos(np.clip((square - upper**2 - lower**2) / (2 * upper * lower), -1, 1))
+    reach = upper + lower * np.cos(knee)
+    abductor = np.arcsin(np.clip(y / np.abs(reach), -1, 1))
+    below, before = reach * np.cos(abductor), lower * np.sin(knee)
+    rotator = np.arctan2(x * below + z * before, x * before - z * below)
+    expected = np.clip(np.stack([rotator, abductor, knee], axis=-1), *leg.limits)
+    one_by_one = [leg.inverse([point], unreachable="clamp") for point in points.T]
+    out = np.array([not solution.reachable[0] for solution in one_by_one])
+    assert out.sum() > 100
+    for solution, angles, point in zip(one_by_one, expected, points.T, strict=True):
+        rule = np.linalg.norm(leg.foot_positions([angles])[0] - point)
+        assert solution.distance[0] <= rule + EXACT  # of the clamped poses the best is taken
+    agree = np.abs([s.angles[0] for s in one_by_one] - expected).max(axis=1) < 1e-9
+    assert agree[out].mean() > 0.5
+
+
+def test_clamping_needs_a_closed_form(tmp_path):
+    leg = made_up_leg(tmp_path, *SHAPES["no two axes meet"])
+    with pytest.raises(UnsupportedLeg, match=r"clamp.*use 'nearest'"):
+        leg.joint_angles([[0.0, 0.0, 0.0]], unreachable="clamp")
+
+
+def test_an_unknown_mode_is_an_error_that_lists_the_modes():
+    with pytest.raises(InvalidInput, match="'ignore', expected one of raise, nearest, clamp"):
+        reference_leg().joint_angles([[0.0, 0.0, -0.1]], unreachable="ignore")
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_the_inverse_needs_three_joints(count, tmp_path):
+    joints = [Joint((0.0, 0.0, -0.1), axis) for axis in [(0, 1, 0), (1, 0, 0)] * 2][:count]
+    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
+    with pytest.raises(UnsupportedLeg, match=f"3 joints, this one has {count}"):
+        leg.joint_angles([[0.0, 0.0, -0.1]])
+
+
+@given(scale=st.floats(1.0, 1e6), seed=st.integers(0, 1000))
+@settings(deadline=None, max_examples=30)
+def test_the_nearest_pose_stands_up_to_points_however_far(scale, seed):
+    leg = ers210a_leg("front_left")
+    direction = np.random.default_rng(seed).normal(size=3)
+    point = scale * direction / np.linalg.norm(direction)
+    solution = leg.inverse([point], unreachable="nearest")
+    feet = leg.foot_positions(np.random.default_rng(seed).uniform(*leg.limits, (500, 3)))
+    best = np.linalg.norm(feet - point, axis=1).min()
+    assert solution.distance[0] <= best + EXACT * scale
+
+
+def test_a_joint_without_play_is_fine():
+    leg = reference_leg()
+    lower, upper = leg.limits.lower.copy(), leg.limits.upper.copy()
+    lower[1] = upper[1] = 0.2
+    stiff = replace(leg, limits=Limits(lower, upper))
+    foot = stiff.foot_positions([[0.3, 0.2, 1.0]])
+    np.testing.assert_allclose(stiff.joint_angles(foot), [[0.3, 0.2, 1.0]], atol=1e-9)
+    aside = stiff.inverse(np.add(foot, [0.0, 0.01, 0.0]), unreachable="nearest")
+    assert 0.0 < aside.distance[0] < 0.01
+    assert aside.angles[0, 1] == 0.2
