@@ -1,0 +1,316 @@
+"""Lower bounds: below every plan, valid whatever multipliers prove them, and the QP's optimum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog, nnls
+
+from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
+from planner.inversion.bound import (
+    LEVELS,
+    NORMS,
+    Reachable,
+    certified_error,
+    envelope,
+    lower_bound,
+    reachable_set,
+)
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from tests.independent import from_rest
+from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+from tests.strategies import models, trajectories
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-9
+"""Rounding of a bound on angles of a few radians, and the 1e-12 of the steady cycle [rad]."""
+
+OPTIMAL = 1e-6
+"""How close the solver's multipliers come to the best ones [relative to the range]."""
+
+
+def error(angles, desired, norm):
+    errors = np.abs(angles - desired)
+    return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_bounds_on_the_reference_walk_are_the_known_ones(joint):
+    slope = lower_bound(ERS210A, joint.desired, level="slope")
+    envelope_ = lower_bound(ERS210A, joint.desired, level="envelope")
+    assert math.degrees(slope) == pytest.approx(joint.slope_bound_deg, abs=2e-4)
+    assert math.degrees(envelope_) == pytest.approx(joint.envelope_bound_deg, abs=2e-4)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
+    far = 10.0 * ERS210A.v_max_per_tick
+    half = (far - ERS210A.v_max_per_tick) / 2.0
+    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="slope")
+    assert bound == pytest.approx(half, rel=OPTIMAL)
+    kept, gain = envelope(ERS210A)  # w(t+1) = -w(t), so (1 + kept) |w| <= gain
+    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="envelope")
+    assert bound == pytest.approx((far - gain / (1.0 + kept)) / 2.0, rel=OPTIMAL)
+
+
+def test_the_envelope_of_whole_ticks_is_that_of_the_derivation():
+    kept, gain = envelope(ERS210A)
+    v, ratio, a = ERS210A.v_max_per_tick, 2.5 / 7.0, 6.0
+    common = (a - 1.0) / a * ratio / 2.0
+    assert kept == pytest.approx(1.0 - common, rel=1e-12)
+    assert gain == pytest.approx(v * (2.0 / a + common), rel=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@given(model=models(), requests=trajectories(least=4), seed=st.integers(0, 2**32 - 1))
+def test_every_response_meets_the_conditions_of_every_level(cyclic, model, requests, seed):
+    """The derivation itself, tick by tick, on requests that switch hard."""
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.5:
+        requests = np.sign(requests) * 2.0 * model.theta_0 + rng.normal(size=len(requests)) * 0.01
+    every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
+    for level in LEVELS:
+        reachable = reachable_set(model, len(requests), cyclic=cyclic, level=level)
+        stride = model.hold if level == "slope" else 1
+        angles = every_tick[::stride][: reachable.matrix.shape[1]]
+        assert angles.shape == (reachable.matrix.shape[1],)
+        assert np.max(reachable.matrix @ angles - reachable.limit) <= 1e-10
+
+
+@given(model=models(), requests=trajectories(least=4))
+def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests):
+    start = float(requests[0] + model.offset)
+    every_tick = simulate(
+        replace(model, hold=1), np.repeat(requests, model.hold), cyclic=False, start=start
+    )
+    for level in LEVELS:
+        reachable = reachable_set(model, len(requests), cyclic=False, level=level, start=start)
+        stride = model.hold if level == "slope" else 1
+        angles = every_tick[::stride][: reachable.matrix.shape[1]]
+        assert np.max(reachable.matrix @ angles - reachable.limit) <= 1e-10
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=25)
+@given(model=models(), desired=trajectories(least=3, most=14), seed=st.integers(0, 2**32 - 1))
+def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
+    slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope")
+    envelope_ = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="envelope")
+    assert 0.0 <= slope <= envelope_ + OPTIMAL * (np.ptp(desired) + model.v_max * model.period)
+    rng = np.random.default_rng(seed)
+    for spread in (0.0, 0.05, 1.0):
+        requests = desired - model.offset + spread * rng.normal(size=len(desired))
+        missed = error(simulate(model, requests, cyclic=cyclic), desired, norm)
+        assert envelope_ <= missed + ROUNDING
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("hold", [1, 3])
+def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, hold):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=24)
+    start = float(desired[0] + 0.3)
+    for level in LEVELS:
+        free = lower_bound(model, desired, cyclic=False, norm=norm, level=level)
+        bound = lower_bound(model, desired, cyclic=False, norm=norm, level=level, start=start)
+        assert bound > free
+        for _ in range(10):
+            requests = desired - model.offset + 0.2 * rng.normal(size=24)
+            requests[0] = start - model.offset
+            missed = error(from_rest(model, requests, start=start), desired, norm)
+            assert bound <= missed + ROUNDING
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=15)
+@given(
+    model=models(offsets=False),
+    requests=trajectories(least=4, most=12, reach=1.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
+    norm, level, cyclic, model, requests, seed
+):
+    rng = np.random.default_rng(seed)
+    n = len(requests)
+    reachable = reachable_set(model, n, cyclic=cyclic, level=level)
+    angles = simulate(model, requests, cyclic=cyclic)
+    desired = angles + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
+    rows, ticks = reachable.matrix.shape
+    for sparsity in (1.0, 0.2):
+        multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
+        proved = certified_error(
+            reachable,
+            desired,
+            rng.normal(size=ticks),
+            multipliers,
+            norm=norm,
+            slack=model.v_max * model.period,
+        )
+        assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
+    model = replace(ERS210A, hold=3)
+    reachable = reachable_set(model, 8, cyclic=True, level="envelope")
+    desired = np.array([0.0, 1.0] * 4)
+    most = lower_bound(model, desired, norm=norm)
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        multipliers = rng.exponential(size=reachable.matrix.shape[0]) ** 4
+        proved = certified_error(
+            reachable,
+            desired,
+            rng.normal(size=24),
+            multipliers,
+            norm=norm,
+            slack=model.v_max * model.period,
+        )
+        assert proved <= most * (1.0 + OPTIMAL)
+
+
+def test_no_multipliers_prove_nothing():
+    reachable = reachable_set(ERS210A, 5, cyclic=True, level="slope")
+    nothing = np.zeros(reachable.matrix.shape[0])
+    desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
+    assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
+
+
+def least_distance(reachable: Reachable, desired):
+    """Rms distance of the set by Lawson and Hanson's least-distance programming; hold is 1."""
+    G = reachable.matrix.toarray()
+    below = G @ desired - reachable.limit  # -G z >= below for z = x - desired
+    stacked = np.vstack([-G.T, below])
+    target = np.zeros(len(desired) + 1)
+    target[-1] = 1.0
+    solution, _ = nnls(stacked, target, maxiter=100 * stacked.shape[1])
+    residual = stacked @ solution - target
+    z = -residual[:-1] / residual[-1]
+    return float(np.sqrt(np.mean(z**2)))
+
+
+def least_largest_error(reachable: Reachable, desired):
+    """Largest error of the nearest trajectory by linear programming."""
+    rows, ticks = reachable.matrix.shape
+    picks = np.zeros((len(desired), ticks))
+    picks[np.arange(len(desired)), reachable.sampled] = 1.0
+    ones = np.ones((len(desired), 1))
+    A = np.block(
+        [[reachable.matrix.toarray(), np.zeros((rows, 1))], [picks, -ones], [-picks, -ones]]
+    )
+    b = np.concatenate([reachable.limit, desired, -desired])
+    cost = np.append(np.zeros(ticks), 1.0)
+    return float(linprog(cost, A_ub=A, b_ub=b, bounds=(None, None)).fun)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=30)
+    reachable = reachable_set(model, 30, cyclic=cyclic, level=level)
+    expected = least_distance(reachable, desired)
+    bound = lower_bound(model, desired, cyclic=cyclic, level=level)
+    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("hold", [1, 4])
+def test_the_bound_on_the_largest_error_is_that_of_a_linear_program(hold, cyclic, level):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, whole=False, hold=hold)
+    desired = saturating(rng, model, samples=20)
+    reachable = reachable_set(model, 20, cyclic=cyclic, level=level)
+    expected = least_largest_error(reachable, desired)
+    bound = lower_bound(model, desired, cyclic=cyclic, norm="max", level=level)
+    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_bound_does_not_change_with_shift_mirror_rotation_or_unit(cyclic, norm):
+    rng = np.random.default_rng(2)
+    model = random_model(rng, whole=False, offset=True)
+    desired = saturating(rng, model, samples=40)
+    bound = lower_bound(model, desired, cyclic=cyclic, norm=norm)
+    same = pytest.approx(bound, rel=10.0 * OPTIMAL)
+    assert lower_bound(model, desired + 3.0, cyclic=cyclic, norm=norm) == same
+    assert lower_bound(model, -desired, cyclic=cyclic, norm=norm) == same
+    if cyclic:
+        assert lower_bound(model, np.roll(desired, 7), norm=norm) == same
+    unit = 57.3
+    scaled = replace(model, v_max=unit * model.v_max, theta_0=unit * model.theta_0)
+    bound_in_unit = lower_bound(scaled, unit * desired, cyclic=cyclic, norm=norm)
+    assert bound_in_unit / unit == same
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_slope_bound_does_not_know_the_direction_of_time(cyclic):
+    desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
+    forward = lower_bound(ERS210A, desired, cyclic=cyclic, level="slope")
+    backward = lower_bound(ERS210A, desired[::-1], cyclic=cyclic, level="slope")
+    assert backward == pytest.approx(forward, rel=10.0 * OPTIMAL)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LEVELS)
+def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
+    rng = np.random.default_rng(6)
+    model = random_model(rng)
+    assert lower_bound(model, np.full(9, 1.5), level=level, norm=norm) == 0.0
+    assert lower_bound(model, attainable(rng, model), level=level, norm=norm) < 1e-8
+
+
+def test_the_bound_takes_two_samples():
+    far = 1.0
+    expected = (far - ERS210A.v_max_per_tick) / 2.0
+    for cyclic in (True, False):
+        bound = lower_bound(ERS210A, [0.0, far], cyclic=cyclic, level="slope")
+        assert bound == pytest.approx(expected, rel=OPTIMAL)
+
+
+def test_a_solver_that_stops_short_is_an_error(monkeypatch):
+    import cvxpy
+
+    def refuse(_problem, **_options):
+        raise cvxpy.SolverError("out of luck")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", refuse)
+    with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*out of luck"):
+        lower_bound(ERS210A, [0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"norm": "l2"}, "norm: got 'l2', expected one of 'rms', 'max'"),
+        ({"level": "best"}, "level: got 'best', expected one of 'slope', 'envelope'"),
+        ({"start": 0.0}, "start: a cycle has none"),
+        ({"cyclic": False, "start": math.nan}, "start: got nan"),
+        ({"cyclic": False, "start": math.inf}, "start: got inf"),
+    ],
+)
+def test_an_option_that_does_not_exist_is_refused(options, message):
+    with pytest.raises(InvalidInput, match=message):
+        lower_bound(ERS210A, [0.0, 1.0, 0.0], **options)
+
+
+@pytest.mark.parametrize("desired", [[0.0], [0.0, math.inf], [[0.0, 1.0]], None])
+def test_desired_angles_that_are_no_trajectory_are_named(desired):
+    with pytest.raises(InvalidTrajectory, match=r"^desired: "):
+        lower_bound(ERS210A, desired)

@@ -1,0 +1,106 @@
+"""A plan judges itself: every figure follows from its requests and the exact model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from planner.inversion.bound import lower_bound
+from planner.inversion.result import Inversion
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from tests.instances import saturating
+
+ERS210A = JointModel.ers210a()
+
+
+def plan_of(desired, requests, **options):
+    desired, requests = np.array(desired, dtype=float), np.array(requests, dtype=float)
+    return Inversion(
+        model=ERS210A, desired=desired, requests=requests, method="closed_form", **options
+    )
+
+
+def test_errors_are_predicted_minus_desired_in_both_norms():
+    desired = saturating(np.random.default_rng(0), ERS210A)
+    plan = plan_of(desired, np.roll(desired, -7))
+    errors = simulate(ERS210A, np.roll(desired, -7)) - desired
+    np.testing.assert_array_equal(plan.errors, errors)
+    assert plan.rms == pytest.approx(math.sqrt(np.mean(errors**2)), rel=1e-14)
+    assert plan.max_error == np.max(np.abs(errors))
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("start", [None, 0.3])
+def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
+    cyclic = start is None
+    desired = saturating(np.random.default_rng(1), ERS210A)
+    requests = desired.copy()
+    requests[0] = desired[0] if start is None else start
+    plan = plan_of(desired, requests, norm=norm, cyclic=cyclic, start=start)
+    bound = lower_bound(ERS210A, desired, cyclic=cyclic, norm=norm, start=start)
+    assert plan.lower_bound == bound
+    error = plan.rms if norm == "rms" else plan.max_error
+    assert plan.gap == pytest.approx(error / bound - 1.0, rel=1e-12)
+    assert plan.gap >= 0.0
+
+
+def test_a_perfect_plan_has_no_gap():
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.2))
+    assert (plan.rms, plan.lower_bound, plan.gap) == (0.0, 0.0, 0.0)
+
+
+def test_a_plan_that_misses_what_has_no_bound_has_an_infinite_gap():
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.3))
+    assert plan.lower_bound == 0.0
+    assert plan.gap == math.inf
+
+
+def test_the_largest_step_counts_the_seam_of_a_cycle_only():
+    requests = [0.0, 0.1, 0.3, 0.9]
+    assert plan_of(requests, requests).largest_step == pytest.approx(0.9)
+    assert plan_of(requests, requests, cyclic=False, start=0.0).largest_step == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("requests", "excess"),
+    [([0.0, 1.0, 0.5], 0.0), ([-0.2, 1.1, 0.5], 0.2), ([0.2, 1.3, 0.5], 0.3), ([0.5] * 3, 0.0)],
+)
+def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
+    plan = plan_of([0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
+    assert plan.excess == pytest.approx(excess)
+
+
+def test_the_start_and_the_boundary_are_those_of_the_plan():
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    plan = plan_of(desired, desired, cyclic=False, start=0.7)
+    expected = simulate(ERS210A, desired, cyclic=False, start=0.7)
+    np.testing.assert_array_equal(plan.predicted, expected)
+
+
+def test_a_plan_cannot_be_changed():
+    plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
+    with pytest.raises(FrozenInstanceError):
+        plan.requests = np.zeros(3)
+    for name in ("predicted", "errors"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(plan, name)[0] = 1.0
+
+
+def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
+    asked = []
+
+    def count(*_arguments, **_options):
+        asked.append(1)
+        return 0.5
+
+    monkeypatch.setattr("planner.inversion.result.lower_bound", count)
+    plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
+    assert plan.rms >= 0.0
+    assert not asked
+    assert plan.gap == pytest.approx(plan.rms / 0.5 - 1.0)
+    assert plan.lower_bound == 0.5
+    assert len(asked) == 1
