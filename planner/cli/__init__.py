@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from planner.cli.main import cli, main
+from planner.cli.program import cli, main
 
 __all__ = ["cli", "main"]

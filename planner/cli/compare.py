@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from planner.inversion.result import Inversion
 
 
-@click.command()
+@click.command(short_help="Closed form and optimised requests, side by side.")
 @click.argument("path")
 @legs.options
 @legs.unreachable

@@ -9,7 +9,7 @@ from planner.cli.say import deliver
 from planner.cli.wanted import load_wanted
 
 
-@click.command()
+@click.command(short_help="Approximate joint angles by lines that a joint can follow.")
 @click.argument("desired")
 @options.model
 @options.joints

@@ -8,7 +8,7 @@ from planner.cli import options
 from planner.cli.say import deliver
 
 
-@click.command()
+@click.command(short_help="Make the foot path of a walk.")
 @click.option("--samples", default=88, show_default=True, help="Samples in a cycle.")
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
 @click.option("--length", default=0.04893, show_default=True, help="Half of the stroke [m].")

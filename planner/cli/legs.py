@@ -37,7 +37,7 @@ unreachable = click.option(
     default="raise",
     show_default=True,
     help="What to do with positions out of reach: stop and list them, take the nearest, or clamp "
-    "joint by joint as the paper's team did.",
+    "each joint as the reference walk does.",
 )
 
 
@@ -47,7 +47,11 @@ def options(command: Command) -> Command:
         click.option("--foot", metavar="FRAME", help="Frame of the foot in the URDF."),
         click.option("--base", metavar="FRAME", help="Frame of the foot positions in the URDF."),
         click.option("--urdf", metavar="FILE", help="Leg of your own robot, with --base, --foot."),
-        click.option("--leg", type=click.Choice(list(SHIPPED)), help="A shipped leg."),
+        click.option(
+            "--leg",
+            type=click.Choice(list(SHIPPED)),
+            help="A shipped leg; positions are in the body's frame, for 'reference' in the hip's.",
+        ),
     ):
         command = option(command)
     return command

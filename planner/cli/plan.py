@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from planner.inversion.result import Inversion
 
 
-@click.command()
+@click.command(short_help="Plan requests for joint angles or a foot path.")
 @click.argument("path")
 @legs.options
 @legs.unreachable

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from planner.evaluation.reproduction import Reproduction
 
 
-@click.command()
+@click.command(short_help="Run the paper's experiment again, with a report.")
 @click.option(
     "--out",
     required=True,

@@ -13,7 +13,9 @@ import click
 
 def print_json(content: Mapping[str, Any]) -> None:
     """Print a JSON document on standard output."""
-    click.echo(to_json(content), nl=False)
+    from planner.files.text import STANDARD_STREAM, write_text
+
+    write_text(STANDARD_STREAM, to_json(content))
 
 
 def to_json(content: Mapping[str, Any]) -> str:

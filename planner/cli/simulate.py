@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
 
-@click.command()
+@click.command(short_help="Say what joints do under requests.")
 @click.argument("requests")
 @options.model
 @options.joints

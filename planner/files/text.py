@@ -15,6 +15,10 @@ STANDARD_STREAM = "-"
 MOST_BYTES = 64 * 2**20
 """Longest text that is read [bytes]: a million requests for three joints come to half of it."""
 
+CHUNK = 2**15
+"""Characters that go to standard output at once: where Python does not buffer it, the rest of a
+longer text is lost without a word when its reader goes away."""
+
 
 def read_text(path: Path | str) -> str:
     """Whole text of a file, or of standard input for ``-``; UTF-8, with or without a mark.
@@ -56,7 +60,8 @@ def write_text(path: Path | str, text: str) -> None:
         InvalidFile: The folder does not exist or cannot be written to.
     """
     if str(path) == STANDARD_STREAM:
-        sys.stdout.write(text)
+        for start in range(0, len(text), CHUNK):
+            sys.stdout.write(text[start : start + CHUNK])
         sys.stdout.flush()
         return
     write_bytes(path, text.encode())

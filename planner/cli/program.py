@@ -45,6 +45,14 @@ class Commands(click.Group):
         command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
         return command
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; a reader that has gone away is no error, only the end."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:
+            _discard(sys.stdout)
+            raise click.exceptions.Exit(PIPE_CLOSED) from error
+
     def main(
         self,
         args: Sequence[str] | None = None,
@@ -69,15 +77,11 @@ class Commands(click.Group):
     ) -> int:
         try:
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
-            sys.stdout.flush()
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else prog_name
             return _complain(f"{error.format_message()} See '{where} --help'.", BAD_INPUT)
         except click.ClickException as error:
             return _complain(error.format_message(), error.exit_code)
-        except BrokenPipeError:
-            _discard(sys.stdout)
-            return PIPE_CLOSED
         except (click.Abort, KeyboardInterrupt):
             return INTERRUPTED
         except (PlannerError, KinematicsError) as error:
@@ -87,6 +91,7 @@ class Commands(click.Group):
 
 
 @click.group(
+    name="request-planner",
     cls=Commands,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -98,8 +103,9 @@ def cli(context: click.Context) -> None:
 
     \b
     Example, a walking foot to requests to what the joints then do:
-        request-planner gait | request-planner plan - --leg reference > requests.csv
-        request-planner simulate requests.csv > angles.csv
+        request-planner gait -o foot.csv
+        request-planner plan foot.csv --leg reference --unreachable clamp -o requests.csv
+        request-planner simulate requests.csv -o angles.csv
     """  # noqa: D301
     if "NO_COLOR" in os.environ:
         context.color = False

@@ -1,0 +1,42 @@
+"""Run the command line in this process, and a desired joint path to run it on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from planner.cli import cli
+from planner.files.foot_path import write_foot_path
+from planner.files.joint_path import write_joint_path
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """The command line in an empty folder: arguments and standard input to a click result."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments, stdin=None, **settings):
+        return CliRunner().invoke(cli, [str(each) for each in arguments], input=stdin, **settings)
+
+    return run
+
+
+@pytest.fixture
+def desired(tmp_path):
+    """A smooth cycle of two joints that the joint can follow, as a file."""
+    phase = 2.0 * np.pi * np.arange(88) / 88
+    angles = np.column_stack([0.4 * np.sin(phase), 0.3 + 0.2 * np.cos(2.0 * phase)])
+    file = tmp_path / "desired.csv"
+    write_joint_path(file, ["hip", "knee"], angles, period=0.008)
+    return file
+
+
+@pytest.fixture
+def foot(tmp_path):
+    """A small circle of the front left foot in the body's frame, as a file."""
+    phase = 2.0 * np.pi * np.arange(88) / 88
+    circle = np.column_stack([np.cos(phase), np.zeros(88), np.sin(phase)])
+    file = tmp_path / "foot.csv"
+    write_foot_path(file, np.array([0.09, 0.075, -0.09]) + 0.012 * circle, period=0.008)
+    return file

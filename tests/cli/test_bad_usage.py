@@ -1,0 +1,145 @@
+"""Whatever is wrong with the input: one line on standard error, exit status 2, nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+WRONG = {
+    "no such command": (
+        ["bogus"],
+        "No such command 'bogus'. See 'request-planner --help'.",
+    ),
+    "no such option": (
+        ["gait", "--sampels", "3"],
+        "No such option '--sampels'. Did you mean '--samples'? See 'request-planner gait --help'.",
+    ),
+    "no path": (["plan"], "Missing argument 'PATH'. See 'request-planner plan --help'."),
+    "no such file": (["plan", "x.csv"], "x.csv: no such file; check the name and the folder"),
+    "a foot path without a leg": (
+        ["plan", "foot.csv"],
+        "foot.csv is a foot path: name the leg with --leg, or with --urdf, --base and --foot. "
+        "See 'request-planner plan --help'.",
+    ),
+    "two legs": (
+        ["plan", "foot.csv", "--leg", "reference", "--base", "hip"],
+        "--leg is a shipped leg: leave out --urdf, --base and --foot. "
+        "See 'request-planner plan --help'.",
+    ),
+    "frames without a robot": (
+        ["plan", "foot.csv", "--base", "hip"],
+        "--base and --foot name frames of a URDF: add --urdf. See 'request-planner plan --help'.",
+    ),
+    "a robot without frames": (
+        ["plan", "foot.csv", "--urdf", "robot.urdf", "--base", "hip"],
+        "--urdf needs --base and --foot, the frames at the leg's two ends. "
+        "See 'request-planner plan --help'.",
+    ),
+    "joints that the leg has not": (
+        ["plan", "desired.csv", "--leg", "reference"],
+        "joint 'hip' of desired.csv is not on the leg; its joints: rotator, abductor, knee. "
+        "See 'request-planner plan --help'.",
+    ),
+    "joints of a foot path": (
+        ["plan", "foot.csv", "--leg", "front-left", "--joint", "knee"],
+        "--joint chooses columns of a joint path; a foot moves all joints. "
+        "See 'request-planner plan --help'.",
+    ),
+    "an option that the method ignores": (
+        ["plan", "desired.csv", "--segments", "6"],
+        "--segments has no effect with --method optimal. See 'request-planner plan --help'.",
+    ),
+    "limits upside down": (
+        ["plan", "desired.csv", "--limits", "10:-10"],
+        "--limits: got '10:-10', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below "
+        "HIGH, such as knee=-27:147. See 'request-planner plan --help'.",
+    ),
+    "limits of nobody": (
+        ["plan", "desired.csv", "--limits", "ankle=0:1"],
+        "--limits: no joint 'ankle' in the path; joints: hip, knee. "
+        "See 'request-planner plan --help'.",
+    ),
+    "no such model": (
+        ["simulate", "desired.csv", "--model", "robot.toml"],
+        "robot.toml: no such file; check the name and the folder",
+    ),
+    "a joint at another rate": (
+        ["simulate", "desired.csv", "--model", "slow.toml"],
+        "desired.csv: one sample every 0.008 s, expected one every 0.02 s, the time between "
+        "requests; resample the path, drop column t_s, or set tick and hold in the model",
+    ),
+    "joints at different rates": (
+        ["simulate", "desired.csv", "--model", "mixed.toml"],
+        "mixed.toml: 'knee' takes a request every 0.02 s and 'hip' every 0.008 s, expected one "
+        "rate; plan them one by one with --joint",
+    ),
+    "a start for a cycle": (
+        ["simulate", "desired.csv", "--start", "3"],
+        "start: a cycle has none; leave it out, or say cyclic=False",
+    ),
+    "another length": (
+        ["simulate", "desired.csv", "--desired", "short.csv"],
+        "short.csv: got 2 samples, expected 88, one per request; "
+        "compare with the path that the requests were planned for",
+    ),
+    "too few samples": (
+        ["gait", "--samples", "1"],
+        "samples: got 1, expected a whole number, at least 4",
+    ),
+    "no period": (
+        ["gait", "--period", "0"],
+        "--period: got 0, expected more than 0 s. See 'request-planner gait --help'.",
+    ),
+    "a folder that is not ours": (
+        ["reproduce", "--out", "."],
+        ".: holds files that no earlier run made (desired.csv and 4 more), expected a new or empty "
+        "folder or an earlier run's; choose another folder or move them away",
+    ),
+    "an output folder that is not there": (
+        ["gait", "-o", "nowhere/foot.csv"],
+        "nowhere/foot.csv: cannot be written (no such file or directory); "
+        "choose another place for the output",
+    ),
+}
+
+MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+def test_bad_input_is_one_line_and_status_2(run, desired, foot, tmp_path, arguments, message):
+    assert desired.exists()
+    assert foot.exists()
+    (tmp_path / "slow.toml").write_text(MODEL + "tick = 0.02\n")
+    (tmp_path / "mixed.toml").write_text(MODEL + "[knee]\ntick = 0.02\n")
+    (tmp_path / "short.csv").write_text("hip_deg,knee_deg\n1,2\n3,4\n")
+    result = run(*arguments)
+    assert result.stderr == f"request-planner: {message}\n"
+    assert result.stdout == ""
+    assert result.exit_code == 2
+
+
+@pytest.mark.parametrize("command", ["plan", "compare"])
+def test_an_unreachable_foot_lists_the_points(run, command):
+    path = run("gait").stdout
+    result = run(command, "-", "--leg", "reference", stdin=path)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("request-planner: 15 of 88 foot positions are out of reach")
+    assert result.stderr.count("\n") == 1
+
+
+def test_an_unknown_frame_lists_those_that_there_are(run, foot):
+    from kinematics import urdf_path
+
+    result = run(
+        "plan", foot, "--urdf", urdf_path("ers210a.urdf"), "--base", "body", "--foot", "paw"
+    )
+    assert result.exit_code == 2
+    assert "foot: frame 'paw' is not in the URDF; frames: " in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_plan_beyond_the_limits_that_were_asked_for_is_status_1_and_no_plan(run, desired):
+    result = run("plan", desired, "--method", "closed-form", "--limits", "knee=5:29")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert "beyond the limits 5.00 to 29.00; --method optimal keeps to them" in result.stderr

@@ -1,0 +1,159 @@
+"""What the commands write, and that they fit together."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import planner
+from planner.cli.program import COMMANDS
+from planner.files.joint_path import read_joint_path
+from planner.model.joint import JointModel
+
+SAME = 1e-10
+"""Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
+
+JOINT = JointModel.ers210a()
+
+
+def test_a_foot_path_becomes_requests_becomes_angles_through_pipes(run):
+    path = run("gait").stdout
+    requests = run("plan", "-", "--leg", "reference", "--unreachable", "clamp", stdin=path)
+    angles = run("simulate", "-", stdin=requests.stdout)
+    assert angles.exit_code == 0
+    assert angles.stdout.splitlines()[0] == "t_s,rotator_deg,abductor_deg,knee_deg"
+    walk = planner.reference_walk()
+    knee = np.radians([float(line.split(",")[3]) for line in angles.stdout.splitlines()[1:]])
+    assert np.sqrt(np.mean((knee - walk.desired[:, 2]) ** 2)) < np.radians(6.2)
+
+
+def test_plan_writes_the_requests_of_the_library_and_says_how_good_they_are(run, desired, tmp_path):
+    file = tmp_path / "requests.csv"
+    result = run("plan", desired, "--method", "closed-form", "--segments", "6", "-o", file)
+    assert result.exit_code == 0
+    assert result.stdout == ""
+    wanted = read_joint_path(desired)
+    for j, name in enumerate(wanted.names):
+        inversion = planner.invert_closed_form(JOINT, wanted.angles[:, j], segments=6)
+        written = read_joint_path(file, joints=[name]).angles[:, 0]
+        assert np.max(np.abs(written - inversion.requests)) <= SAME
+        row = next(line for line in result.stderr.splitlines() if line.startswith(name))
+        assert row.split()[1] == f"{np.degrees(inversion.rms):.3f}"
+
+
+def test_plan_as_json_carries_what_is_needed_to_judge_it(run, desired):
+    result = run("plan", desired, "--limits", "-60:60", "--json")
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    document = json.loads(result.stdout)
+    assert document["method"] == "optimal"
+    for j, name in enumerate(("hip", "knee")):
+        joint = document["joints"][name]
+        requests = np.radians(joint["requests_deg"])
+        assert np.max(np.abs(requests)) <= np.radians(60.0) + SAME
+        angles = planner.simulate(JOINT, requests)
+        error = angles - read_joint_path(desired).angles[:, j]
+        assert joint["rms_deg"] == pytest.approx(np.degrees(np.sqrt(np.mean(error**2))), abs=1e-6)
+        assert joint["lower_bound_deg"] <= joint["rms_deg"] + 1e-9
+
+
+def test_a_leg_keeps_the_requests_inside_its_limits(run, foot):
+    result = run("plan", foot, "--leg", "front-left", "--json")
+    assert result.exit_code == 0
+    joints = json.loads(result.stdout)["joints"]
+    assert list(joints) == ["front_left_rotator", "front_left_abductor", "front_left_knee"]
+    abductor = joints["front_left_abductor"]["requests_deg"]
+    assert min(abductor) >= -11.0 - 1e-9
+    assert max(abductor) <= 89.0 + 1e-9
+
+
+def test_plan_from_rest_starts_where_the_path_starts(run, desired):
+    result = run("plan", desired, "--no-cyclic", "--method", "closed-form", "--json")
+    assert result.exit_code == 0
+    hip = json.loads(result.stdout)["joints"]["hip"]
+    assert hip["predicted_deg"][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_model_file_is_used(run, desired, tmp_path):
+    slow = tmp_path / "slow.toml"
+    slow.write_text("v_max = 1.0\ntheta_0 = 0.1\nlag = 0.04\nacceleration_time = 0.08\n")
+    fast, slow = (
+        json.loads(run("simulate", desired, "--desired", desired, "--json", *more).stdout)
+        for more in ((), ("--model", slow))
+    )
+    assert slow["joints"]["hip"]["rms_deg"] > fast["joints"]["hip"]["rms_deg"]
+
+
+def test_simulate_compares_with_the_desired_path(run, desired):
+    result = run("simulate", desired, "--desired", desired)
+    wanted = read_joint_path(desired).angles[:, 0]
+    error = planner.simulate(JOINT, wanted) - wanted
+    rms, largest = np.degrees(np.sqrt(np.mean(error**2))), np.degrees(np.max(np.abs(error)))
+    assert (
+        f"hip: {rms:.3f} deg rms from the desired angles, {largest:.3f} deg at most"
+        in result.stderr
+    )
+
+
+def test_simulate_from_rest_starts_where_it_is_told(run, desired):
+    result = run("simulate", desired, "--no-cyclic", "--start", "30", "--json")
+    first = json.loads(result.stdout)["joints"]["hip"]["angles_deg"][0]
+    assert first == pytest.approx(30.0 - 2.5)  # one tick at top speed toward the requests
+
+
+def test_fit_gives_lines_that_the_joint_can_follow(run, desired):
+    result = run("fit", desired, "--segments", "6", "--json")
+    hip = json.loads(result.stdout)["joints"]["hip"]
+    assert hip["segments"] == len(hip["knots"]) == len(hip["slopes_deg_per_s"]) == 6
+    assert np.max(np.abs(hip["slopes_deg_per_s"])) <= np.degrees(JOINT.v_max) * (1.0 + 1e-9)
+    assert hip["max_deg"] < 3.0
+
+
+def test_fit_keeps_a_largest_error(run, desired):
+    result = run("fit", desired, "--max-error", "1.5", "--joint", "knee")
+    assert result.exit_code == 0
+    joint, _, _, largest = result.stderr.splitlines()[1].split()
+    assert joint == "knee"
+    assert float(largest) <= 1.5
+    assert result.stdout.startswith("t_s,knee_deg\n")
+
+
+def test_compare_puts_the_methods_side_by_side(run, desired):
+    document = json.loads(run("compare", desired, "--joint", "hip", "--json").stdout)
+    hip = document["joints"]["hip"]
+    assert set(hip["methods"]) == {"closed_form_paper", "closed_form_exact", "optimal"}
+    for method in hip["methods"].values():
+        assert method["rms_deg"] >= hip["lower_bound_deg"] - 1e-9
+    assert hip["methods"]["optimal"]["largest_request_difference_deg"] == 0.0
+    table = run("compare", desired, "--joint", "hip")
+    assert table.stderr == ""
+    assert f"hip, optimal {'':8}" in table.stdout
+
+
+def test_gait_takes_its_parameters(run):
+    document = json.loads(run("gait", "--samples", "40", "--hip-height", "0.1", "--json").stdout)
+    assert len(document["x_m"]) == 40
+    assert min(document["z_m"]) == -0.1
+
+
+def test_json_leaves_the_csv_to_a_file(run, desired, tmp_path):
+    file = tmp_path / "out.csv"
+    result = run("fit", desired, "--json", "-o", file)
+    json.loads(result.stdout)
+    assert read_joint_path(file).names == ("hip", "knee")
+
+
+def test_version_and_bare_call(run):
+    assert run("--version").stdout == f"request-planner {planner.__version__}\n"
+    bare = run()
+    assert bare.exit_code == 0
+    assert all(command in bare.stdout for command in COMMANDS)
+
+
+def test_colours_are_for_those_who_want_them(run, desired):
+    coloured = run("fit", desired, color=True)
+    assert "\x1b[" in coloured.stderr
+    plain = run("fit", desired, color=True, env={"NO_COLOR": "1"})
+    assert "\x1b[" not in plain.stderr

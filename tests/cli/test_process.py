@@ -1,0 +1,76 @@
+"""The installed command as a process: examples, closed pipes, Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from planner.cli import cli
+from planner.cli.program import COMMANDS
+
+RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
+
+
+def _example(command):
+    """The lines of the worked example in a command's help."""
+    context = cli.make_context("request-planner", [command] if command else [])
+    told = (cli.get_command(context, command) if command else cli).get_help(context)
+    lines = re.search(r"Example.*:\n((?:\s{6}request-planner .*\n)+)", told)
+    assert lines is not None, f"the help of {command or 'request-planner'} has no worked example"
+    return "\n".join(line.strip() for line in lines[1].splitlines())
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, foot):
+    assert desired.parent == foot.parent == tmp_path
+    script = tmp_path / "request-planner"
+    script.write_text(
+        f"#!{sys.executable} -P\nfrom planner.cli import main\n\nmain()\n", encoding="utf-8"
+    )
+    script.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    if "requests.csv" in _example(command):
+        (tmp_path / "requests.csv").write_bytes(desired.read_bytes())
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", _example(command)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
+def test_a_reader_that_leaves_early_gets_no_complaint(unbuffered, form):
+    with subprocess.Popen(
+        [*RUN, "gait", "--samples", "20000", *form],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    ) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        complaint = process.stderr.read()
+        assert process.wait() == 141
+    assert complaint == b""
+
+
+def test_ctrl_c_ends_quietly_with_status_130(tmp_path):
+    fifo = tmp_path / "never"
+    os.mkfifo(fifo)
+    with subprocess.Popen([*RUN, "simulate", fifo], stderr=subprocess.PIPE) as process:
+        writer = os.open(fifo, os.O_WRONLY)  # returns once the command reads
+        process.send_signal(signal.SIGINT)
+        complaint = process.stderr.read()
+        status = process.wait()
+        os.close(writer)
+    assert status == 130
+    assert complaint.strip() == b""
