@@ -24,7 +24,12 @@ def as_trajectory(values: npt.ArrayLike, *, name: str, minimum: int = 2) -> Arra
     Raises:
         InvalidTrajectory: Not one-dimensional, too short, not real numbers, or not finite.
     """
-    given = np.asarray(values)
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise InvalidTrajectory(
+            f"{name}: got rows of different lengths, expected one number per request, shape (n,)"
+        ) from error
     if given.dtype.kind not in "iuf":
         raise InvalidTrajectory(
             f"{name}: got an array of {given.dtype}, expected real numbers [rad]; "
@@ -35,9 +40,7 @@ def as_trajectory(values: npt.ArrayLike, *, name: str, minimum: int = 2) -> Arra
             f"{name}: got shape {given.shape}, expected (n,); pass the joints one at a time"
         )
     if given.size < minimum:
-        raise InvalidTrajectory(
-            f"{name}: got {given.size} samples, expected at least {minimum}"
-        )
+        raise InvalidTrajectory(f"{name}: got {given.size} samples, expected at least {minimum}")
     trajectory = np.array(given, dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(trajectory))
     if bad.size:

@@ -98,7 +98,7 @@ def _exact(model: JointModel, slope: Array) -> Array:
     ticks = np.arange(model.hold)  # the ticks between two requests
     # Where the held line stands, at each tick and age, relative to the angle of the line there.
     steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
-    behind = np.max(ticks[:, np.newaxis] - steps)
+    behind = float(np.max(ticks[:, np.newaxis] - steps))
     target = slope * model.hold
     low = np.zeros_like(slope) - model.theta_0
     high = model.theta_0 + slope * behind  # here every term of S is saturated
@@ -129,11 +129,11 @@ def _exact(model: JointModel, slope: Array) -> Array:
 
 def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array) -> Array:
     """How far the joint moves in one request period when it is ``offset`` behind the line."""
-    angle: Array = np.zeros_like(slope)
-    for ages in steps:
+    angle = np.zeros_like(slope)
+    for held in steps:
         angle = advance(
             angle,
-            [offset + slope * step for step in ages],
+            [offset + slope * step for step in held],
             weights=model.window.weights.tolist(),
             v_max=model.v_max_per_tick,
             theta_0=model.theta_0,

@@ -184,7 +184,8 @@ class JointModel:
         first = math.floor(start) + 1
         edges = np.arange(first - 1, math.ceil(end) + 1, dtype=np.float64)
         overlap = np.minimum(edges[1:], end) - np.maximum(edges[:-1], start)
-        weights = overlap / overlap.sum()
+        # An acceleration time that vanishes leaves the one request that is just old enough.
+        weights = overlap / overlap.sum() if end > start else np.ones(1)
         weights.setflags(write=False)
         return Window(first, weights)
 
@@ -192,7 +193,7 @@ class JointModel:
 def _number(name: str, value: object) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number) or isinstance(value, (str, bytes, bool)):
         raise InvalidModel(f"{name}: got {value!r}, expected a finite number in SI units")

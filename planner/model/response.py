@@ -12,11 +12,11 @@ from planner.trajectory import Array, as_trajectory
 CLOSED = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""
 
-NEWTON_CYCLES = 100
-"""Cycles after which Newton's method gives way to waiting, which cannot jump back and forth."""
+PATIENCE = 50
+"""Cycles after which Newton's method and waiting give way, every other time, to bisection."""
 
-MOST_CYCLES = 10_000
-"""Cycles after which a response that still drifts is given up."""
+MOST_CYCLES = 500
+"""Cycles after which a response that still drifts is given up; bisection ends well before."""
 
 
 def simulate(
@@ -101,14 +101,17 @@ def _steady_cycle(model: JointModel, pulls: Array) -> list[float]:
     for cycle in range(MOST_CYCLES):
         angles = _run(model, padded, seam)
         end = angles[-1]
-        if abs(end - seam) <= tolerance:
+        mismatch = abs(end - seam)
+        if mismatch <= tolerance:
             return angles
         low, high = (seam, high) if end > seam else (low, seam)
         contraction = _contraction(model, padded, [seam, *angles[:-1]])
         newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
-        # Waiting is right wherever Newton's method has no slope to go by.
-        seam = newton if low < newton < high and cycle < NEWTON_CYCLES else end
-    raise NoSteadyCycle(abs(end - seam), MOST_CYCLES)
+        if cycle > PATIENCE and cycle % 2:
+            seam = (low + high) / 2.0
+        else:  # waiting is right wherever Newton's method has no slope to go by
+            seam = newton if low < newton < high else end
+    raise NoSteadyCycle(mismatch, MOST_CYCLES)
 
 
 def _contraction(model: JointModel, pulls: list[float], before: list[float]) -> float:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.model.transition import acting, transitions
+from planner.model.transition import Linearised, acting, reach, transitions
 from planner.trajectory import Array, as_trajectory
 
 
@@ -41,29 +41,31 @@ def sensitivities(
     requests = as_trajectory(requests, name="requests")
     n = len(requests)
     angles = simulate(model, requests, cyclic=cyclic, start=start)
-    compiled = transitions(model, n)
-    numbers = acting(compiled.reach, n, cyclic=cyclic)
-    resting = requests[0] + model.offset if start is None else start
-    seam = float(angles[-1]) if cyclic else float(resting)
-    run = compiled.run(seam, requests[np.maximum(numbers, 0)], 0.0)
-    direct = np.zeros((n, n))
-    np.add.at(direct, (np.arange(n)[:, np.newaxis], np.maximum(numbers, 0)), run.by_request)
-    before = np.zeros(n)
-    if not cyclic and start is None:
-        before[0] = 1.0
-    derivatives = _recursion(run.by_angle, direct, before)
-    if cyclic:
-        contraction = float(np.prod(run.by_angle))
-        if contraction >= 1.0:
-            raise NoSteadyCycle(0.0, 1)
-        derivatives = _recursion(run.by_angle, direct, derivatives[-1] / (1.0 - contraction))
-    return derivatives
+    numbers = np.maximum(acting(reach(model), n, cyclic=cyclic), 0)
+    if not cyclic:
+        first = np.zeros((1, n))
+        first[0, 0] = 1.0 if start is None else _slope(model, requests[0] + model.offset - start)
+        run = transitions(model, n - 1).run(float(angles[0]), requests[numbers[1:]], 0.0)
+        return np.vstack([first, _recursion(run, numbers[1:], first[0])])
+    run = transitions(model, n).run(float(angles[-1]), requests[numbers], 0.0)
+    contraction = float(np.prod(run.by_angle))
+    if contraction >= 1.0:
+        raise NoSteadyCycle(0.0, 1)
+    open_ended = _recursion(run, numbers, np.zeros(n))
+    return _recursion(run, numbers, open_ended[-1] / (1.0 - contraction))
 
 
-def _recursion(by_angle: Array, direct: Array, before: Array) -> Array:
-    """Rows x[k] = by_angle[k] x[k-1] + direct[k], with x[-1] = before."""
-    rows = np.empty_like(direct)
-    for k, (kept, added) in enumerate(zip(by_angle, direct, strict=True)):
-        before = kept * before + added
-        rows[k] = before
+def _slope(model: JointModel, error: float) -> float:
+    """Derivative of f of Equation 2; at a corner the mean of those on either side."""
+    inside = np.sign(error + model.theta_0) - np.sign(error - model.theta_0)
+    return float(model.v_max_per_tick / model.theta_0 * inside / 2.0)
+
+
+def _recursion(run: Linearised, numbers: npt.NDArray[np.int_], before: Array) -> Array:
+    """Derivatives of the run's angles, given those of the angle before it, (samples, n)."""
+    rows = np.zeros((len(numbers), len(before)))
+    np.add.at(rows, (np.arange(len(numbers))[:, np.newaxis], numbers), run.by_request)
+    for row, kept in zip(rows, run.by_angle, strict=True):
+        row += kept * before
+        before = row
     return rows

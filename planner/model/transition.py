@@ -12,6 +12,10 @@ import numpy.typing as npt
 from planner.model.joint import JointModel, advance
 from planner.trajectory import Array
 
+UNSMOOTHED = 1e-150
+"""Smoothing that stands for none [rad]: no angle feels it, and at a corner, where the exact model
+has no derivative, the derivative becomes the mean of those on either side."""
+
 
 class Reach(NamedTuple):
     """Which requests act between two samples: those ``youngest`` to ``oldest`` requests back."""
@@ -101,7 +105,7 @@ class Transitions:
         with self._one_at_a_time:
             self._seam[0] = seam
             self._windows[:] = windows
-            self._smoothing[:] = smoothing
+            self._smoothing[:] = max(smoothing, UNSMOOTHED)
             self._evaluate()
             return Linearised(*(result.copy() for result in self._result))
 
