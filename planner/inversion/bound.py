@@ -15,6 +15,7 @@ from scipy import sparse
 
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.model.joint import JointModel
+from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
 Norm = Literal["rms", "max"]
@@ -73,8 +74,7 @@ def lower_bound(
     check_norm(norm)
     if level not in LEVELS:
         raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
-    if cyclic and start is not None:
-        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
+    start = checked_start(start, cyclic=cyclic)
     reachable = reachable_set(model, len(desired), cyclic=cyclic, level=level, start=start)
     middle = float(np.mean(desired))
     scale = max(float(np.ptp(desired)), model.v_max * model.period)

@@ -52,7 +52,12 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
         OutsideEquation13: The paper's rule is asked for a model for which it was not derived.
     """
     check_rule(rule)
-    slopes = np.asarray(slope, dtype=np.float64)
+    try:
+        slopes = np.asarray(slope, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"slope: got {slope!r}, expected a number or an array [rad/s]"
+        ) from error
     beyond = ~(np.abs(slopes) <= model.v_max * (1.0 + AT_TOP_SPEED))
     if np.any(beyond):
         raise InvalidInput(

@@ -9,13 +9,14 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
-from planner.exceptions import InvalidInput, SolverFailed
+from planner.exceptions import SolverFailed
 from planner.inversion.bound import Norm, check_norm
 from planner.inversion.closed_form import requests_along
 from planner.inversion.descent import GUIDING, improve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, checked_limits
 from planner.model.joint import JointModel
+from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
 NEAR_IDEAL = 1.005
@@ -63,11 +64,10 @@ def invert_optimal(
     """
     check_norm(norm)
     desired = as_trajectory(desired, name="desired", minimum=3)
-    checked = checked_limits(limits, desired=desired, model=model)
-    if cyclic and start is not None:
-        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
+    start = checked_start(start, cyclic=cyclic)
     if not cyclic and start is None:
         start = float(desired[0])
+    checked = checked_limits(limits, desired=desired, start=start, model=model)
     problem = Tracking(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
     best, least = search(problem)
     if not math.isfinite(least):

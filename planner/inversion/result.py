@@ -54,7 +54,9 @@ class Inversion:
     @cached_property
     def errors(self) -> Array:
         """Predicted minus desired angles [rad], shape (n,)."""
-        return self.predicted - self.desired
+        errors = self.predicted - self.desired
+        errors.setflags(write=False)
+        return errors
 
     @property
     def rms(self) -> float:

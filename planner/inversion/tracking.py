@@ -84,10 +84,10 @@ class Tracking:
 
     def admissible(self, requests: Array) -> Array:
         """The nearest requests within the limits, the first one holding the joint at its start."""
-        nearest = np.clip(requests, self.lower, self.upper)
+        nearest = requests.copy()
         if self.start is not None:
             nearest[0] = self.start - self.model.offset
-        return nearest
+        return np.clip(nearest, self.lower, self.upper)
 
     def simulate(self, requests: Array) -> Array:
         """Angles of the exact model [rad], (n,)."""
@@ -119,8 +119,8 @@ class Tracking:
             run = compiled.run(self.start, windows, smoothing)
             run.by_angle[0] = 0.0  # nothing comes before the first sample that could change
             return run
-        low, high = float(np.min(requests)), float(np.max(requests))
-        margin = self.model.theta_0 + self.model.offset
+        low = float(np.min(requests)) + self.model.offset - self.model.theta_0
+        high = float(np.max(requests)) + self.model.offset + self.model.theta_0
         for _ in range(MOST_CYCLES):
             run = compiled.run(seam, windows, smoothing)
             mismatch = float(run.angles[-1]) - seam
@@ -129,38 +129,47 @@ class Tracking:
             contraction = float(np.prod(run.by_angle))
             if contraction < 1.0:
                 mismatch /= 1.0 - contraction
-            seam = min(max(seam + mismatch, low - margin), high + margin)
+            seam = min(max(seam + mismatch, low), high)
         return None
 
 
 def checked_limits(
-    limits: tuple[float, float] | None, *, desired: Array, model: JointModel
+    limits: tuple[float, float] | None,
+    *,
+    desired: Array,
+    start: float | None,
+    model: JointModel,
 ) -> Limits | None:
     """The limits as floats, or the reason why no requests within them can do.
 
     Raises:
         InvalidInput: The limits are not two numbers.
-        Infeasible: The lower limit is above the upper one, or a desired angle beyond them.
+        Infeasible: The lower limit is above the upper one, or the start or a desired angle beyond
+            them.
     """
     if limits is None:
         return None
-    pair = np.asarray(limits, dtype=np.float64)
-    if pair.shape != (2,) or np.any(np.isnan(pair)):
+    try:
+        lower, upper = (float(limit) for limit in limits)
+    except (TypeError, ValueError, OverflowError):
+        lower = upper = math.nan
+    if math.isnan(lower) or math.isnan(upper):
         raise InvalidInput(
             f"limits: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
         )
-    lower, upper = float(pair[0]), float(pair[1])
     if lower > upper:
         raise Infeasible(
             f"limits: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
             "swap them, or check their units"
         )
-    beyond = np.maximum(lower + model.offset - desired, desired - model.offset - upper)
+    angles = desired if start is None else np.append(desired, start)
+    beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
     worst = int(np.argmax(beyond))
     if beyond[worst] > ON_THE_LIMIT:
+        what = f"desired: sample {worst}" if worst < len(desired) else "start: it"
         raise Infeasible(
-            f"desired: sample {worst} is {desired[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond "
-            f"the angles {lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the "
-            "limits on the requests let the joint rest; clip the trajectory, or widen the limits"
+            f"{what} is {angles[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond the angles "
+            f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
+            "requests let the joint rest; clip the trajectory, or widen the limits"
         )
     return lower, upper

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -48,19 +50,31 @@ def simulate(
         NoSteadyCycle: The response does not settle.
     """
     requests = as_trajectory(requests, name="requests")
+    start = checked_start(start, cyclic=cyclic)
     pulls = np.repeat(requests + model.offset, model.hold)
     if cyclic:
-        if start is not None:
-            raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
         angles = _steady_cycle(model, pulls)
     else:
-        if start is not None and not np.isfinite(start):
-            raise InvalidInput(f"start: got {start}, expected a finite angle [rad]")
-        before = float(pulls[0] if start is None else start)
+        before = float(pulls[0]) if start is None else start
         angles = _run(model, _with_history(pulls, model.window, cyclic=False), before)
     sampled = np.array(angles[:: model.hold])
     sampled.setflags(write=False)
     return sampled
+
+
+def checked_start(start: float | None, *, cyclic: bool) -> float | None:
+    """The start as a float [rad]; raise InvalidInput where there can be none, or it is no angle."""
+    if start is None:
+        return None
+    if cyclic:
+        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
+    try:
+        angle = float(start)
+    except (TypeError, ValueError, OverflowError):
+        angle = math.nan
+    if not math.isfinite(angle):
+        raise InvalidInput(f"start: got {start!r}, expected a finite angle [rad]")
+    return angle
 
 
 def _with_history(pulls: Array, window: Window, *, cyclic: bool) -> list[float]:
