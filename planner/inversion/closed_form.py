@@ -71,6 +71,7 @@ def requests_along(model: JointModel, curve: PiecewiseLinear, *, rule: Rule) -> 
     samples = np.arange(curve.samples, dtype=np.float64)
     ahead = switching_time(model) / model.period  # [samples]
     slopes = curve.slope_at(samples + ahead)  # of the line that counts at each request
+    slopes = np.clip(slopes, -model.v_max, model.v_max)
     lines = curve(samples + ahead) - slopes * ahead * model.period
     requests: Array = lines + line_offset(model, slopes, rule=rule)
     return requests
