@@ -1,0 +1,97 @@
+"""The paper's experiment: baselines as published, plans as good as promised."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from planner.evaluation import paper
+from planner.evaluation.step_response import measure_step_response
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+
+PRINTED = 0.005
+"""Figures known from an independent computation to two decimals [deg, cm]."""
+
+KNOWN_DIRECT = {
+    "rotator": (32.80, 57.14),
+    "abductor": (28.86, 53.09),
+    "knee": (23.84, 58.13),
+}
+KNOWN_FOOT = {"direct": (3.156, 4.958), "shift": (1.470, 3.408)}
+
+
+@pytest.mark.parametrize("joint", paper.JOINTS)
+def test_the_direct_method_gives_the_known_distances(reproduction, joint):
+    assert reproduction.table2[joint]["Des,Dir"] == pytest.approx(KNOWN_DIRECT[joint], abs=PRINTED)
+
+
+@pytest.mark.parametrize("method", KNOWN_FOOT)
+def test_the_foot_under_the_baselines_is_as_far_as_known(reproduction, method):
+    assert reproduction.foot_table[method] == pytest.approx(KNOWN_FOOT[method], abs=PRINTED)
+
+
+def test_the_ten_baseline_figures_agree_with_the_paper_within_a_tenth(reproduction):
+    deviations = paper.deviations(reproduction.table2, reproduction.foot_table)
+    assert len(deviations) == 10
+    assert reproduction.baseline_deviation == pytest.approx(np.mean(deviations))
+    assert reproduction.baseline_deviation < 0.1
+
+
+def test_both_inversions_beat_both_baselines_in_the_foot(reproduction):
+    foot = {method: distance.rms for method, distance in reproduction.foot_table.items()}
+    assert max(foot["closed_form"], foot["optimal"]) < foot["shift"] < foot["direct"]
+
+
+def test_no_plan_beats_its_bound_and_the_optimised_one_is_never_the_worse(reproduction):
+    for joint in reproduction.joints:
+        assert joint.optimal.lower_bound <= joint.optimal.rms <= joint.closed_form.rms
+
+
+def test_optimised_requests_stay_inside_the_limits_of_the_joints(reproduction):
+    lower, upper = reproduction.walk.leg.limits
+    for j, joint in enumerate(reproduction.joints):
+        assert np.min(joint.optimal.requests) >= lower[j]
+        assert np.max(joint.optimal.requests) <= upper[j]
+
+
+def test_every_distance_follows_from_the_requests_by_simulation(reproduction):
+    for joint in reproduction.joints:
+        angles = simulate(reproduction.model, joint.closed_form.requests)
+        error = math.degrees(float(np.sqrt(np.mean((angles - joint.desired) ** 2))))
+        assert reproduction.table2[joint.name]["Des,MB"].rms == pytest.approx(error, abs=1e-9)
+
+
+def test_the_knee_is_one_upper_leg_from_the_hip_and_one_lower_leg_from_the_foot(reproduction):
+    upper = np.linalg.norm(reproduction.knee, axis=1)
+    lower = np.linalg.norm(reproduction.walk.desired_foot - reproduction.knee, axis=1)
+    assert upper == pytest.approx(np.full(88, 0.064), abs=1e-12)
+    assert lower == pytest.approx(np.full(88, 0.069), abs=1e-12)
+
+
+@pytest.mark.parametrize("amplitude", paper.STEP_AMPLITUDES)
+def test_a_step_test_shows_what_the_paper_reads_off_it(reproduction, amplitude):
+    response = reproduction.steps[amplitude]
+    assert (response.lag, response.acceleration) == (4, 6)
+    assert response.v_max == pytest.approx(math.radians(2.5) / 0.008, rel=1e-9)
+
+
+def test_lag_and_acceleration_time_are_read_off_any_joint():
+    joint = JointModel(v_max=4.0, theta_0=0.15, lag=0.07, acceleration_time=0.03, tick=0.01)
+    response = measure_step_response(joint, 1.0, samples=200)
+    assert (response.lag, response.acceleration) == (7, 3)
+    assert response.v_max == pytest.approx(4.0)
+
+
+def test_every_part_is_timed(reproduction):
+    assert set(reproduction.seconds) == {
+        "walk",
+        "baselines",
+        "closed_form",
+        "optimal",
+        "bounds",
+        "step_tests",
+    }
+    assert min(reproduction.seconds.values()) > 0.0

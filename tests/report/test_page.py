@@ -1,0 +1,159 @@
+"""The report: one page that needs nothing else, and pictures in the page's own colours."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+
+import pytest
+
+from planner.report.paper_tables import Cell
+from planner.report.style import ROLES
+from planner.report.text_table import text_table
+
+PICTURES = (
+    "figure1_foot_direct",
+    "figure2_joints_direct",
+    "figure3_step_40",
+    "figure4_step_110",
+    "figure5_speed",
+    "figure6_approximation",
+    "figure7_trajectories",
+    "figure8_foot_paths",
+    "foot_distances",
+    "optimised_trajectories",
+    "table2_agreement",
+)
+
+
+class Page(HTMLParser):
+    """What a page links to, its identifiers, and whether its elements are closed in order."""
+
+    VOID = ("meta", "link", "br", "img", "hr", "input")
+
+    def __init__(self, text):
+        super().__init__()
+        self.links, self.ids, self.open, self.labels = [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.links += [
+            attributes[key] for key in ("href", "src", "xlink:href") if key in attributes
+        ]
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        if tag == "svg":
+            self.labels.append(attributes.get("aria-label"))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def text(folder):
+    return (folder / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def test_every_link_is_a_file_of_the_run_or_a_place_in_the_page(page, folder):
+    for link in page.links:
+        if link.startswith("#"):
+            assert link[1:] in page.ids
+        elif not link.startswith("data:,"):
+            assert (folder / link).is_file(), link
+
+
+def test_elements_are_closed_and_identifiers_unique(page):
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_nothing_is_loaded_from_a_network(text):
+    addresses = set(re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", text))
+    assert {address for address in addresses if "www.w3.org" not in address} == set()
+    assert "@import" not in text
+    assert "<script" not in text
+
+
+def test_every_picture_is_drawn_described_and_linked(page, text, folder):
+    assert {name for name in page.ids if name in PICTURES} == set(PICTURES)
+    assert len(page.labels) == len(PICTURES)
+    assert all(label and len(label) > 40 for label in page.labels)
+    for name in PICTURES:
+        assert (folder / "figures" / f"{name}.svg").read_text().startswith("<?xml")
+        assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+        assert f'href="figures/{name}.svg"' in text
+
+
+def test_pictures_wear_the_colours_of_the_page(text):
+    body = text[text.index("<body>") :]
+    for variable, role in ROLES.items():
+        assert role.light not in body, role.label
+        assert f"--{variable}: {role.light};" in text
+        assert f"--{variable}: {role.dark};" in text
+
+
+def test_pictures_are_not_dated(folder):
+    for name in PICTURES:
+        assert "<dc:date>" not in (folder / "figures" / f"{name}.svg").read_text()
+
+
+def test_figures_of_the_results_stand_in_the_page(text, results):
+    for entry in results["foot"].values():
+        assert f"{entry['L2']:.2f}" in text
+    assert "the paper&#39;s figures were measured on a robot" in text
+
+
+@pytest.mark.parametrize(
+    ("ours", "paper", "difference"),
+    [(9.1, 9.1, "0 %"), (10.0, 8.0, "+25 %"), (6.0, 8.0, "−25 %"), (9.11, 9.1, "0 %")],
+)
+def test_a_difference_is_relative_to_the_papers_figure(ours, paper, difference):
+    assert Cell(ours, paper).difference == difference
+
+
+def test_a_figure_without_a_counterpart_has_no_difference():
+    assert Cell(1.0, None).difference == "–"
+
+
+def test_columns_of_a_text_table_line_up():
+    table = text_table(["joint", "rms"], [["a", "1.5"], ["long", "10.25"]])
+    assert table == "joint    rms\na        1.5\nlong   10.25"
+
+
+def test_chromium_opens_the_page_without_a_complaint(folder, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("Chromium is not installed")
+    done = subprocess.run(
+        [
+            browser,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--enable-logging=stderr",
+            f"--user-data-dir={tmp_path}",
+            "--window-size=400,800",
+            "--dump-dom",
+            (folder / "report.html").as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "CONSOLE" not in done.stderr
+    assert done.stdout.count("<svg") == len(PICTURES)
+    assert "The paper’s experiment, again</h1>" in done.stdout

@@ -1,0 +1,102 @@
+"""`reproduce`: what it prints, and what it leaves in its folder."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import planner
+from planner.evaluation import paper
+from planner.files.foot_path import read_foot_path
+from planner.files.joint_path import read_joint_path
+from planner.files.output_folder import list_files
+
+METHODS = ("direct", "shift", "closed_form", "optimal")
+
+
+def test_every_entry_of_table_2_stands_beside_the_papers_own(results):
+    assert tuple(results["table2"]) == paper.JOINTS
+    for joint, comparisons in paper.TABLE_2.items():
+        for comparison, published in comparisons.items():
+            entry = results["table2"][joint][comparison]
+            assert entry["paper"]["L2"] == published.L2.mean
+            assert entry["paper"]["Linf"] == published.Linf.mean
+            assert 0.0 < entry["L2"] <= entry["Linf"]
+        assert results["table2"][joint]["Des,Opt"]["paper"] is None
+
+
+def test_every_foot_figure_stands_beside_the_papers_own(results):
+    assert tuple(results["foot"]) == METHODS
+    for method in METHODS:
+        entry = results["foot"][method]
+        assert 0.0 < entry["L2"] <= entry["Linf"]
+        published = paper.FOOT.get(method)
+        assert entry["paper"] == (
+            None
+            if published is None
+            else {
+                "L2": published.L2.mean,
+                "Linf": published.Linf.mean,
+                "L2_deviation": published.L2.deviation,
+                "Linf_deviation": published.Linf.deviation,
+            }
+        )
+
+
+def test_bounds_gaps_parameters_versions_and_seconds_are_there(results):
+    for joint, bound in results["bounds"].items():
+        optimal = results["table2"][joint]["Des,Opt"]["L2"]
+        assert bound["gap"] == pytest.approx(optimal / bound["rms"] - 1.0, abs=1e-12)
+    assert results["parameters"]["model"]["lag"] == pytest.approx(0.032)
+    assert results["parameters"]["clamped_samples"] == 15
+    assert results["versions"]["request-planner"] == planner.__version__
+    assert results["seconds"]["total"] > 0.0
+    assert "the paper's figures were measured on a robot" in results["note"]
+
+
+def test_the_manifest_lists_every_file_of_the_folder(folder, results):
+    assert sorted({*results["files"], "results.json"}) == list_files(folder)
+
+
+def test_the_written_requests_give_the_written_angles_and_the_stated_error(folder, results):
+    requests = read_joint_path(folder / "requests_optimal.csv")
+    angles = read_joint_path(folder / "angles_optimal.csv").angles
+    desired = read_joint_path(folder / "desired.csv").angles
+    assert requests.names == paper.JOINTS
+    joint = planner.JointModel.ers210a()
+    for j, name in enumerate(paper.JOINTS):
+        simulated = planner.simulate(joint, requests.angles[:, j])
+        assert simulated == pytest.approx(angles[:, j], abs=1e-10)
+        rms = np.degrees(np.sqrt(np.mean((simulated - desired[:, j]) ** 2)))
+        assert results["table2"][name]["Des,Opt"]["L2"] == pytest.approx(rms, abs=1e-9)
+
+
+def test_the_written_foot_paths_have_the_stated_distances(folder, results):
+    desired = read_foot_path(folder / "foot_desired.csv").positions
+    for method in METHODS:
+        positions = read_foot_path(folder / f"foot_{method}.csv").positions
+        distances = 100.0 * np.linalg.norm(positions - desired, axis=1)
+        assert results["foot"][method]["Linf"] == pytest.approx(np.max(distances), abs=1e-9)
+
+
+def test_table_2_is_printed_side_by_side(printed, results):
+    _, text = printed
+    assert text.startswith("Distances between joint trajectories [deg]: ours / the paper's")
+    rotator = results["table2"]["rotator"]["Des,Dir"]["L2"]
+    assert f"{rotator:.2f} / 31.00 (+6 %)" in text
+    assert "best time shift of them" in text
+    assert results["note"] in text
+
+
+def test_the_json_on_standard_output_is_the_file(folder, tmp_path):
+    from click.testing import CliRunner
+
+    from planner.cli import cli
+
+    out = tmp_path / "again"
+    result = CliRunner().invoke(cli, ["reproduce", "--out", str(out), "--json"])
+    assert result.stdout == (out / "results.json").read_text()
+    timeless = {"results.json", "report.html"}  # these tell how long it took
+    assert list_files(out) == list_files(folder)
+    for name in set(list_files(out)) - timeless:
+        assert (out / name).read_bytes() == (folder / name).read_bytes(), name
