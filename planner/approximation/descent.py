@@ -5,10 +5,21 @@ Slope bounds and lengths are linear in knots and values together, so every itera
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.objective import Iterate, Problem, constraints, evaluate
+from planner.approximation.objective import (
+    Candidate,
+    Iterate,
+    Problem,
+    candidate,
+    constraint_rows,
+    evaluate,
+    slacks,
+)
 from planner.approximation.small_qp import minimize_quadratic
 from planner.trajectory import Array
 
@@ -19,63 +30,103 @@ PROGRESS = 1e-7
 """Relative decrease of the squared error below which a descent ends."""
 
 EXACT = 1e-26
-"""Squared error per sample, relative to the size of the samples squared, that counts as none."""
+"""Squared error, relative to the sum of squares of the samples, that counts as none."""
 
 
-def best_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
+def best_values(problem: Problem, knots: Array) -> Candidate:
     """The values at given knots that are best within the slopes: one convex QP.
 
     Args:
         problem: What to approximate.
         knots: Knots, shape (K,), at most ``LARGEST_WINDOW`` of them.
-        near: Values within the slopes to fall back to; by default a constant.
 
     Returns:
-        Values, shape (K,).
+        The curve; a constant if the QP was not solved.
     """
     size = knots.size
-    start = np.full(size, float(np.mean(problem.desired))) if near is None else near
-    here = evaluate(problem, knots, start)
-    rows, bounds = constraints(problem, knots, start)
-    hessian = here.gauss_newton[size:, size:]
-    hessian = hessian + 1e-10 * np.max(np.diag(hessian)) * np.eye(size)
-    slopes = bounds.size * 2 // 3
-    step = minimize_quadratic(
-        hessian, here.gradient[size:], rows[:slopes, size:], np.maximum(bounds[:slopes], 0.0)
-    )
-    return start if step is None else start + step
+    mean = float(np.average(problem.desired, weights=problem.weights))
+    here = evaluate(problem, knots, np.full(size, mean))
+    hessian = here.hessian[size:, size:]
+    hessian = hessian + 1e-10 * np.max(hessian.diagonal()) * np.eye(size)
+    slopes = slacks(problem, knots, here.values)
+    slopes = slopes[: slopes.size * 2 // 3]
+    rows = constraint_rows(problem, size)[: slopes.size, size:]
+    step = minimize_quadratic(hessian, here.gradient[size:], rows, np.maximum(slopes, 0.0))
+    if step is None:
+        return Candidate(knots, here.values, here.error)
+    return candidate(problem, knots, here.values + step)
 
 
-def descend(
-    problem: Problem, knots: Array, values: Array, *, free: npt.NDArray[np.bool_], rounds: int
-) -> Iterate:
-    """Move knots and values downhill until there is no progress.
+def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
+    """Move knots and values downhill until there is no progress; the ends of a path stay.
 
     Args:
         problem: What to approximate.
-        knots: Knots to start from, shape (K,).
-        values: Values to start from, within the slopes, shape (K,).
-        free: Which of the knots, then of the values, may move, shape (2K,).
+        start: Where to start, within the slopes.
         rounds: Most evaluations.
 
     Returns:
         The best curve found; never worse than the start.
     """
-    size = knots.size
-    here = evaluate(problem, knots, values)
+    size = start.knots.size
+    if size > LARGEST_WINDOW:
+        return _sweep(problem, start, rounds=rounds)
+    free = np.ones(2 * size, dtype=bool)
+    if not problem.cyclic:
+        free[[0, size - 1]] = False
+    return _descend(problem, start, free=free, rounds=rounds)
+
+
+def _sweep(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
+    """Move one window of knots after the other, each between knots that stay."""
+    size, n = start.knots.size, problem.samples
+    knots, values = start.knots.copy(), start.values.copy()
+    for first in range(0, size if problem.cyclic else size - 2, LARGEST_WINDOW // 2):
+        last = first + LARGEST_WINDOW - 1
+        if not problem.cyclic:
+            last = min(last, size - 1)
+        number = np.arange(first, last + 1)
+        places = knots[number % size] + n * (number // size)
+        low, high = math.ceil(places[0]), math.floor(places[-1])
+        inside = np.arange(low, high + 1) % n
+        window = replace(
+            problem,
+            desired=problem.desired[inside],
+            weights=problem.weights[inside],
+            cyclic=False,
+        )
+        free = np.ones(2 * number.size, dtype=bool)
+        free[[0, number.size - 1]] = False
+        if problem.cyclic or first > 0:
+            free[number.size] = False
+        if problem.cyclic or last < size - 1:
+            free[-1] = False
+        before = candidate(window, places - low, values[number % size])
+        after = _descend(window, before, free=free, rounds=rounds)
+        knots[number % size] = after.knots + low - n * (number // size)
+        values[number % size] = after.values
+    return candidate(problem, knots, values)
+
+
+def _descend(
+    problem: Problem, start: Candidate, *, free: npt.NDArray[np.bool_], rounds: int
+) -> Candidate:
+    """Newton's method on the free variables, damped until it goes down."""
+    size = start.knots.size
+    here = evaluate(problem, start.knots, start.values)
+    rows = constraint_rows(problem, size)[:, free]
+    cells = np.ix_(free, free)
     none = EXACT * float(problem.desired @ problem.desired)
     damping = 1e-3
     for _ in range(rounds):
         if here.error <= none:
             break
-        rows, bounds = constraints(problem, here.knots, here.values)
-        diagonal = _scale(here)
-        hessian = here.gauss_newton + here.curvature + damping * np.diag(diagonal)
+        hessian = here.hessian + damping * np.diag(_scale(here))
         step = minimize_quadratic(
-            hessian[np.ix_(free, free)],
+            hessian[cells],
             here.gradient[free],
-            rows[:, free],
-            np.maximum(bounds, 0.0),
+            rows,
+            np.maximum(slacks(problem, here.knots, here.values), 0.0),
         )
         if step is None:
             damping *= 10.0
@@ -92,15 +143,15 @@ def descend(
         elif promised <= PROGRESS * here.error:
             break
         damping *= 0.2 if gain > 0.5 * promised else 0.7 if gain > 0.0 else 6.0
-    return here
+    return Candidate(here.knots, here.values, here.error)
 
 
 def _scale(here: Iterate) -> Array:
     """Curvature of each variable, against which damping is measured."""
     size = here.knots.size
-    own = np.diag(here.gauss_newton).copy()
-    by_value = float(np.mean(own[size:]))
-    by_knot = float(np.mean(own[:size]))
+    own = here.gauss_newton.copy()
+    by_value = float(own[size:].sum()) / size
+    by_knot = float(own[:size].sum()) / size
     own[:size] += 1e-2 * by_knot + 1e-12 * by_value
     own[size:] += 1e-6 * by_value
     return own

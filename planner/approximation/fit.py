@@ -10,18 +10,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.choose import automatic, within
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.objective import Iterate
 from planner.approximation.search import Search
-from planner.approximation.values import solve_values, within_slopes
-from planner.exceptions import Infeasible, InvalidInput, SolverFailed
+from planner.approximation.values import within_slopes
+from planner.exceptions import InvalidInput, SolverFailed
 from planner.trajectory import Array, as_trajectory
-
-CLOSE_TO_IDEAL = 1.02
-"""Automatic: rms over the ideal's from which on more segments are not worth their corners."""
-
-FLOOR = 0.01
-"""Automatic: rms, relative to the range of the samples, that is too small to spend corners on."""
 
 SLOPE_TOLERANCE = 1e-12
 """Relative excess over v_max that rounding may leave on a returned slope."""
@@ -101,19 +95,16 @@ def fit_pwl(
         return _constant(desired, v_max, tick, cyclic=cyclic, segments=segments)
 
     search = Search((desired - middle) / half_range, v_max * tick / half_range, cyclic=cyclic)
-    if max_error is not None:
-        curve = _fewest_within(search, max_error / half_range, segments, half_range)
+    bound = None if max_error is None else max_error / half_range
+    if bound is not None:
+        curve = within(search, bound * (1.0 - 1e-9), segments, half_range)
     elif segments is not None:
         curve = search.curve(segments)
     else:
-        curve = _automatic(search)
-    values = solve_values(search.problem, curve.knots, near=curve.values)
-    placed = Iterate(**{**curve.__dict__, "values": values})
-    knots, values = search.placed(placed)
-    ends = np.append(knots, knots[0] + desired.size) if cyclic else knots
-    values = within_slopes(
-        middle + half_range * values, v_max * (np.diff(ends) * tick), cyclic=cyclic
-    )
+        curve = automatic(search)
+    knots, values = search.settled(curve, bound)
+    lengths = np.diff(np.append(knots, knots[0] + desired.size) if cyclic else knots)
+    values = within_slopes(middle + half_range * values, v_max * (lengths * tick), cyclic=cyclic)
     return _certified(
         PiecewiseLinearFit(
             knots=knots,
@@ -123,49 +114,8 @@ def fit_pwl(
             cyclic=cyclic,
             desired=desired,
             v_max=v_max,
-        )
-    )
-
-
-def _automatic(search: Search) -> Iterate:
-    """The fewest segments that come close to the ideal."""
-    n = search.problem.samples
-    enough = CLOSE_TO_IDEAL**2 * search.ideal_error + n * (2.0 * FLOOR) ** 2
-    for segments in range(search.fewest, search.most + 1):
-        curve = search.curve(segments)
-        if curve.error <= enough:
-            break
-    return curve
-
-
-def _fewest_within(search: Search, bound: float, segments: int | None, unit: float) -> Iterate:
-    """The fewest segments whose largest error is within ``bound``."""
-    most = search.most if segments is None else segments
-    best = math.inf
-    for count in range(search.fewest, most + 1):
-        curve = search.curve(count)
-        worst = float(np.max(np.abs(_residuals(search, curve))))
-        best = min(best, worst)
-        if worst <= bound:
-            return curve
-    raise Infeasible(
-        f"max_error: got {bound * unit:.6g} rad, but with slopes within ±v_max and at most {most} "
-        f"segments the smallest found is {best * unit:.6g} rad; allow more error, more segments or "
-        "a larger v_max"
-    )
-
-
-def _residuals(search: Search, curve: Iterate) -> Array:
-    problem = search.problem
-    return (
-        PiecewiseLinear(
-            knots=curve.knots,
-            values=curve.values,
-            samples=problem.samples,
-            tick=1.0,
-            cyclic=problem.cyclic,
-        ).angles
-        - problem.desired
+        ),
+        max_error,
     )
 
 
@@ -187,11 +137,14 @@ def _constant(
     )
 
 
-def _certified(fit: PiecewiseLinearFit) -> PiecewiseLinearFit:
-    """The fit, if the slopes that it reports keep their bound."""
+def _certified(fit: PiecewiseLinearFit, max_error: float | None) -> PiecewiseLinearFit:
+    """The fit, if the slopes and errors that it reports keep their bounds."""
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
     if not excess <= SLOPE_TOLERANCE:
         raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
+    if max_error is not None and fit.max_error > max_error * (1.0 + 1e-9) + 1e-15:
+        beyond = fit.max_error - max_error
+        raise SolverFailed("largest error of the piecewise-linear fit", "solved", violation=beyond)
     return fit
 
 

@@ -67,3 +67,32 @@ def _roots(desired: list[float], step: float) -> list[float]:
             left.append((at + shift, -change))
         roots.append(root)
     return roots
+
+
+def attainable_error(desired: Array, step: float, *, cyclic: bool) -> float:
+    """Smallest largest error of any sequence with |x[k+1] - x[k]| <= step.
+
+    Half of the most by which two samples are further apart than ``step`` allows.
+    """
+    lower, upper = envelopes(desired, step, cyclic=cyclic)
+    return 0.5 * float(np.max(upper - lower))
+
+
+def envelopes(desired: Array, step: float, *, cyclic: bool) -> tuple[Array, Array]:
+    """The slope-bounded sequences closest to ``desired`` from below and from above.
+
+    Their mean has the smallest largest error of all slope-bounded sequences (McShane's extension).
+    """
+    n = desired.size
+    repeated = np.tile(desired, 3) if cyclic else desired
+    ramp = step * np.arange(repeated.size)
+    upper = np.maximum(
+        np.maximum.accumulate(repeated + ramp) - ramp,
+        (np.maximum.accumulate((repeated - ramp)[::-1]))[::-1] + ramp,
+    )
+    lower = np.minimum(
+        np.minimum.accumulate(repeated - ramp) + ramp,
+        (np.minimum.accumulate((repeated + ramp)[::-1]))[::-1] - ramp,
+    )
+    middle = slice(n, 2 * n) if cyclic else slice(0, n)
+    return lower[middle], upper[middle]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.curve import PiecewiseLinear
 from planner.trajectory import Array
 
 
@@ -18,13 +22,20 @@ class Problem:
         desired: Samples, shape (n,).
         step: Largest change per sample.
         cyclic: Whether the first sample follows the last.
+        weights: Weight of every sample's squared error, mean 1, shape (n,); by default all 1.
         shortest: Length of the shortest segment [samples].
     """
 
     desired: Array
     step: float
     cyclic: bool
+    weights: Array = None  # type: ignore[assignment]
     shortest: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Weigh all samples alike unless told otherwise."""
+        if self.weights is None:
+            object.__setattr__(self, "weights", np.ones(self.desired.size))
 
     @property
     def samples(self) -> int:
@@ -32,106 +43,155 @@ class Problem:
         return self.desired.size
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Iterate:
+class Candidate(NamedTuple):
+    """A curve that is being considered, and its squared error."""
+
+    knots: Array  # (K,)
+    values: Array  # (K,)
+    error: float
+
+
+def candidate(problem: Problem, knots: Array, values: Array) -> Candidate:
+    """A curve with its squared error; O(n + K)."""
+    residual = residuals(problem, knots, values)
+    return Candidate(knots, values, float(residual @ (problem.weights * residual)))
+
+
+def residuals(problem: Problem, knots: Array, values: Array) -> Array:
+    """Curve minus samples, shape (n,)."""
+    curve = PiecewiseLinear(
+        knots=knots, values=values, samples=problem.samples, tick=1.0, cyclic=problem.cyclic
+    )
+    return curve.angles - problem.desired
+
+
+class Iterate(NamedTuple):
     """Knots and values, their squared error and its derivatives.
 
     The variables are ordered knots first: (k_0, ..., k_{K-1}, y_0, ..., y_{K-1}).
     """
 
-    knots: Array
-    values: Array
+    knots: Array  # (K,)
+    values: Array  # (K,)
     error: float
     gradient: Array  # (2K,), of half the squared error
-    gauss_newton: Array  # (2K, 2K)
-    curvature: Array  # (2K, 2K), what the Hessian has beyond Gauss-Newton
+    hessian: Array  # (2K, 2K), of half the squared error
+    gauss_newton: Array  # (2K,), diagonal of the Hessian without the residuals' part
 
 
-def constraints(problem: Problem, knots: Array, values: Array) -> tuple[Array, Array]:
-    """Rows A and slacks b such that a step p is allowed if A p <= b: slopes first, then lengths.
+def constraint_rows(problem: Problem, size: int) -> Array:
+    """Rows A such that a step p of knots and values is allowed if A p <= the slacks.
 
-    The bound on a slope, |y' - y| <= v (k' - k), is linear in knots and values together.
+    The bound on a slope, |y' - y| <= v (k' - k), is linear in knots and values together, so the
+    rows are the same for all knots and values.
+
+    Args:
+        problem: What to approximate.
+        size: Number of knots K.
 
     Returns:
-        A, shape (3S, 2K), and b, shape (3S,), for S segments and K knots.
+        A, shape (3S, 2K) for S segments: no slope too high, none too low, no segment too short.
     """
-    size = knots.size
-    start, end = segment_ends(problem, size)
-    ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
-    length = np.diff(ends)
-    rise = values[end] - values[start]
+    start, end = segment_ends(size, cyclic=problem.cyclic)
     identity = np.eye(size)
-    by_knots, by_values = identity[end] - identity[start], identity[end] - identity[start]
-    reach = problem.step * by_knots
-    rows = np.block([[-reach, by_values], [-reach, -by_values], [-by_knots, 0.0 * by_values]])
+    difference = identity[end] - identity[start]
+    reach = problem.step * difference
+    return np.block(
+        [[-reach, difference], [-reach, -difference], [-difference, np.zeros_like(difference)]]
+    )
+
+
+def slacks(problem: Problem, knots: Array, values: Array) -> Array:
+    """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
+    start, end = segment_ends(knots.size, cyclic=problem.cyclic)
+    length = knots[end] - knots[start]
+    if problem.cyclic:
+        length[-1] += problem.samples
+    rise = values[end] - values[start]
     limit = problem.step * length
-    return rows, np.concatenate([limit - rise, limit + rise, length - problem.shortest])
+    return np.concatenate([limit - rise, limit + rise, length - problem.shortest])
 
 
-def segment_ends(problem: Problem, size: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+@lru_cache(maxsize=64)
+def segment_ends(size: int, *, cyclic: bool) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Numbers of the knots at which the segments start and end."""
-    start = np.arange(size if problem.cyclic else size - 1)
+    start = np.arange(size if cyclic else size - 1)
     return start, (start + 1) % size
 
 
 def evaluate(problem: Problem, knots: Array, values: Array) -> Iterate:
-    """Squared error of a curve, its gradient and its Hessian; O(n) time and memory."""
+    """Squared error of a curve, its gradient and its Hessian; O(n + K²) time and memory."""
     size = knots.size
-    start, end = segment_ends(problem, size)
-    ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
-    length = np.diff(ends)
+    start, end = segment_ends(size, cyclic=problem.cyclic)
+    length = knots[end] - knots[start]
+    if problem.cyclic:
+        length[-1] += problem.samples
     slope = (values[end] - values[start]) / length
     # Samples per segment: those of a cycle begin at the first knot.
     count = problem.samples
-    if problem.cyclic:
-        first = int(np.ceil(knots[0]))
-        index = np.arange(first, first + count)
-        desired = np.take(problem.desired, index, mode="wrap")
-    else:
-        index, desired = np.arange(count), problem.desired
-    segment = np.searchsorted(knots, index, side="right") - 1
+    first = math.ceil(knots[0]) if problem.cyclic else 0
+    index = np.arange(first, first + count)
+    turn = first % count
+    desired = np.concatenate([problem.desired[turn:], problem.desired[:turn]])
+    importance = np.concatenate([problem.weights[turn:], problem.weights[:turn]])
+    segment = knots.searchsorted(index, side="right") - 1
     np.clip(segment, 0, start.size - 1, out=segment)
+
     share = (index - knots[segment]) / length[segment]
     rest = 1.0 - share
     residual = rest * values[segment] + share * values[end[segment]] - desired
+    weights = np.empty((5, count))
+    weights[0] = weights[1] = importance * residual
+    weights[2] = weights[3] = importance * rest
+    weights[4] = importance * share
+    weights[[0, 2]] *= rest
+    weights[[1, 3, 4]] *= share
+    cells = segment + start.size * _FIVE
+    g0, g1, s00, s01, s11 = _sums(weights, cells, 5 * start.size).reshape(5, -1)
 
-    g0, g1, s00, s01, s11 = (
-        _sums(product, segment, start.size)
-        for product in (residual * rest, residual * share, rest * rest, rest * share, share * share)
+    # Per segment, in the order start knot, end knot, start value, end value.
+    by_variable, by_pair = _scatter(size, start.size)
+    squared = slope * slope
+    first_order = [-slope * g0, -slope * g1, g0, g1]
+    own = [squared * s00, squared * s11, s00, s11]
+    gradient, gauss_newton = _sums(np.array(first_order + own), by_variable, 4 * size).reshape(
+        2, -1
     )
-    # Per segment, variables ordered (start knot, end knot, start value, end value).
-    columns = np.stack([start, end, size + start, size + end], axis=1)
-    gradient = _sums(
-        np.stack([-slope * g0, -slope * g1, g0, g1], axis=1),
-        columns,
-        2 * size,
-    )
-    square = np.stack([s00, s01, s01, s11], axis=1).reshape(-1, 2, 2)
-    blocks = np.empty((start.size, 4, 4))
-    m = slope[:, None, None]
-    blocks[:, :2, :2] = m * m * square
-    blocks[:, :2, 2:] = blocks[:, 2:, :2] = -m * square
-    blocks[:, 2:, 2:] = square
-    extra = np.zeros_like(blocks)
+    # What the residuals add to the Hessian of Gauss and Newton.
     e0, e1 = g0 / length, g1 / length
-    extra[:, 0, 0] = -2.0 * slope * e0
-    extra[:, 0, 1] = extra[:, 1, 0] = slope * (e0 - e1)
-    extra[:, 1, 1] = 2.0 * slope * e1
-    extra[:, 0, 2] = extra[:, 2, 0] = e0
-    extra[:, 0, 3] = extra[:, 3, 0] = -e0
-    extra[:, 1, 2] = extra[:, 2, 1] = e1
-    extra[:, 1, 3] = extra[:, 3, 1] = -e1
-    where = columns[:, :, None] * (2 * size) + columns[:, None, :]
-    shape = (2 * size, 2 * size)
-    cells = shape[0] * shape[1]
+    kk00, kk11 = own[0] - 2.0 * slope * e0, own[1] + 2.0 * slope * e1
+    kk01 = squared * s01 + slope * (e0 - e1)
+    ky00, ky01 = -slope * s00 + e0, -slope * s01 - e0
+    ky10, ky11 = -slope * s01 + e1, -slope * s11 - e1
+    second_order = [
+        *(kk00, kk01, ky00, ky01),
+        *(kk01, kk11, ky10, ky11),
+        *(ky00, ky10, s00, s01),
+        *(ky01, ky11, s01, s11),
+    ]
+    hessian = _sums(np.array(second_order), by_pair, 4 * size * size)
     return Iterate(
         knots=knots,
         values=values,
-        error=float(residual @ residual),
+        error=float(residual @ (importance * residual)),
         gradient=gradient,
-        gauss_newton=_sums(blocks, where, cells).reshape(shape),
-        curvature=_sums(extra, where, cells).reshape(shape),
+        hessian=hessian.reshape(2 * size, 2 * size),
+        gauss_newton=gauss_newton,
     )
+
+
+_FIVE = np.arange(5)[:, None]
+
+
+@lru_cache(maxsize=64)
+def _scatter(size: int, segments: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Where the entries of the segments go: gradient and diagonal, (8, S), and Hessian, (16, S)."""
+    start = np.arange(segments)
+    end = (start + 1) % size
+    variables = np.stack([start, end, size + start, size + end])
+    twice = np.concatenate([variables, 2 * size + variables])
+    pairs = variables[:, None, :] * (2 * size) + variables[None, :, :]
+    return twice, pairs.reshape(16, -1)
 
 
 def _sums(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:

@@ -2,41 +2,67 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
+from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.ideal import slope_bounded
-from planner.approximation.knots import FINEST_GRID, Moments, Price, prices, shortest_chains
-from planner.approximation.objective import Iterate, Problem, evaluate
-from planner.approximation.values import solve_values
+from planner.approximation.ideal import envelopes, slope_bounded
+from planner.approximation.knots import KnotProposals
+from planner.approximation.merging import MergedKnots
+from planner.approximation.objective import Candidate, Problem, candidate, residuals
+from planner.approximation.pose import Pose
+from planner.approximation.tube import rechained
+from planner.approximation.values import solve_values, within_slopes
 from planner.trajectory import Array
 
-ROUNDS = 25
-"""Most evaluations of one descent."""
+RESOLUTION = 2.0**-36
+"""Samples and slope are searched as multiples of this; the last QP takes them as they are."""
+
+EXACT_KNOTS = 2.0**32
+"""Knots are multiples of its inverse [samples]."""
+
+FIRST_ROUNDS = 4
+"""Evaluations after which the most promising of several descents goes on alone."""
+
+ROUNDS = 15
+"""Most further evaluations of that one."""
+
+DESCENTS = 2
+"""Starts, of all that are proposed, from which a descent is begun."""
+
+MOST_PROPOSED = 32
+"""Segments up to which knots are sought by shortest paths; beyond, by merging."""
 
 
 class Search:
     """Curves of any number of segments through the same samples, each found once.
 
-    A cycle is searched from its sharpest corner on, so that a cycle which starts elsewhere gives
-    the same curve.
+    The samples are searched in a pose and at a resolution of their own, so that shifted, mirrored,
+    reversed and scaled ones give the same curve in spite of rounding.
     """
 
     def __init__(self, desired: Array, step: float, *, cyclic: bool) -> None:
-        """Find the ideal and the place to start.
+        """Find the ideal and the pose.
 
         Args:
-            desired: Samples of size one or less, shape (n,).
+            desired: Samples of size one, shape (n,).
             step: Largest change per sample.
             cyclic: Whether the first sample follows the last.
         """
-        ideal = slope_bounded(desired, step, cyclic=cyclic)
-        self.seam = _sharpest_corner(ideal) if cyclic else 0
-        self.ideal = np.roll(ideal, -self.seam)
-        self.problem = Problem(desired=np.roll(desired, -self.seam), step=step, cyclic=cyclic)
-        self._found: dict[int, Iterate] = {}
+        coarse = np.round(desired / RESOLUTION) * RESOLUTION
+        mantissa, exponent = math.frexp(step)
+        slower = math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent)
+        ideal = slope_bounded(coarse, slower, cyclic=cyclic)
+        self.pose = Pose.of(coarse, ideal, cyclic=cyclic)
+        self.ideal = self.pose.apply(ideal)
+        self.problem = Problem(desired=self.pose.apply(coarse), step=slower, cyclic=cyclic)
+        self._given = Problem(desired=self.pose.apply(desired), step=step, cyclic=cyclic)
+        self._found: dict[int, Candidate] = {}
 
     @property
     def fewest(self) -> int:
@@ -54,81 +80,128 @@ class Search:
         """Squared error of the ideal: no curve within the slopes has less."""
         return float(np.sum((self.ideal - self.problem.desired) ** 2))
 
-    def curve(self, segments: int) -> Iterate:
+    def curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
         if segments not in self._found:
             self._found[segments] = self._improve(segments)
         return self._found[segments]
 
-    def placed(self, curve: Iterate) -> tuple[Array, Array]:
-        """Knots within the cycle of the samples as they were given, in order, and their values."""
-        if not self.problem.cyclic:
-            return curve.knots, curve.values
-        # Powers of two make sums and differences of knots exact.
-        exact = np.round(curve.knots * 2.0**32) / 2.0**32
-        knots = np.mod(exact + self.seam, self.problem.samples)
-        order = np.argsort(knots)
-        return knots[order], curve.values[order]
+    def closest_everywhere(self) -> Candidate:
+        """The curve with the smallest largest error of all, a knot on every sample."""
+        lower, upper = envelopes(
+            self.problem.desired, self.problem.step, cyclic=self.problem.cyclic
+        )
+        knots = np.arange(self.problem.samples, dtype=np.float64)
+        return candidate(self.problem, knots, 0.5 * (lower + upper))
 
-    def _improve(self, segments: int) -> Iterate:
-        problem = self.problem
-        candidates = []
-        for price in ("chord", "line"):
-            knots = self._proposed(price, segments)
-            if knots is not None:
-                candidates.append(self._descend(knots))
-        if segments - 1 in self._found or (self.fewest < segments <= LARGEST_WINDOW):
-            knots = _with_one_more(problem, self.curve(segments - 1))
-            candidates.append(self._descend(knots))
-        return min(candidates, key=lambda curve: curve.error)
+    def settled(self, curve: Candidate, bound: float | None) -> tuple[Array, Array]:
+        """Knots and values for the samples as given: the last QP in the values, solved by OSQP.
 
-    def _descend(self, knots: Array) -> Iterate:
-        problem = self.problem
-        free = np.ones(2 * knots.size, dtype=bool)
-        if not problem.cyclic:
-            free[[0, knots.size - 1]] = False
-        if knots.size > LARGEST_WINDOW:
-            return evaluate(problem, knots, solve_values(problem, knots))
-        values = best_values(problem, knots)
-        return descend(problem, knots, values, free=free, rounds=ROUNDS)
+        Args:
+            curve: A curve of this search.
+            bound: Largest error at any sample that it keeps and has to keep; None for none.
+        """
+        # Powers of two, so that sums and differences of knots are exact.
+        knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
+        values = solve_values(self._given, knots, near=curve.values, tube=bound)
+        return self.pose.restore(Candidate(knots, values, curve.error))
 
     @cached_property
-    def _nodes(self) -> np.ndarray:
-        last = self.problem.samples if self.problem.cyclic else self.problem.samples - 1
-        return np.unique(np.round(np.linspace(0, last, min(last, FINEST_GRID) + 1))).astype(np.intp)
+    def exact(self) -> Candidate | None:
+        """The curve on which the samples lie, if there is one."""
+        return exact_curve(self._given)
 
-    def _proposed(self, price: Price, segments: int) -> Array | None:
-        """Knots of the cheapest chain."""
-        if segments > self._nodes.size - 1:
-            return None
-        wrap = slice(0, 1 if self.problem.cyclic else 0)
-        moments = Moments(
-            desired=np.append(self.problem.desired, self.problem.desired[wrap]),
-            ideal=np.append(self.ideal, self.ideal[wrap]),
-        )
-        table = prices(moments, self._nodes, self.problem.step, price)
-        chain = self._nodes[shortest_chains(table, segments)[-1]].astype(np.float64)
-        return chain[:-1] if self.problem.cyclic else chain
+    @cached_property
+    def _propose(self) -> KnotProposals:
+        return KnotProposals(self.problem, self.ideal)
+
+    @cached_property
+    def _merged(self) -> MergedKnots:
+        return MergedKnots(replace(self.problem, desired=self.ideal))
+
+    def _improve(self, segments: int) -> Candidate:
+        """Descend a little from several starts, all the way from the best one, and look around."""
+        if self.exact is not None and segments == self._count(self.exact):
+            return self.exact
+        extended = None
+        if segments - 1 in self._found or self.fewest < segments <= LARGEST_WINDOW:
+            extended = _with_one_more(self.problem, self.curve(segments - 1))
+            if extended is not None and extended.error <= self._nothing_to_gain:
+                return extended
+        if segments > MOST_PROPOSED:
+            return self._descend(self._valued(self._merged(segments)), FIRST_ROUNDS)
+        starts = [self._valued(knots) for knots in self._propose(segments)]
+        if extended is not None:
+            starts.append(extended)
+        best = self._best_of(starts)
+        if segments > LARGEST_WINDOW:
+            return best
+        anchor = int(_strongest(self.problem, best)[0]) if self.problem.cyclic else 0
+        around = rechained(self.problem, self.ideal, best, anchor=anchor)
+        if around is not None:
+            best = min(best, self._best_of([self._valued(around)]), key=_error)
+        return best
+
+    @property
+    def _nothing_to_gain(self) -> float:
+        return max(1e-22 * self.problem.samples, (1.0 + 1e-6) * self.ideal_error)
+
+    def _count(self, curve: Candidate) -> int:
+        return curve.knots.size if self.problem.cyclic else curve.knots.size - 1
+
+    def _best_of(self, starts: list[Candidate]) -> Candidate:
+        begun = [
+            self._descend(curve, FIRST_ROUNDS) for curve in sorted(starts, key=_error)[:DESCENTS]
+        ]
+        return self._descend(min(begun, key=_error), ROUNDS)
+
+    def _valued(self, knots: Array) -> Candidate:
+        """The curve of best values at these knots."""
+        if knots.size > LARGEST_WINDOW:
+            values = solve_values(self.problem, knots)
+            values = within_slopes(values, self._limits(knots), cyclic=self.problem.cyclic)
+            return candidate(self.problem, knots, values)
+        return best_values(self.problem, knots)
+
+    def _limits(self, knots: Array) -> Array:
+        problem = self.problem
+        ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
+        return problem.step * np.diff(ends)
+
+    def _descend(self, curve: Candidate, rounds: int) -> Candidate:
+        return descend(self.problem, curve, rounds=rounds)
 
 
-def _sharpest_corner(ideal: Array) -> int:
-    reach = max(1, ideal.size // 32)
-    bend = np.abs(np.roll(ideal, -reach) - 2.0 * ideal + np.roll(ideal, reach))
-    return int(np.argmax(bend))
+def _error(curve: Candidate) -> float:
+    return curve.error
 
 
-def _with_one_more(problem: Problem, curve: Iterate) -> Array:
-    """The knots and one more, in the middle of the longest of the worst segments."""
-    ends = curve.knots
-    if problem.cyclic:
-        ends = np.append(ends, ends[0] + problem.samples)
+def _strongest(problem: Problem, curve: Candidate) -> npt.NDArray[np.intp]:
+    """The knots, those at which the slope changes most first."""
+    ends = np.append(curve.knots, curve.knots[0] + problem.samples)
+    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
+    return np.argsort(-np.abs(slopes - np.roll(slopes, 1)))
+
+
+def _with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
+    """The same curve with one more knot, in the worst segment that is long enough for it."""
+    ends, values = curve.knots, curve.values
     index = np.arange(problem.samples, dtype=np.float64)
     if problem.cyclic:
+        ends, values = np.append(ends, ends[0] + problem.samples), np.append(values, values[0])
         index = ends[0] + np.mod(index - ends[0], problem.samples)
-    values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
-    residual = np.interp(index, ends, values) - problem.desired
-    segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, ends.size - 2)
-    worst = np.bincount(segment, residual**2, minlength=ends.size - 1)
-    worst[np.diff(ends) < 2.0 * problem.shortest] = -1.0
-    split = int(np.argmax(worst))
-    return np.insert(curve.knots, split + 1, 0.5 * (ends[split] + ends[split + 1]))
+    length = np.diff(ends)
+    segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, length.size - 1)
+    squares = residuals(problem, curve.knots, curve.values) ** 2
+    worst = np.bincount(segment, squares, minlength=length.size)
+    long_enough = length >= 2.0 * problem.shortest
+    if not np.any(long_enough):
+        return None
+    split = int(np.argmax(np.where(long_enough, worst + 1e-12 * length, -1.0)))
+    knot = 0.5 * (ends[split] + ends[split + 1])
+    value = 0.5 * (values[split] + values[split + 1])
+    return Candidate(
+        np.insert(curve.knots, split + 1, knot),
+        np.insert(curve.values, split + 1, value),
+        curve.error,
+    )

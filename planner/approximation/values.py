@@ -30,19 +30,22 @@ RIDGE = 1e-11
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValuesQP:
-    """Minimise ½ yᵀPy + qᵀy with every entry of Ay within its limit.
+    """Minimise ½ yᵀPy + qᵀy subject to lower <= Ay <= upper.
 
     Attributes:
         P: Hessian, sparse, shape (K, K).
         q: Gradient at zero, shape (K,).
-        A: Rise of every segment, sparse, shape (S, K).
-        limits: Largest rise of every segment, shape (S,).
+        A: Rise of every segment and, where errors are bounded, every sample's angle, sparse,
+            shape (S, K) or (S + n, K).
+        lower: Least values of them.
+        upper: Largest values of them.
     """
 
     P: Any
     q: Array
     A: Any
-    limits: Array
+    lower: Array
+    upper: Array
 
     def cost(self, values: Array) -> float:
         """The objective."""
@@ -50,11 +53,21 @@ class ValuesQP:
 
     def excess(self, values: Array) -> float:
         """Largest violation of a limit, 0 if there is none."""
-        return float(np.max(np.abs(self.A @ values) - self.limits, initial=0.0))
+        rows = self.A @ values
+        return float(np.max(np.maximum(self.lower - rows, rows - self.upper), initial=0.0))
 
 
-def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
-    """The QP in the values at ``knots``, with a tiny pull towards ``near``."""
+def build_values_qp(
+    problem: Problem, knots: Array, near: Array, tube: float | None = None
+) -> ValuesQP:
+    """The QP in the values at ``knots``, with a tiny pull towards ``near``.
+
+    Args:
+        problem: What to approximate.
+        knots: Knots, shape (K,).
+        near: Values towards which undetermined ones are pulled, shape (K,).
+        tube: Largest error at any sample, if that is bounded.
+    """
     from scipy import sparse
 
     size = knots.size
@@ -72,30 +85,41 @@ def build_values_qp(problem: Problem, knots: Array, near: Array) -> ValuesQP:
         ),
         shape=(problem.samples, size),
     )
-    P = basis.T @ basis
+    weighted = basis.T @ sparse.diags(problem.weights)
+    P = weighted @ basis
     ridge = RIDGE * float(P.diagonal().max())
-    start, end = segment_ends(problem, size)
+    start, end = segment_ends(size, cyclic=problem.cyclic)
     row = np.arange(start.size)
     ones = np.ones(start.size)
     A = sparse.csc_matrix(
         (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
         shape=(row.size, size),
     )
+    upper = problem.step * np.diff(ends)
+    lower = -upper
+    if tube is not None:
+        A = sparse.vstack([A, basis], format="csc")
+        lower = np.append(lower, problem.desired - tube)
+        upper = np.append(upper, problem.desired + tube)
     return ValuesQP(
         P=(P + ridge * sparse.eye(size)).tocsc(),
-        q=-(basis.T @ problem.desired) - ridge * near,
+        q=-(weighted @ problem.desired) - ridge * near,
         A=A,
-        limits=problem.step * np.diff(ends),
+        lower=lower,
+        upper=upper,
     )
 
 
-def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> Array:
+def solve_values(
+    problem: Problem, knots: Array, near: Array | None = None, *, tube: float | None = None
+) -> Array:
     """The best values at ``knots``; slopes within the bound up to rounding and :data:`TRUSTED`.
 
     Args:
         problem: What to approximate; samples of size one or less.
         knots: Knots, shape (K,).
         near: Values from which OSQP starts and to which undetermined ones are pulled, shape (K,).
+        tube: Largest error at any sample; ``near`` keeps it.
 
     Returns:
         Values, shape (K,). Cost O(n), and O(K) per iteration of OSQP.
@@ -103,30 +127,48 @@ def solve_values(problem: Problem, knots: Array, near: Array | None = None) -> A
     Raises:
         SolverFailed: OSQP stopped short.
     """
-    import osqp
-    from scipy import sparse
-
     if knots.size == 1:
         return np.array([np.mean(problem.desired)])
     near = np.zeros(knots.size) if near is None else near
     qp = build_values_qp(problem, knots, near)
-    scale = float(qp.P.diagonal().max())
+    values = _solved(problem, qp, near)
+    if tube is None:
+        return values
+    tube_qp = build_values_qp(problem, knots, near, tube)
+    if tube_qp.excess(values) <= 0.0:
+        return values
+    values = _solved(problem, tube_qp, near)
+    return values if tube_qp.excess(values) <= 1e-12 else near
+
+
+def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
+    """OSQP's answer, polished and checked."""
+    import osqp
+    from scipy import sparse
+
+    # In z with y = centre + unit z, as all rises are tiny where v_max is.
+    centre = float(np.mean(near))
+    unit = min(1.0, problem.step * problem.samples)
+    offset = np.full(near.size, centre)
+    q = (qp.P @ offset + qp.q) / unit
+    rows = qp.A @ offset
+    scale = float(max(qp.P.diagonal().max(), np.max(np.abs(q))))
     solver = osqp.OSQP()
     solver.setup(
         sparse.triu(qp.P / scale, format="csc"),
-        qp.q / scale,
+        q / scale,
         qp.A,
-        -qp.limits,
-        qp.limits,
+        (qp.lower - rows) / unit,
+        (qp.upper - rows) / unit,
         eps_abs=TOLERANCE,
         eps_rel=TOLERANCE,
         max_iter=50_000,
         polishing=False,  # OSQP's own prints when no bound is active
         verbose=False,
     )
-    solver.warm_start(x=near)
+    solver.warm_start(x=(near - centre) / unit)
     result = solver.solve(raise_error=False)
-    values = np.asarray(result.x, dtype=np.float64)
+    values = centre + unit * np.asarray(result.x, dtype=np.float64)
     status = str(result.info.status)
     if not (status.startswith("solved") and np.all(np.isfinite(values))):
         raise SolverFailed("values at the knots, OSQP", status)
@@ -142,7 +184,7 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     Args:
         qp: The QP.
         values: A solution to some tolerance, shape (K,).
-        multipliers: Of the limits, positive at the upper ones, shape (S,).
+        multipliers: Of the bounds, positive at the upper ones.
 
     Returns:
         Values, shape (K,).
@@ -151,7 +193,7 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     from scipy.sparse.linalg import splu
 
     active = np.flatnonzero(np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0))
-    target = np.sign(multipliers[active]) * qp.limits[active]
+    target = np.where(multipliers > 0.0, qp.upper, qp.lower)[active]
     rows = qp.A[active, :]
     # A touch of regularisation for bounds that repeat one another; two refinements remove it.
     lower = -1e-9 * sparse.eye(active.size)

@@ -1,0 +1,130 @@
+"""How many segments: as few as do what was asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from planner.approximation.descent import descend
+from planner.approximation.ideal import attainable_error
+from planner.approximation.objective import Candidate, Problem, candidate, residuals
+from planner.approximation.search import Search
+from planner.exceptions import Infeasible
+
+CLOSE_TO_IDEAL = 1.02
+"""Automatic: rms over the ideal's from which on more segments are not worth their corners."""
+
+FLOOR = 0.01
+"""Automatic: rms, relative to the range of the samples, that is too small to spend corners on."""
+
+ONE_BY_ONE = 16
+"""Segments up to which every number is tried; beyond, a bracket grows and is halved."""
+
+FLATTENINGS = 12
+"""Times that the weights of the largest errors are raised in search of a smaller one."""
+
+HOPEFUL = 3.0
+"""Largest error over its bound beyond which raising weights is not tried."""
+
+
+def automatic(search: Search) -> Candidate:
+    """The fewest segments that come close to the ideal, or the exact curve if there is one."""
+    if search.exact is not None:
+        return search.exact
+    floor = search.problem.samples * (2.0 * FLOOR) ** 2  # the samples span 2 units
+    enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, floor)
+
+    def close_enough(segments: int) -> Candidate | None:
+        curve = search.curve(segments)
+        return curve if curve.error <= enough else None
+
+    found = _fewest(close_enough, search.fewest, search.most)
+    return search.curve(search.most) if found is None else found
+
+
+def within(search: Search, bound: float, most: int | None, unit: float) -> Candidate:
+    """The fewest segments whose largest error is within ``bound``.
+
+    Args:
+        search: Curves through the samples.
+        bound: Largest error [unit of the search].
+        most: Most segments; None for any number.
+        unit: Unit of the search [rad], for the message.
+
+    Returns:
+        A curve with no error above ``bound``.
+
+    Raises:
+        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
+    """
+    problem = search.problem
+    attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
+    if bound < attainable * (1.0 - 1e-12):
+        raise Infeasible(
+            f"max_error: got {bound * unit:.6g} rad, but with slopes within ±v_max the smallest "
+            f"attainable is {attainable * unit:.6g} rad; allow that much or a larger v_max"
+        )
+    closest = math.inf
+
+    def close_enough(segments: int) -> Candidate | None:
+        nonlocal closest
+        curve, worst = flattened(problem, search.curve(segments), bound)
+        closest = min(closest, worst)
+        return curve if worst <= bound else None
+
+    last = search.most if most is None else most
+    found = _fewest(close_enough, search.fewest, last)
+    if found is None and last == search.most:
+        found = search.closest_everywhere()
+    if found is None:
+        raise Infeasible(
+            f"max_error: got {bound * unit:.6g} rad, but with at most {last} segments the smallest "
+            f"found is {closest * unit:.6g} rad ({attainable * unit:.6g} rad is attainable with "
+            "enough of them); allow more error or more segments"
+        )
+    return found
+
+
+def flattened(problem: Problem, curve: Candidate, bound: float) -> tuple[Candidate, float]:
+    """A curve near ``curve`` with a smaller largest error, at least until it is within ``bound``.
+
+    Weights grow where errors are large and the weighted curve is followed (Lawson's algorithm).
+    """
+    error = np.abs(residuals(problem, curve.knots, curve.values))
+    best, least = curve, float(error.max())
+    if least > HOPEFUL * bound:
+        return best, least
+    weights = problem.weights
+    for _ in range(FLATTENINGS):
+        if least <= bound:
+            break
+        weights = weights * (error / error.mean()) + 1e-6
+        weights = weights / weights.mean()
+        weighted = replace(problem, weights=weights)
+        curve = descend(weighted, candidate(weighted, curve.knots, curve.values), rounds=3)
+        error = np.abs(residuals(problem, curve.knots, curve.values))
+        if error.max() < least:
+            best, least = curve, float(error.max())
+    return candidate(problem, best.knots, best.values), least
+
+
+def _fewest(
+    found_with: Callable[[int], Candidate | None], fewest: int, most: int
+) -> Candidate | None:
+    """The curve of the first number of segments that has one; few are tried where it is large."""
+    failed, count = fewest - 1, fewest
+    found = None
+    while failed < most and (found := found_with(count)) is None:
+        failed = count
+        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(1.3 * count))
+    while found is not None and count - failed > 1:
+        middle = (failed + count) // 2
+        better = found_with(middle)
+        if better is None:
+            failed = middle
+        else:
+            found, count = better, middle
+    return found

@@ -1,0 +1,73 @@
+"""One pose for all shifts, mirror images and reversals of the same samples.
+
+A search that meets them in one pose finds the same curve for all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.approximation.objective import Candidate
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """How samples as given become samples in pose: rolled to the seam, reversed, mirrored.
+
+    Attributes:
+        samples: Number of samples n.
+        cyclic: Whether the first sample follows the last.
+        seam: Given sample that comes first in pose; 0 unless cyclic.
+        backwards: Whether time runs backwards in pose.
+        sign: -1 if the samples are mirrored in pose, else 1.
+    """
+
+    samples: int
+    cyclic: bool
+    seam: int
+    backwards: bool
+    sign: float
+
+    @classmethod
+    def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> Pose:
+        """The sharpest corner of a cycle first, the larger half last, the first extreme above."""
+        n = desired.size
+        seam = _sharpest_corner(ideal) if cyclic else 0
+        rolled = np.roll(desired, -seam)
+        k = np.arange(n)
+        # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise.
+        side = np.sin(2.0 * np.pi * k / n) if cyclic else 0.5 * (n - 1) - k
+        backwards = bool(side @ rolled**2 > 0.0)
+        pose = cls(samples=n, cyclic=cyclic, seam=seam, backwards=backwards, sign=1.0)
+        posed = pose.apply(desired)
+        extreme = posed[np.argmax(np.abs(posed) > (1.0 - 1e-9) * np.max(np.abs(posed)))]
+        sign = -1.0 if extreme < 0.0 else 1.0
+        return cls(samples=n, cyclic=cyclic, seam=seam, backwards=backwards, sign=sign)
+
+    def apply(self, given: Array) -> Array:
+        """Samples in pose."""
+        posed = self.sign * np.roll(given, -self.seam)
+        if self.backwards:
+            posed = np.roll(posed[::-1], 1) if self.cyclic else posed[::-1]
+        return np.ascontiguousarray(posed)
+
+    def restore(self, curve: Candidate) -> tuple[Array, Array]:
+        """Knots and values for the samples as given, in order and within the cycle."""
+        knots, values = curve.knots, self.sign * curve.values
+        if self.backwards:
+            last = 0.0 if self.cyclic else self.samples - 1.0
+            knots, values = last - knots[::-1], values[::-1]
+        if self.cyclic:
+            knots = np.mod(knots + self.seam, self.samples)
+            order = np.argsort(knots)
+            knots, values = knots[order], values[order]
+        return knots, values
+
+
+def _sharpest_corner(ideal: Array) -> int:
+    reach = max(1, ideal.size // 32)
+    bend = np.abs(np.roll(ideal, -reach) - 2.0 * ideal + np.roll(ideal, reach))
+    return int(np.argmax(bend))

@@ -1,0 +1,112 @@
+"""Knots and values at once on a grid around a curve: a shortest path that sees every chain.
+
+The nodes are samples, and at each node a few angles around a given curve may be taken. A segment
+between two of these states has its exact squared error as its price, infinite if it is too steep,
+so the cheapest chain is continuous, within the slopes, and best of all on the grid.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.objective import Candidate, Problem
+from planner.trajectory import Array
+
+COARSEST = 48
+"""Nodes of the grid, if the samples are as many: the cost of a chain takes this number squared."""
+
+NODES_PER_SEGMENT = 6
+"""Nodes of the grid for every segment, where that is more."""
+
+OFFSETS = np.array([0.0, -0.8, 0.8])
+"""Angles around the curve that a chain may take, in units of the curve's rms error."""
+
+
+def rechained(problem: Problem, ideal: Array, curve: Candidate, *, anchor: int = 0) -> Array | None:
+    """Knots of the cheapest chain with as many segments on a grid around ``curve``.
+
+    Args:
+        problem: What to approximate.
+        ideal: Its slope-bounded ideal, whose points a chain may take too, shape (n,).
+        curve: Where to look.
+        anchor: Number of the knot that is kept, for a cycle.
+
+    Returns:
+        Knots; None if no chain is within the slopes.
+    """
+    n = problem.samples
+    first = round(float(curve.knots[anchor])) if problem.cyclic else 0
+    last = n if problem.cyclic else n - 1
+    segments = curve.knots.size if problem.cyclic else curve.knots.size - 1
+    count = min(last, max(COARSEST, NODES_PER_SEGMENT * segments))
+    nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
+    around = PiecewiseLinear(
+        knots=curve.knots, values=curve.values, samples=n, tick=1.0, cyclic=problem.cyclic
+    )
+    middle = around((nodes + first).astype(np.float64))
+    unit = float(np.sqrt(curve.error / n))
+    states = np.column_stack([middle[:, None] + unit * OFFSETS, ideal[(nodes + first) % n]])
+    if problem.cyclic:
+        states[[0, -1], 0] = middle[0]
+        states[[0, -1], 1:] = np.inf
+    desired = np.resize(np.roll(problem.desired, -first), last + 1)
+    path = _cheapest(_prices(desired, states, nodes, problem.step), desired[0], states, segments)
+    if path is None:
+        return None
+    return nodes[path[:-1] if problem.cyclic else path].astype(np.float64) + first
+
+
+def _cheapest(
+    table: Array, desired: float, states: Array, segments: int
+) -> npt.NDArray[np.intp] | None:
+    """Nodes on the cheapest way from the first to the last, ends included."""
+    m, g = states.shape
+    flat = table.reshape(m * g, m * g)
+    cost = np.full(m * g, np.inf)
+    cost[:g] = (states[0] - desired) ** 2
+    came_from = []
+    for _ in range(segments):
+        through = cost[:, None] + flat
+        best = np.argmin(through, axis=0)
+        cost = through[best, np.arange(best.size)]
+        came_from.append(best)
+    state = (m - 1) * g + int(np.argmin(cost[-g:]))
+    if not np.isfinite(cost[state]):
+        return None
+    chain = [state]
+    for level in reversed(came_from):
+        chain.append(int(level[chain[-1]]))
+    path: npt.NDArray[np.intp] = np.array(chain[::-1], dtype=np.intp) // g
+    return path
+
+
+def _prices(desired: Array, states: Array, nodes: npt.NDArray[np.intp], step: float) -> Array:
+    """Squared error of a segment between any two states, shape (m, g, m, g)."""
+    k = np.arange(desired.size, dtype=np.float64)
+    start, end = nodes[:, None], nodes[None, :]
+    length = np.maximum(end - start, 1).astype(np.float64)
+    d0, d1, d2 = (
+        total[end] - total[start]
+        for total in (np.cumsum(desired), np.cumsum(k * desired), np.cumsum(desired**2))
+    )
+    d1 = (d1 - start * d0) / length
+    k1 = (length + 1.0) / 2.0
+    k2 = k1 * (2.0 * length + 1.0) / (3.0 * length)
+    usable = np.isfinite(states)
+    states = np.where(usable, states, 0.0)
+    a, b = states[:, :, None], states[None, :, :]
+    # With u the share of the segment behind a sample: the sums of (1-u)², 2u(1-u), u² and so on.
+    by_start = (length - 2.0 * k1 + k2)[:, None, :] * a * a - 2.0 * (d0 - d1)[:, None, :] * a
+    by_end = k2[:, :, None] * b * b - 2.0 * d1[:, :, None] * b
+    cross = (2.0 * (k1 - k2))[:, None, :] * a
+    price = cross[:, :, :, None] * states[None, None, :, :]
+    price += (by_start + d2[:, None, :])[:, :, :, None]
+    price += by_end[:, None, :, :]
+    rise = np.abs(states[None, None, :, :] - states[:, :, None, None])
+    reach = np.where(end > start, step * length * (1.0 + 1e-9), -1.0)
+    price[rise > reach[:, None, :, None]] = np.inf
+    price[~usable] = np.inf
+    price[:, :, ~usable] = np.inf
+    return np.asarray(price)
