@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         InvalidModel,
         InvalidTrajectory,
         NoSteadyCycle,
+        OutsideEquation13,
         PlannerError,
         SolverFailed,
     )
@@ -37,6 +38,7 @@ __all__ = [
     "Inversion",
     "JointModel",
     "NoSteadyCycle",
+    "OutsideEquation13",
     "PlannerError",
     "SolverFailed",
     "__version__",
@@ -61,6 +63,7 @@ _HOMES = {
         "InvalidModel",
         "InvalidTrajectory",
         "NoSteadyCycle",
+        "OutsideEquation13",
         "PlannerError",
         "SolverFailed",
     ),

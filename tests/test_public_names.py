@@ -9,6 +9,7 @@ import pytest
 
 import kinematics
 import planner
+import planner.exceptions
 
 HEAVY = ("casadi", "cvxpy", "osqp", "matplotlib", "pinocchio", "scipy", "jinja2")
 
@@ -23,6 +24,15 @@ def test_all_is_sorted_and_every_name_in_it_exists(package):
 
 def test_the_lazy_table_and_all_name_the_same_things():
     assert sorted(planner._HOME) == planner.__all__
+
+
+def test_everything_that_is_raised_on_purpose_is_public():
+    raised = [
+        name
+        for name, value in vars(planner.exceptions).items()
+        if isinstance(value, type) and value.__module__ == "planner.exceptions"
+    ]
+    assert set(raised) <= set(planner.__all__)
 
 
 def test_a_name_that_does_not_exist_is_an_attribute_error():

@@ -13,7 +13,7 @@ import click
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
-from planner.exceptions import InvalidInput, PlannerError
+from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
 
 COMMANDS = ("compare", "fit", "gait", "plan", "reproduce", "simulate")
 """Each is the function of this name in the module of this name."""
@@ -66,6 +66,7 @@ class Commands(click.Group):
             return super().main(args, prog_name, complete_var, standalone_mode, **extra)
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
+            warnings.simplefilter("default", OutsideEquation13)
             sys.exit(self._status(args, prog_name or "request-planner", complete_var, **extra))
 
     def _status(

@@ -87,6 +87,7 @@ def _side_view(height: float) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.add_subplot()
     axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.07)
     axes.set_xlabel("forward of the hip, x [cm]")
     axes.set_ylabel("above the hip, z [cm]")
     return figure, axes
