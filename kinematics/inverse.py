@@ -69,9 +69,7 @@ def solve_inverse(
     if closed_form is not None and missed.any() and unreachable != "clamp":
         nearest = nearest_poses(chain, limits, foot[missed])
         poses, distances = _widened(poses, distances, nearest.shape[1])
-        poses[missed, : nearest.shape[1]] = nearest
-        distances[missed] = np.inf
-        distances[missed, : nearest.shape[1]] = _distances(chain, nearest, foot[missed])
+        poses[missed], distances[missed] = nearest, _distances(chain, nearest, foot[missed])
         missed = distances.min(axis=1) > REACHED
     if unreachable == "raise" and missed.any():
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
@@ -107,9 +105,9 @@ def _distances(chain: Chain, poses: Array, foot: Array) -> Array:
     return np.asarray(np.linalg.norm(reached - foot[:, None], axis=-1))
 
 
-def _widened(poses: Array, distances: Array, least: int) -> tuple[Array, Array]:
-    """Room for at least ``least`` poses at each point; the new ones count as infinitely far."""
-    missing = max(0, least - poses.shape[1])
+def _widened(poses: Array, distances: Array, count: int) -> tuple[Array, Array]:
+    """Room for ``count`` poses at each point; the new ones count as infinitely far."""
+    missing = count - poses.shape[1]
     return (
         np.concatenate([poses, np.repeat(poses[:, :1], missing, axis=1)], axis=1),
         np.pad(distances, ((0, 0), (0, missing)), constant_values=np.inf),

@@ -179,7 +179,7 @@ def _axis(model: Any, joint: int) -> Array:
         kind.calc(data, pinocchio.neutral(model))
         motion = np.array(data.S).ravel()
         length = np.linalg.norm(motion[3:])
-        if not motion[:3].any() and abs(length - 1.0) < 1e-6:
+        if abs(length - 1.0) < 1e-6:
             return np.asarray(motion[3:] / length, dtype=np.float64)
     raise UnsupportedLeg(
         f"joint {model.names[joint]!r} has no axis to turn about (Pinocchio: {kind.shortname()}); "

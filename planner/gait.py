@@ -97,8 +97,8 @@ def reference_walk() -> ReferenceWalk:
     """The half ellipse of a front leg, turned into joint angles as the walk's authors did.
 
     On the way up to the top of the swing 15 of the 88 points are out of reach of the simplified
-    leg or past a joint limit. There the argument of each inverse function is clamped and then the angles to the
-    limits; the desired foot path is the one that these angles trace.
+    leg or past a joint limit. There the argument of each inverse function is clamped, then the
+    angles to the limits; the desired foot path is the one that these angles trace.
     """
     leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
     wanted_foot = half_ellipse()

@@ -131,15 +131,15 @@ def test_a_path_through_the_middle_of_the_range_comes_back_as_it_went_in(shape):
     assert np.abs(np.diff(found, axis=0)).max() < 0.1  # no jump between poses
 
 
-def test_later_points_stay_on_the_pose_of_the_point_before():
-    leg = reference_leg()
-    angles = np.linspace([0.3, 0.1, -0.4], [0.3, 0.1, -0.2], 20)
+def test_a_path_stays_on_its_pose_where_a_single_point_would_take_another():
+    leg = replace(
+        reference_leg(), limits=Limits(np.array([-0.5, -1.0, -1.0]), np.array([0.5, 1.0, 1.0]))
+    )
+    angles = np.linspace([0.0, 0.2, 0.6], [-0.45, 0.2, 0.6], 20)
     foot = leg.foot_positions(angles)
-    others = leg.joint_angles(foot)  # alone, the pose deeper inside the limits is taken
-    assert (others[:, 2] > 0.0).all()
-    bent = leg.foot_positions([[0.3, 0.1, -0.46]])  # only a backward knee is deep inside here
-    assert np.abs(np.diff(others, axis=0)).max() < 0.05
-    np.testing.assert_allclose(leg.foot_positions(leg.joint_angles(bent)), bent, atol=EXACT)
+    np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=SAME_POSE)
+    alone = leg.joint_angles(foot[-1:])  # the rotator is near its limit: the other knee is deeper
+    assert alone[0, 2] == pytest.approx(-0.6, abs=0.05)
 
 
 def test_the_first_pose_is_the_one_deepest_inside_the_limits():
@@ -163,6 +163,12 @@ def test_each_later_pose_is_the_nearest_to_the_one_before():
     allowed = np.array([[True, False], [True, True], [True, True], [True, True]])
     chosen = choose(poses, allowed, limits)
     np.testing.assert_array_equal(chosen[:, 0], [0.0, 0.3, 0.4, 0.5])
+
+
+def test_of_later_poses_equally_near_the_one_deeper_inside_is_taken():
+    poses = np.array([[[0.0], [0.0]], [[-0.2], [0.2 + 1e-12]]])  # as around the stretched leg
+    limits = Limits(np.array([-1.0]), np.array([2.0]))
+    np.testing.assert_array_equal(choose(poses, np.ones((2, 2), bool), limits)[1], poses[1, 1])
 
 
 def test_the_pose_does_not_depend_on_rounding_of_the_point():
@@ -207,7 +213,7 @@ def test_the_fully_stretched_leg_is_within_reach(knee):
     assert solution.distance.max() < EXACT
     assert abs(solution.angles[0, 2]) < 1e-4
     with pytest.raises(UnreachableFoot):
-        leg.joint_angles(foot * (1.0 + 1e-6))
+        leg.joint_angles(foot * (1.0 + 5e-8))
 
 
 def test_a_knee_that_only_just_stretches_reaches_the_stretched_leg(tmp_path):

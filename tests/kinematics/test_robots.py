@@ -207,6 +207,13 @@ def test_every_foot_is_a_ball_of_sonys_radius_and_masses_are_called_guesses():
     assert sum(masses) == pytest.approx(1.4)
 
 
+def test_a_leg_may_be_seen_from_any_frame_above_it():
+    path, angles = urdf_path("ers210a.urdf"), [[0.3, 0.2, 1.0]]
+    from_head = Leg.from_urdf(path, base="head", foot="hind_left_ball").foot_positions(angles)
+    from_body = ers210a_leg("hind_left").foot_positions(angles)
+    np.testing.assert_allclose(from_head, from_body - [0.075, 0.0, 0.098], atol=1e-15)
+
+
 def test_a_leg_may_start_at_its_shoulder():
     leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="hind_left_shoulder", foot="hind_left_paw")
     assert leg.joint_names == ("hind_left_abductor", "hind_left_knee")

@@ -165,6 +165,16 @@ def test_the_nearest_pose_stands_up_to_points_however_far(scale, seed):
     assert solution.distance[0] <= best + EXACT * scale
 
 
+def test_limits_of_many_turns_hide_no_pose(tmp_path):
+    joints, tip = SHAPES["no two axes meet"]
+    narrow = made_up_leg(tmp_path, [replace(j, lower=-np.pi, upper=np.pi) for j in joints], tip)
+    wide = made_up_leg(tmp_path, [replace(j, lower=-40.0, upper=40.0) for j in joints], tip)
+    points = around(narrow, 50, seed=6)
+    expected = narrow.inverse(points, unreachable="nearest").distance
+    found = wide.inverse(points, unreachable="nearest").distance
+    np.testing.assert_allclose(found, expected, atol=EXACT)
+
+
 def test_a_joint_without_play_is_fine():
     leg = reference_leg()
     lower, upper = leg.limits.lower.copy(), leg.limits.upper.copy()
