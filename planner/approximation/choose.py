@@ -13,6 +13,7 @@ from planner.approximation.ideal import attainable_error
 from planner.approximation.objective import Candidate, Problem, candidate, residuals
 from planner.approximation.search import Search
 from planner.exceptions import Infeasible
+from planner.trajectory import Array
 
 CLOSE_TO_IDEAL = 1.02
 """Automatic: rms over the ideal's from which on more segments are not worth their corners."""
@@ -20,11 +21,17 @@ CLOSE_TO_IDEAL = 1.02
 FLOOR = 0.01
 """Automatic: rms, relative to the range of the samples, that is too small to spend corners on."""
 
+ABOVE_NOISE = 1.1
+"""Automatic: rms over the noise of the samples that is not worth corners either."""
+
 ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved."""
 
 FLATTENINGS = 12
 """Times that the weights of the largest errors are raised in search of a smaller one."""
+
+BARELY = 1e-9
+"""Relative distance from a bound on the error that rounding cannot cross."""
 
 HOPEFUL = 3.0
 """Largest error over its bound beyond which raising weights is not tried."""
@@ -34,8 +41,9 @@ def automatic(search: Search) -> Candidate:
     """The fewest segments that come close to the ideal, or the exact curve if there is one."""
     if search.exact is not None:
         return search.exact
-    floor = search.problem.samples * (2.0 * FLOOR) ** 2  # the samples span 2 units
-    enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, floor)
+    desired = search.problem.desired
+    negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise(desired))  # the samples span 2 units
+    enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, desired.size * negligible**2)
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
@@ -45,12 +53,19 @@ def automatic(search: Search) -> Candidate:
     return search.curve(search.most) if found is None else found
 
 
+def noise(desired: Array) -> float:
+    """Standard deviation of white noise on smooth samples, from their median second difference."""
+    bend = np.abs(np.diff(desired, n=2))
+    return float(np.median(bend)) / (0.6745 * math.sqrt(6.0))  # of a normal variable: median, Δ²
+
+
 def within(search: Search, bound: float, most: int | None, unit: float) -> Candidate:
     """The fewest segments whose largest error is within ``bound``.
 
     Args:
         search: Curves through the samples.
-        bound: Largest error [unit of the search].
+        bound: Largest error [unit of the search]; kept with :data:`BARELY` to spare if that is
+            attainable.
         most: Most segments; None for any number.
         unit: Unit of the search [rad], for the message.
 
@@ -62,11 +77,12 @@ def within(search: Search, bound: float, most: int | None, unit: float) -> Candi
     """
     problem = search.problem
     attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
-    if bound < attainable * (1.0 - 1e-12):
+    if bound < attainable * (1.0 - BARELY):
         raise Infeasible(
             f"max_error: got {bound * unit:.6g} rad, but with slopes within ±v_max the smallest "
             f"attainable is {attainable * unit:.6g} rad; allow that much or a larger v_max"
         )
+    bound = max(attainable * (1.0 + 1e-12), bound * (1.0 - BARELY))
     closest = math.inf
 
     def close_enough(segments: int) -> Candidate | None:

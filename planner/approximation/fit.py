@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.choose import automatic, within
+from planner.approximation.choose import BARELY, automatic, within
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.search import Search
 from planner.approximation.values import within_slopes
@@ -73,7 +73,8 @@ def fit_pwl(
         segments: Number of segments: the curve of least rms error found.
         max_error: Largest error at any sample [rad]: the fewest segments found that keep it; with
             ``segments`` too, the fewest up to that number. With neither, the fewest whose rms error
-            is within 2 % of the slope-bounded ideal's or 1 % of the range of ``desired``.
+            is within 2 % of the slope-bounded ideal's, or 1 % of the range of ``desired``, or 1.1
+            times the noise on it; samples that lie on a curve within the slopes give that curve.
 
     Returns:
         The curve, with its errors.
@@ -97,12 +98,12 @@ def fit_pwl(
     search = Search((desired - middle) / half_range, v_max * tick / half_range, cyclic=cyclic)
     bound = None if max_error is None else max_error / half_range
     if bound is not None:
-        curve = within(search, bound * (1.0 - 1e-9), segments, half_range)
+        curve = within(search, bound, segments, half_range)
     elif segments is not None:
         curve = search.curve(segments)
     else:
         curve = automatic(search)
-    knots, values = search.settled(curve, bound)
+    knots, values = search.settled(curve, None if bound is None else bound * (1.0 - 0.5 * BARELY))
     lengths = np.diff(np.append(knots, knots[0] + desired.size) if cyclic else knots)
     values = within_slopes(middle + half_range * values, v_max * (lengths * tick), cyclic=cyclic)
     return _certified(
@@ -142,7 +143,7 @@ def _certified(fit: PiecewiseLinearFit, max_error: float | None) -> PiecewiseLin
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
     if not excess <= SLOPE_TOLERANCE:
         raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
-    if max_error is not None and fit.max_error > max_error * (1.0 + 1e-9) + 1e-15:
+    if max_error is not None and fit.max_error > max_error * (1.0 + BARELY):
         beyond = fit.max_error - max_error
         raise SolverFailed("largest error of the piecewise-linear fit", "solved", violation=beyond)
     return fit

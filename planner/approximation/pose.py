@@ -35,12 +35,12 @@ class Pose:
     def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> Pose:
         """The sharpest corner of a cycle first, the larger half last, the first extreme above."""
         n = desired.size
-        seam = _sharpest_corner(ideal) if cyclic else 0
+        seam = _sharpest_corner(desired, ideal) if cyclic else 0
         rolled = np.roll(desired, -seam)
         k = np.arange(n)
         # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise.
         side = np.sin(2.0 * np.pi * k / n) if cyclic else 0.5 * (n - 1) - k
-        backwards = bool(side @ rolled**2 > 0.0)
+        backwards = bool(side @ (rolled - np.mean(rolled)) ** 2 > 0.0)
         pose = cls(samples=n, cyclic=cyclic, seam=seam, backwards=backwards, sign=1.0)
         posed = pose.apply(desired)
         extreme = posed[np.argmax(np.abs(posed) > (1.0 - 1e-9) * np.max(np.abs(posed)))]
@@ -67,7 +67,11 @@ class Pose:
         return knots, values
 
 
-def _sharpest_corner(ideal: Array) -> int:
+def _sharpest_corner(desired: Array, ideal: Array) -> int:
+    """Where the ideal bends most; of many turns at top speed, where the samples bend most."""
     reach = max(1, ideal.size // 32)
-    bend = np.abs(np.roll(ideal, -reach) - 2.0 * ideal + np.roll(ideal, reach))
-    return int(np.argmax(bend))
+    bend, own_bend = (
+        np.abs(np.roll(curve, -reach) - 2.0 * curve + np.roll(curve, reach))
+        for curve in (ideal, desired)
+    )
+    return int(np.argmax(bend + 1e-3 * own_bend))

@@ -59,8 +59,8 @@ class Search:
         slower = math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent)
         ideal = slope_bounded(coarse, slower, cyclic=cyclic)
         self.pose = Pose.of(coarse, ideal, cyclic=cyclic)
-        self.ideal = self.pose.apply(ideal)
         self.problem = Problem(desired=self.pose.apply(coarse), step=slower, cyclic=cyclic)
+        self.ideal = slope_bounded(self.problem.desired, slower, cyclic=cyclic)
         self._given = Problem(desired=self.pose.apply(desired), step=step, cyclic=cyclic)
         self._found: dict[int, Candidate] = {}
 

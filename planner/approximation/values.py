@@ -226,12 +226,12 @@ def within_slopes(values: Array, limits: Array, *, cyclic: bool) -> Array:
     """
     middle = 0.5 * (float(values.max()) + float(values.min()))
     offset = values - middle
-    shrink = 1.0
+    shrink, shrunk = 1.0, values
     for attempt in range(64):
-        shrunk: Array = middle + shrink * offset
         ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
         excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
         if excess <= 1.0 + 1e-13:
             return shrunk
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
+        shrunk = middle + shrink * offset
     return np.full_like(values, middle)

@@ -1,0 +1,55 @@
+"""Random samples of every kind that a fit may meet."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+KINDS = ("sines", "noise", "steps", "ramp", "noisy sine", "walk", "impulse")
+
+
+def samples_of(kind, n, rng):
+    """Samples [rad], shape (n,), of about unit size."""
+    t = np.arange(n) / n
+    if kind == "sines":
+        waves = rng.integers(1, 5, size=3)[:, None]
+        return rng.normal(size=3) @ np.sin(2 * np.pi * (waves * t + rng.uniform(size=(3, 1))))
+    if kind == "noise":
+        return rng.normal(size=n)
+    if kind == "steps":
+        return rng.normal(size=5)[np.searchsorted(np.sort(rng.uniform(size=4)), t)]
+    if kind == "ramp":
+        return rng.normal() * t
+    if kind == "noisy sine":
+        return np.sin(2 * np.pi * (t + rng.uniform())) + 0.1 * rng.normal(size=n)
+    if kind == "walk":
+        walk = np.cumsum(rng.normal(size=n)) / np.sqrt(n)
+        return walk - walk[-1] * t
+    return np.eye(n)[rng.integers(n)]
+
+
+@st.composite
+def problems(draw, least=3, most=60):
+    """Samples [rad], the largest rise per sample [rad], and whether they are a cycle."""
+    n = draw(st.integers(least, most))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    desired = samples_of(draw(st.sampled_from(KINDS)), n, rng)
+    desired = desired * 10.0 ** draw(st.integers(-6, 3)) + draw(st.sampled_from([0.0, 1.0, -30.0]))
+    steepness = 10.0 ** draw(st.floats(-3.0, 3.0))  # of the bound, over the range in one cycle
+    return desired, steepness * max(np.ptp(desired), 1e-9) / n, draw(st.booleans())
+
+
+EXACT_KNOTS = np.array([3.0, 20.5, 41.25, 70.0])
+EXACT_VALUES = np.array([0.1, 0.8, -0.3, 0.4])
+"""Corners on samples and between them."""
+
+
+def on_a_cycle(n=88):
+    """Samples of the cycle with those corners."""
+    return np.interp(np.arange(n), EXACT_KNOTS, EXACT_VALUES, period=n)
+
+
+def on_a_path(n=88):
+    """Samples of the path with those corners and two ends."""
+    knots, values = np.r_[0.0, EXACT_KNOTS, n - 1.0], np.r_[0.0, EXACT_VALUES, -0.2]
+    return np.interp(np.arange(n), knots, values)

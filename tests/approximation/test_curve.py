@@ -1,0 +1,92 @@
+"""The curve as a value: evaluation, slopes, the seam, immutability."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.exceptions import InvalidInput
+
+CYCLE = PiecewiseLinear(
+    knots=[2.0, 5.5, 8.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=True
+)
+PATH = PiecewiseLinear(
+    knots=[0.0, 4.0, 9.0], values=[1.0, -1.0, 0.5], samples=10, tick=0.5, cyclic=False
+)
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_at_its_knots_a_curve_takes_its_values_exactly(curve):
+    assert np.array_equal(curve(curve.knots), curve.values)
+
+
+def test_a_cycle_repeats_itself_before_and_after():
+    index = np.linspace(-3.0, 13.0, 33)
+    np.testing.assert_allclose(CYCLE(index + 10.0), CYCLE(index), atol=1e-14)
+    np.testing.assert_allclose(CYCLE(index - 30.0), CYCLE(index), atol=1e-14)
+
+
+def test_the_seam_of_a_cycle_closes():
+    assert CYCLE(10.0) == CYCLE(0.0)
+    np.testing.assert_allclose(CYCLE(np.nextafter(10.0, 0.0)), CYCLE(0.0), atol=1e-14)
+
+
+def test_beyond_its_ends_a_path_continues_its_end_lines():
+    np.testing.assert_allclose(PATH([-2.0, 11.0]), [2.0, 1.1], atol=1e-14)
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_slopes_are_rises_per_second(curve):
+    index = np.linspace(-4.0, 14.0, 181) + 0.05  # never on a knot
+    rises = (curve(index + 1e-4) - curve(index - 1e-4)) / (2e-4 * curve.tick)
+    np.testing.assert_allclose(curve.slope_at(index), rises, atol=1e-9)
+
+
+def test_at_a_knot_the_slope_is_that_of_the_segment_after():
+    assert np.array_equal(CYCLE.slope_at(CYCLE.knots), CYCLE.slopes)
+    assert np.array_equal(PATH.slope_at(PATH.knots), PATH.slopes[[0, 1, 1]])
+
+
+def test_angles_are_the_curve_at_the_samples():
+    assert np.array_equal(CYCLE.angles, CYCLE(np.arange(10.0)))
+
+
+def test_one_knot_makes_a_constant_cycle():
+    curve = PiecewiseLinear(knots=[3.0], values=[0.1], samples=7, tick=1.0, cyclic=True)
+    assert curve.segments == 1
+    assert np.all(curve.slopes == 0.0)
+    assert np.all(curve.angles == 0.1)
+
+
+def test_nothing_of_a_curve_can_be_changed():
+    for name in ("knots", "values", "slopes", "angles", "lengths"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(CYCLE, name)[0] = 7.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        CYCLE.tick = 1.0
+
+
+def test_a_curve_does_not_change_with_the_arrays_it_was_made_from():
+    knots = np.array([0.0, 1.0])
+    curve = PiecewiseLinear(knots=knots, values=[0.0, 1.0], samples=2, tick=1.0, cyclic=False)
+    knots[1] = 5.0
+    assert curve.knots[1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("knots", "values", "cyclic", "message"),
+    [
+        ([0.0, 0.0], [1.0, 1.0], True, "increase"),
+        ([0.0, 10.0], [1.0, 1.0], True, "one cycle"),
+        ([3.0, 1.0], [1.0, 1.0], False, "increase"),
+        ([0.0, np.nan], [1.0, 1.0], False, "increase"),
+        ([0.0], [1.0], False, "expected"),
+        ([0.0, 1.0], [1.0], True, "values: got"),
+    ],
+)
+def test_knots_and_values_that_make_no_curve_are_refused(knots, values, cyclic, message):
+    with pytest.raises(InvalidInput, match=message):
+        PiecewiseLinear(knots=knots, values=values, samples=10, tick=1.0, cyclic=cyclic)

@@ -1,0 +1,241 @@
+"""What the fitter promises: exact recovery, slopes, equivariance, the bound, errors that teach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.approximation.fit import fit_pwl
+from planner.approximation.ideal import attainable_error
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.inversion.bound import lower_bound
+from planner.model.joint import JointModel
+from tests.approximation.samples import (
+    EXACT_KNOTS,
+    EXACT_VALUES,
+    KINDS,
+    on_a_cycle,
+    on_a_path,
+    problems,
+    samples_of,
+)
+from tests.instances import REFERENCE_JOINTS
+
+SLOPE_ROUNDING = 1e-12
+"""Relative excess over v_max that a slope may have."""
+
+SAME = 1e-6
+"""Relative difference of the rms errors of two fits that should be one: where descents end."""
+
+ERS210A = JointModel.ers210a()
+
+
+def closed(fit):
+    """Knots and values with the end of the cycle, recomputed from the public fields."""
+    if not fit.cyclic:
+        return fit.knots, fit.values
+    return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_six_segments_come_within_one_percent_of_the_slope_bound_on_the_reference_walk(joint):
+    fit = fit_pwl(joint.desired, v_max=ERS210A.v_max, tick=ERS210A.tick, segments=6)
+    bound = lower_bound(ERS210A, joint.desired, level="slope")
+    assert bound * (1.0 - SAME) <= fit.rms <= 1.01 * bound
+
+
+@settings(max_examples=60, deadline=None)
+@given(problems(), st.none() | st.integers(2, 8), st.sampled_from([1e-3, 0.008, 1.0]))
+def test_no_slope_exceeds_v_max_whatever_is_fitted(problem, segments, tick):
+    desired, step, cyclic = problem
+    if segments is not None:
+        segments = min(segments, desired.size - 1)
+    fit = fit_pwl(desired, v_max=step / tick, tick=tick, cyclic=cyclic, segments=segments)
+    knots, values = closed(fit)
+    slopes = np.diff(values) / (np.diff(knots) * tick)
+    assert np.all(np.abs(slopes) <= step / tick * (1.0 + SLOPE_ROUNDING))
+    assert np.all(np.abs(fit.slopes) <= step / tick * (1.0 + SLOPE_ROUNDING))
+    assert segments in (None, fit.segments)
+    assert np.all(np.diff(knots) >= 1.0 - 1e-6)  # no segment is shorter than a sample
+    assert fit.knots[0] >= 0.0
+    assert fit.knots[-1] < desired.size
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
+def test_a_cycle_that_is_piecewise_linear_is_recovered_with_its_own_corners(scale):
+    fit = fit_pwl(scale * on_a_cycle(), v_max=100.0 * scale, tick=0.008)
+    np.testing.assert_allclose(fit.knots, EXACT_KNOTS, atol=1e-8)
+    np.testing.assert_allclose(fit.values, scale * EXACT_VALUES, atol=1e-8 * scale)
+    assert fit.max_error <= 1e-14 * scale
+
+
+def test_a_path_that_is_piecewise_linear_is_recovered_with_its_own_corners():
+    fit = fit_pwl(on_a_path(), v_max=100.0, tick=0.008, cyclic=False)
+    np.testing.assert_allclose(fit.knots, [0.0, *EXACT_KNOTS, 87.0], atol=1e-8)
+    assert fit.max_error <= 1e-14
+
+
+@pytest.mark.parametrize("segments", [4, 6, 9])
+def test_corners_to_spare_do_not_spoil_an_exact_recovery(segments):
+    fit = fit_pwl(on_a_cycle(), v_max=100.0, tick=0.008, segments=segments)
+    assert fit.segments == segments
+    assert fit.max_error <= 1e-9
+
+
+def test_the_search_finds_corners_between_samples_without_reading_them_off():
+    desired = on_a_cycle() + 1e-7 * np.random.default_rng(0).normal(size=88)
+    fit = fit_pwl(desired, v_max=100.0, tick=0.008, segments=4)
+    np.testing.assert_allclose(fit.knots, EXACT_KNOTS, atol=1e-4)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_constant_is_one_segment(cyclic):
+    fit = fit_pwl(np.full(9, 0.1), v_max=1.0, tick=0.1, cyclic=cyclic)
+    assert (fit.segments, fit.max_error) == (1, 0.0)
+
+
+def test_a_ramp_is_one_segment():
+    fit = fit_pwl(0.01 * np.arange(50), v_max=1.0, tick=0.1, cyclic=False)
+    assert fit.segments == 1
+    assert fit.max_error <= 1e-15
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_more_segments_are_never_worse(kind, cyclic):
+    desired = samples_of(kind, 60, np.random.default_rng(5))
+    errors = [
+        fit_pwl(desired, v_max=8.0 / 60, tick=1.0, cyclic=cyclic, segments=count).rms
+        for count in range(2, 9)
+    ]
+    assert np.all(np.diff(errors) <= SAME * np.array(errors[:-1]) + 1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sampled_from(KINDS),
+    st.integers(0, 10**6),
+    st.integers(3, 6),
+    st.integers(0, 39),
+    st.sampled_from([1e-6, 1e-2, 37.3, 1e3]),
+    st.booleans(),
+)
+def test_a_cycle_shifted_scaled_and_mirrored_has_the_same_fit(
+    kind, seed, segments, shift, scale, mirrored
+):
+    desired = samples_of(kind, 40, np.random.default_rng(seed))
+    fit = fit_pwl(desired, v_max=0.1, tick=1.0, segments=segments)
+    sign = -1.0 if mirrored else 1.0
+    moved = sign * scale * np.roll(desired, shift) + 3.0 * scale
+    other = fit_pwl(moved, v_max=scale * 0.1, tick=1.0, segments=segments)
+    assert other.rms / scale == pytest.approx(fit.rms, rel=SAME, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_time_reversal_reverses_the_fit(kind, cyclic):
+    desired = samples_of(kind, 60, np.random.default_rng(11))
+    fit = fit_pwl(desired, v_max=0.1, tick=1.0, cyclic=cyclic, segments=4)
+    back = fit_pwl(desired[::-1], v_max=0.1, tick=1.0, cyclic=cyclic, segments=4)
+    assert back.rms == pytest.approx(fit.rms, rel=SAME)
+
+
+def test_v_max_and_tick_count_only_by_their_product():
+    desired = samples_of("sines", 60, np.random.default_rng(2))
+    fit = fit_pwl(desired, v_max=12.5, tick=0.008, segments=5)
+    other = fit_pwl(desired, v_max=0.5, tick=0.2, segments=5)
+    np.testing.assert_allclose(other.angles, fit.angles, atol=1e-9)
+
+
+def test_a_fit_is_the_same_every_time():
+    desired = samples_of("noise", 50, np.random.default_rng(3))
+    once, again = (fit_pwl(desired, v_max=0.1, tick=1.0, segments=5) for _ in range(2))
+    assert np.array_equal(once.knots, again.knots)
+    assert np.array_equal(once.values, again.values)
+
+
+def test_a_fit_computes_its_errors_from_what_it_carries():
+    desired = samples_of("walk", 50, np.random.default_rng(3))
+    fit = fit_pwl(desired, v_max=0.1, tick=1.0, segments=3)
+    residuals = fit(np.arange(50)) - desired
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-14)
+    assert fit.max_error == pytest.approx(np.max(np.abs(residuals)), rel=1e-14)
+    assert (fit.cyclic, fit.samples, fit.tick, fit.v_max) == (True, 50, 1.0, 0.1)
+
+
+def test_automatic_follows_a_sine_in_few_corners_and_noise_in_none():
+    t = np.arange(88) / 88
+    noise = np.random.default_rng(0).normal(size=88)
+    sine = fit_pwl(np.sin(2 * np.pi * t), v_max=100.0, tick=0.008)
+    assert 4 <= sine.segments <= 8
+    assert sine.rms <= 0.02
+    assert fit_pwl(noise, v_max=1e4, tick=0.008).segments <= 6
+    noisy = fit_pwl(np.sin(2 * np.pi * t) + 0.1 * noise, v_max=100.0, tick=0.008)
+    assert noisy.segments <= 6
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_with_max_error_no_error_exceeds_it(kind, share):
+    desired = samples_of(kind, 60, np.random.default_rng(7))
+    bound = attainable_error(desired, 0.1, cyclic=True) + share * np.ptp(desired)
+    fit = fit_pwl(desired, v_max=0.1, tick=1.0, max_error=bound)
+    assert fit.max_error <= bound
+    looser = fit_pwl(desired, v_max=0.1, tick=1.0, max_error=1.5 * bound)
+    assert looser.segments <= fit.segments
+
+
+def test_max_error_counts_the_corners_of_an_exact_curve():
+    assert fit_pwl(on_a_cycle(), v_max=100.0, tick=0.008, max_error=1e-6).segments == 4
+
+
+def test_the_smallest_attainable_error_is_attained():
+    desired = samples_of("steps", 40, np.random.default_rng(7))
+    least = attainable_error(desired, 0.05, cyclic=True)
+    assert least > 0.1
+    fit = fit_pwl(desired, v_max=0.05, tick=1.0, max_error=least * (1.0 + 1e-6))
+    assert fit.max_error <= least * (1.0 + 1e-6)
+
+
+def test_an_error_out_of_reach_is_infeasible_and_says_what_is_in_reach():
+    jump = np.r_[np.zeros(10), np.ones(10)]
+    # One sample apart, one unit apart, 0.2 allowed: each side gives way by 0.4.
+    with pytest.raises(Infeasible, match=r"max_error: got 0\.1 rad.*attainable is 0\.4 rad"):
+        fit_pwl(jump, v_max=0.2, tick=1.0, cyclic=False, max_error=0.1)
+
+
+def test_an_error_out_of_reach_of_so_many_segments_is_infeasible():
+    t = np.arange(60) / 60
+    with pytest.raises(Infeasible, match="at most 3 segments"):
+        fit_pwl(np.sin(6 * np.pi * t), v_max=10.0, tick=1.0, max_error=0.05, segments=3)
+
+
+SINE = np.sin(np.arange(12) * np.pi / 6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"segments": 0}, r"segments: got 0, expected 2 to 12"),
+        ({"segments": 1}, r"segments: got 1, expected 2 to 12"),
+        ({"segments": 13}, r"segments: got 13, expected 2 to 12"),
+        ({"segments": 12, "cyclic": False}, r"segments: got 12, expected 1 to 11"),
+        ({"segments": 2.5}, r"segments: got 2\.5, expected a whole number"),
+        ({"max_error": 0.0}, r"max_error: got 0\.0, expected a finite number above 0 \[rad\]"),
+        ({"v_max": -1.0}, r"v_max: got -1\.0"),
+        ({"v_max": np.inf}, r"v_max: got inf"),
+        ({"tick": 0.0}, r"tick: got 0\.0"),
+        ({"tick": "fast"}, r"tick: got 'fast'"),
+    ],
+)
+def test_arguments_out_of_their_range_are_refused(change, message):
+    with pytest.raises(InvalidInput, match=message):
+        fit_pwl(SINE, **{"v_max": 1.0, "tick": 1.0, **change})
+
+
+@pytest.mark.parametrize("desired", [[0.0, 1.0], [0.0, np.nan, 1.0], np.ones((4, 2))])
+def test_samples_that_are_no_trajectory_are_refused(desired):
+    with pytest.raises(InvalidTrajectory, match="desired"):
+        fit_pwl(desired, v_max=1.0, tick=1.0)

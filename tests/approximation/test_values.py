@@ -1,0 +1,69 @@
+"""The QP in the values at given knots, against an independent solver; the exact repair."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.approximation.descent import best_values
+from planner.approximation.objective import Problem, candidate
+from planner.approximation.values import solve_values, within_slopes
+
+
+def on_the_reference_of(problem, knots):
+    """Squared error of the best values, by cvxpy with Clarabel."""
+    import cvxpy as cp
+
+    n, size = problem.samples, knots.size
+    index = np.arange(n, dtype=float)
+    basis = np.empty((n, size))
+    for k, hat in enumerate(np.eye(size)):
+        period = n if problem.cyclic else None
+        basis[:, k] = np.interp(index, knots, hat, period=period)
+    values = cp.Variable(size)
+    ends = np.append(knots, knots[0] + n) if problem.cyclic else knots
+    rises = cp.diff(cp.hstack([values, values[0]]) if problem.cyclic else values)
+    bounds = [cp.abs(rises) <= problem.step * np.diff(ends)]
+    program = cp.Problem(cp.Minimize(cp.sum_squares(basis @ values - problem.desired)), bounds)
+    return program.solve(solver="CLARABEL", tol_gap_abs=1e-12, tol_gap_rel=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("step", [0.01, 0.05, 10.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, seed):
+    rng = np.random.default_rng(seed)
+    desired = np.clip(np.cumsum(rng.normal(size=60)) / 8.0, -1.0, 1.0)
+    problem = Problem(desired=desired, step=step, cyclic=cyclic)
+    knots = np.sort(rng.choice(58, 5, replace=False)) + rng.uniform(0.0, 1.0, 5)
+    if not cyclic:
+        knots[[0, -1]] = 0.0, 59.0
+    expected = on_the_reference_of(problem, knots)
+    for values in (solve_values(problem, knots), best_values(problem, knots).values):
+        assert candidate(problem, knots, values).error == pytest.approx(expected, rel=1e-6)
+
+
+def test_values_between_which_no_sample_lies_are_determinate():
+    problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0]), step=5.0, cyclic=True)
+    values = solve_values(problem, np.array([0.5, 1.5, 2.5, 3.5]), near=np.ones(4))
+    assert np.all(np.isfinite(values))
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=8),
+    st.floats(1e-9, 1e3),
+    st.booleans(),
+)
+def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cyclic):
+    values = np.array(values)
+    limits = np.full(values.size if cyclic else values.size - 1, limit)
+    repaired = within_slopes(values, limits, cyclic=cyclic)
+    rises = np.diff(np.append(repaired, repaired[0]) if cyclic else repaired)
+    assert np.all(np.abs(rises) <= limits * (1.0 + 1e-12))
+
+
+def test_values_within_their_limits_stay_as_they_are():
+    values = np.array([0.1, 0.7, -0.3])
+    assert np.array_equal(within_slopes(values, np.ones(2), cyclic=False), values)
