@@ -12,14 +12,20 @@ TICK = 0.01
 """Time step of the models [s]."""
 
 whole_ticks = st.integers(0, 7).map(float)
-fractional_ticks = st.floats(0.0, 7.0)
+# Times within 1e-9 ticks of whole ones are whole to the model: no finer than this.
+FINEST = 6  # decimals of a tick
+
+
+def ticks(least, most):
+    """Times that need not be whole ticks."""
+    return st.floats(least, most).map(lambda time: round(time, FINEST))
 
 
 @st.composite
 def models(draw, *, whole=False, holds=(1, 4), offsets=True):
     """Joints of every kind: Equation 13 kept or broken, corners of the parameters included."""
-    lag = draw(whole_ticks if whole else fractional_ticks)
-    acceleration = draw(st.integers(1, 9).map(float) if whole else st.floats(0.25, 9.0))
+    lag = draw(whole_ticks if whole else ticks(0.0, 7.0))
+    acceleration = draw(st.integers(1, 9).map(float) if whole else ticks(0.25, 9.0))
     theta_0 = draw(st.floats(0.02, 0.3))
     ratio = draw(st.floats(0.02, 1.95))  # v_max per tick over theta_0; 2 is impossible
     return JointModel(

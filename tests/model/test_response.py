@@ -185,6 +185,17 @@ def test_the_steady_cycle_is_found_with_a_joint_on_the_verge_of_overshooting():
     np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
 
 
+@pytest.mark.parametrize("ratio", [0.9, 1.1, 1.9375])  # of v_max per tick to theta_0
+@pytest.mark.parametrize("hold", [1, 2, 3])
+@pytest.mark.parametrize("requests", [[0.125, 0.0], [-1.0, -0.515625, -1.0], [0.0, 3.0, 3.0, 0.1]])
+def test_a_joint_that_overshoots_has_a_steady_cycle_too(requests, hold, ratio):
+    model = JointModel(
+        v_max=ratio * 25.0, theta_0=0.25, lag=0.0, acceleration_time=0.01, tick=0.01, hold=hold
+    )
+    angles = simulate(model, requests)
+    np.testing.assert_allclose(next_cycle(model, requests, angles[-1]), angles, atol=1e-11)
+
+
 def test_a_window_longer_than_the_cycle_wraps_around_it_as_often_as_needed():
     requests = np.array([0.0, 0.3, 0.1])
     angles = simulate(ERS210A, requests)
