@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.approximation.objective import Problem
+from planner.approximation.values import solve_values
+from planner.exceptions import SolverFailed
 from planner.trajectory import Array
+
+CLOSED = 1e-9
+"""Distance between the ends of a cycle, relative to the range, that counts as none."""
+
+LONGEST_QP = 5000
+"""Samples up to which a cycle that does not close is solved again."""
 
 
 def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
@@ -12,8 +21,8 @@ def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
 
     The cost of the best sequence that ends in x is convex and piecewise quadratic; its derivative
     is kept as two stacks of corners left and right of its root, which one more sample moves apart
-    by ``step`` and tilts by one. A cycle is cut out of three in a row, so its ends meet only as far
-    as a cycle's distance from the free ends makes them.
+    by ``step`` and tilts by one. A cycle is cut out of three in a row; where its ends do not meet,
+    as happens when ``step`` is tiny, it is solved again as a QP with a knot on every sample.
 
     Args:
         desired: What to come close to [any unit], shape (n,).
@@ -26,7 +35,23 @@ def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
     if not cyclic:
         return _open_ended(desired, step)
     n = desired.size
-    return _open_ended(np.tile(desired, 3), step)[n : 2 * n]
+    three = _open_ended(np.tile(desired, 3), step)
+    cycle = three[n : 2 * n]
+    if abs(three[n] - three[2 * n]) <= CLOSED * np.ptp(desired) or n > LONGEST_QP:
+        return cycle
+    return _closed(desired, step, cycle)
+
+
+def _closed(desired: Array, step: float, near: Array) -> Array:
+    """The ideal of a cycle as a QP; ``near`` if that is not solved."""
+    middle = 0.5 * (float(desired.max()) + float(desired.min()))
+    unit = 0.5 * float(np.ptp(desired))
+    problem = Problem(desired=(desired - middle) / unit, step=step / unit, cyclic=True)
+    try:
+        values = solve_values(problem, np.arange(desired.size, dtype=np.float64))
+    except SolverFailed:
+        return near
+    return middle + unit * values
 
 
 def _open_ended(desired: Array, step: float) -> Array:
