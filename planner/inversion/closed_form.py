@@ -8,7 +8,9 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.fit import fit_pwl
 from planner.inversion.line import Rule, check_rule, line_offset
+from planner.inversion.refinement import MOST_WORK, refined_curve
 from planner.inversion.result import Inversion
+from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel
 from planner.trajectory import Array, as_trajectory
 
@@ -20,6 +22,7 @@ def invert_closed_form(
     cyclic: bool = True,
     segments: int | None = None,
     rule: Rule = "paper",
+    refine: bool = True,
 ) -> Inversion:
     """Requests by the paper's method: approximate by lines, invert each, switch between them early.
 
@@ -35,6 +38,9 @@ def invert_closed_form(
         cyclic: Whether the trajectory repeats for ever.
         segments: Number of lines; chosen by :func:`planner.fit_pwl` where not given.
         rule: How to invert a line, see :func:`planner.line_offset`.
+        refine: Whether to move the knots of the approximation until the joint itself, not only the
+            approximation, comes as close to ``desired`` as it can with these lines; this never
+            makes the plan worse.
 
     Returns:
         The requests, with the approximation behind them.
@@ -46,14 +52,11 @@ def invert_closed_form(
     """
     check_rule(rule)
     desired = as_trajectory(desired, name="desired")
-    approximation = fit_pwl(
-        desired, v_max=model.v_max, tick=model.period, cyclic=cyclic, segments=segments
+    start = None if cyclic else float(desired[0])
+    problem = Tracking(model, desired, cyclic=cyclic, norm="rms", limits=None, start=start)
+    curve, requests = closed_form(
+        problem, segments=segments, rule=rule, refining=MOST_WORK if refine else 0
     )
-    requests = requests_along(model, approximation, rule=rule)
-    start = None
-    if not cyclic:
-        start = float(desired[0])
-        requests[0] = start - model.offset
     requests.setflags(write=False)
     return Inversion(
         model=model,
@@ -62,8 +65,40 @@ def invert_closed_form(
         method="closed_form",
         cyclic=cyclic,
         start=start,
-        approximation=approximation,
+        approximation=curve,
     )
+
+
+def closed_form(
+    problem: Tracking, *, segments: int | None = None, rule: Rule, refining: int
+) -> tuple[PiecewiseLinear, Array]:
+    """The approximation and the requests of a problem's closed form.
+
+    Args:
+        problem: What to follow, and within which limits.
+        segments: Number of lines; None for an automatic choice.
+        rule: How to invert a line.
+        refining: Samples to simulate at most while the approximation is refined; 0 not to refine.
+
+    Returns:
+        The piecewise linear approximation, and the admissible requests [rad], shape (n,).
+    """
+    model = problem.model
+    curve: PiecewiseLinear = fit_pwl(
+        problem.desired,
+        v_max=model.v_max,
+        tick=model.period,
+        cyclic=problem.cyclic,
+        segments=segments,
+    )
+    requests = problem.admissible(requests_along(model, curve, rule=rule))
+    if refining:
+        ahead = switching_time(model) / model.period
+        refined = refined_curve(problem, curve, rule=rule, ahead=ahead, most_work=refining)
+        answer = problem.admissible(requests_along(model, refined, rule=rule))
+        if problem.exact_error(answer) < problem.exact_error(requests):
+            curve, requests = refined, answer
+    return curve, requests
 
 
 def requests_along(model: JointModel, curve: PiecewiseLinear, *, rule: Rule) -> Array:

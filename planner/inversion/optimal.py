@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +12,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
 from planner.inversion.bound import Norm, check_norm
-from planner.inversion.closed_form import requests_along
+from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import GUIDING, improve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, checked_limits
@@ -22,8 +23,14 @@ from planner.trajectory import Array, as_trajectory
 NEAR_IDEAL = 1.005
 """Error over that of the ideal up to which a second search would gain next to nothing."""
 
+FAR_FROM_IDEAL = 1.03
+"""Error over that of the ideal from which on a third search, from few lines, is worth its time."""
+
+LITTLE_WORK = 30_000
+"""Samples simulated to refine those few lines: a fifth of what the closed form itself may take."""
+
 NEGLIGIBLE = 1e-3
-"""Error up to which a second search is not worth its time [theta_0]."""
+"""Error up to which another search is not worth its time [theta_0]."""
 
 
 def invert_optimal(
@@ -91,10 +98,13 @@ def search(problem: Tracking) -> tuple[Array, float]:
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
     requests than what it cannot. Where the result is not near the ideal's error, which no requests
-    can go below, it does so once more with wider corners.
+    can go below, it does so once more with wider corners; where it stays far from it, a last search
+    sets out from the closed form with few lines.
     """
     model, desired = problem.model, problem.desired
-    ideal = slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
+    ideal = problem.in_reach(
+        slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
+    )
     lines = PiecewiseLinear(
         knots=np.arange(len(desired), dtype=np.float64),
         values=ideal,
@@ -104,12 +114,13 @@ def search(problem: Tracking) -> tuple[Array, float]:
     )
     first = problem.admissible(requests_along(model, lines, rule="exact"))
     best, least = first, problem.exact_error(first)
-    near = NEAR_IDEAL * problem.error(ideal) + NEGLIGIBLE * model.theta_0
+    bound, negligible = problem.error(ideal), NEGLIGIBLE * model.theta_0
     for radii in GUIDING:
         guided, _ = improve(problem.along(ideal), first, radii)
-        requests, error = improve(problem, guided)
-        if error < least:
-            best, least = requests, error
-        if least <= near:
-            break
+        best, least = min((best, least), improve(problem, guided), key=itemgetter(1))
+        if least <= NEAR_IDEAL * bound + negligible:
+            return best, least
+    if least > FAR_FROM_IDEAL * bound + negligible:
+        _, few_lines = closed_form(problem, rule="exact", refining=LITTLE_WORK)
+        best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
     return best, least

@@ -89,6 +89,18 @@ class Tracking:
             nearest[0] = self.start - self.model.offset
         return np.clip(nearest, self.lower, self.upper)
 
+    def in_reach(self, angles: Array) -> Array:
+        """The angles, brought to where a joint that rests at the start can be by then [rad], (n,).
+
+        A cycle has no start, and all of it is in reach.
+        """
+        if self.start is None:
+            return angles
+        resting = reach(self.model).youngest + 1  # samples before the second request acts
+        moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
+        farthest = self.model.v_max * self.model.period * moving
+        return np.clip(angles, self.start - farthest, self.start + farthest)
+
     def simulate(self, requests: Array) -> Array:
         """Angles of the exact model [rad], (n,)."""
         return simulate(self.model, requests, cyclic=self.cyclic, start=self.start)

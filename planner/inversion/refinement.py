@@ -1,0 +1,166 @@
+"""Lines for the joint, not only for the eye: an approximation moved until the joint tracks better.
+
+The approximation nearest to the desired trajectory is not the one whose inverse tracks it best: a
+joint rounds corners, and it cannot follow a segment shorter than its acceleration time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.inversion.line import AT_TOP_SPEED, Rule, line_offset
+from planner.inversion.tracking import Tracking
+from planner.trajectory import Array
+
+COARSEST = 2.0
+"""First size of a move [samples]; values move by as much as the joint can in that time."""
+
+FINEST = 0.2
+"""Size of a move below which the search ends [samples]."""
+
+MOST_WORK = 150_000
+"""Samples simulated in one search, so that its cost does not grow with the number of knots."""
+
+ENOUGH = 1e-4
+"""Fraction by which a move must lower the squared error to be kept."""
+
+TABLE = 513
+"""Slopes at which C_m is tabulated for the search; the result is judged without the table."""
+
+
+class Move(NamedTuple):
+    """A change of knots and values, for a size of one sample."""
+
+    knots: Array  # [samples]
+    values: Array  # [rad]
+
+
+class Evaluation:
+    """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
+
+    def __init__(self, problem: Tracking, curve: PiecewiseLinear, rule: Rule, ahead: float) -> None:
+        """Tabulate C_m and take what stays the same for every move."""
+        self.problem = problem
+        self.curve = curve
+        self.ahead = ahead
+        self.samples = np.arange(curve.samples, dtype=np.float64)
+        v_max = problem.model.v_max
+        grid = v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)  # dense towards v_max
+        table = np.asarray(line_offset(problem.model, grid, rule=rule)) + problem.model.offset
+        self._slopes = np.concatenate([-grid[:0:-1], grid])
+        self._offsets = np.concatenate([-table[:0:-1], table]) - problem.model.offset
+        self.work = 0
+
+    def __call__(self, knots: Array, values: Array) -> float:
+        """Sum of squared errors [rad^2]; inf where the curve is none, or steeper than v_max."""
+        curve = self.curve
+        ends = np.append(knots, knots[0] + curve.samples) if curve.cyclic else knots
+        heights = np.append(values, values[0]) if curve.cyclic else values
+        lengths = np.diff(ends)
+        if np.min(lengths) < 1.0:
+            return np.inf
+        slopes = np.diff(heights) / (lengths * curve.tick)
+        if np.max(np.abs(slopes)) > self.problem.model.v_max * (1.0 + AT_TOP_SPEED):
+            return np.inf
+        when = self.samples + self.ahead - knots[0]
+        since = np.mod(when, curve.samples) if curve.cyclic else when
+        segment = np.searchsorted(knots - knots[0], since, side="right") - 1
+        segment = np.clip(segment, 0, len(slopes) - 1)
+        past = (since - (knots[segment] - knots[0]) - self.ahead) * curve.tick
+        offsets = np.interp(slopes, self._slopes, self._offsets)
+        requests = self.problem.admissible(
+            heights[segment] + slopes[segment] * past + offsets[segment]
+        )
+        self.work += curve.samples
+        run = self.problem.linearise(requests, smoothing=0.0, seam=float(self.problem.desired[-1]))
+        if run is None:
+            return np.inf
+        errors = run.angles - self.problem.desired
+        return float(errors @ errors)
+
+
+def refined_curve(
+    problem: Tracking,
+    curve: PiecewiseLinear,
+    *,
+    rule: Rule,
+    ahead: float,
+    most_work: int = MOST_WORK,
+) -> PiecewiseLinear:
+    """Move the knots of ``curve`` until its inverse makes the joint track no better.
+
+    A pattern search: every knot moves up and down and along the lines that meet there, every
+    segment up and down and to and fro; moves that lower the simulated error are kept, and when none
+    does they become smaller.
+
+    Args:
+        problem: What to follow.
+        curve: Where to start.
+        rule: How lines are inverted.
+        ahead: How long before a knot the requests change line [samples].
+        most_work: Samples to simulate before the search ends in any case.
+
+    Returns:
+        A curve with as many segments, slopes within ±v_max and none shorter than a sample.
+    """
+    evaluate = Evaluation(problem, curve, rule, ahead)
+    knots, values = np.array(curve.knots), np.array(curve.values)
+    least = evaluate(knots, values)
+    size = COARSEST
+    while size >= FINEST and evaluate.work < most_work:
+        kept = False
+        for number in range(moves_of(curve)):
+            for sign in (size, -size):
+                move = make_move(number, knots, values, curve, problem.model.v_max)
+                moved = knots + sign * move.knots, values + sign * move.values
+                error = evaluate(*moved)
+                if error < (1.0 - ENOUGH) * least:
+                    (knots, values), least, kept = moved, error, True
+                    break
+            if evaluate.work >= most_work:
+                break
+        if not kept:
+            size /= 2.0
+    return replace(curve, knots=knots, values=values)
+
+
+def moves_of(curve: PiecewiseLinear) -> int:
+    """How many moves there are: four a knot, two a segment."""
+    return 4 * curve.knots.size + 2 * curve.segments
+
+
+def make_move(
+    number: int, knots: Array, values: Array, curve: PiecewiseLinear, v_max: float
+) -> Move:
+    """The move of this number at the present knots."""
+    size = len(knots)
+    along, lift = np.zeros(size), np.zeros(size)
+    segment, kind = divmod(number - 4 * size, 2)
+    moved = [segment, (segment + 1) % size]
+    if number < 4 * size:
+        knot, kind = divmod(number, 4)
+        moved = [knot]
+    if kind == 0:
+        lift[moved] = v_max * curve.tick
+    else:
+        along[moved] = 1.0
+    if kind >= 2:  # along the line that ends, or that begins, at the knot
+        lift[moved] = _slope(knots, values, moved[0] - (kind == 2), curve)
+    if not curve.cyclic:
+        along[[0, -1]] = 0.0  # the ends stay where they are
+    return Move(along, lift)
+
+
+def _slope(knots: Array, values: Array, segment: int, curve: PiecewiseLinear) -> float:
+    """Slope of a segment [rad/sample]; of the nearest one beyond the ends."""
+    if curve.cyclic:
+        size = len(knots)
+        before, after = segment % size, (segment + 1) % size
+        length = (knots[after] - knots[before]) % curve.samples or float(curve.samples)
+        return float((values[after] - values[before]) / length)
+    before = min(max(segment, 0), len(knots) - 2)
+    return float((values[before + 1] - values[before]) / (knots[before + 1] - knots[before]))
