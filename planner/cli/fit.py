@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 from planner.cli import options
@@ -46,6 +48,8 @@ def fit(
     from planner.files.joint_path import write_joint_path
     from planner.report.text_table import text_table
 
+    if max_error is not None and not 0.0 < max_error < math.inf:
+        raise click.UsageError(f"--max-error: got {max_error:g}, expected more than 0 degrees.")
     wanted = load_wanted(desired, model=model, joints=joints)
     tolerance = None if max_error is None else float(np.radians(max_error))
     fits = {

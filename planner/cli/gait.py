@@ -7,9 +7,18 @@ import click
 from planner.cli import options
 from planner.cli.say import deliver
 
+SHORTEST, LONGEST = 1e-6, 1e3
+"""Range of the time between samples [s]: beyond it the unit is surely mistaken."""
+
 
 @click.command(short_help="Make the foot path of a walk.")
-@click.option("--samples", default=88, show_default=True, help="Samples in a cycle.")
+@click.option(
+    "--samples",
+    type=click.IntRange(max=1_000_000),
+    default=88,
+    show_default=True,
+    help="Samples in a cycle.",
+)
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
 @click.option("--length", default=0.04893, show_default=True, help="Half of the stroke [m].")
 @click.option("--height", default=0.042, show_default=True, help="How high the foot swings [m].")
@@ -29,8 +38,10 @@ def gait(*, samples: int, period: float, output: str, as_json: bool, **parameter
     from planner.files.foot_path import write_foot_path
     from planner.gait import half_ellipse
 
-    if not 0.0 < period < float("inf"):
-        raise click.UsageError(f"--period: got {period:g}, expected more than 0 s.")
+    if not SHORTEST <= period <= LONGEST:
+        raise click.UsageError(
+            f"--period: got {period:g}, expected {SHORTEST:g} to {LONGEST:g} seconds."
+        )
     path = half_ellipse(samples=samples, **parameters)
     deliver(
         {

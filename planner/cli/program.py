@@ -65,7 +65,7 @@ class Commands(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode, **extra)
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning
+            warnings.showwarning = _Warnings().show
             warnings.simplefilter("default", OutsideEquation13)
             sys.exit(self._status(args, prog_name or "request-planner", complete_var, **extra))
 
@@ -126,15 +126,24 @@ def _complain(message: str, status: int) -> int:
     return status
 
 
-def _show_warning(
-    message: Warning | str,
-    category: type[Warning],  # noqa: ARG001
-    filename: str,  # noqa: ARG001
-    lineno: int,  # noqa: ARG001
-    file: TextIO | None = None,  # noqa: ARG001
-    line: str | None = None,  # noqa: ARG001
-) -> None:
-    click.echo(f"request-planner: warning: {message}", err=True)
+class _Warnings:
+    """Says every warning once, in a line of its own, wherever and however often it is given."""
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+
+    def show(
+        self,
+        message: Warning | str,
+        category: type[Warning],  # noqa: ARG002
+        filename: str,  # noqa: ARG002
+        lineno: int,  # noqa: ARG002
+        file: TextIO | None = None,  # noqa: ARG002
+        line: str | None = None,  # noqa: ARG002
+    ) -> None:
+        if str(message) not in self._said:
+            self._said.add(str(message))
+            click.echo(f"request-planner: warning: {message}", err=True)
 
 
 def _discard(stream: TextIO) -> None:

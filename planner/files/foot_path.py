@@ -52,9 +52,7 @@ def read_foot_path(path: Path | str) -> FootPath:
 def foot_path(table: Table) -> FootPath:
     """Understand a table as a foot path; see :func:`read_foot_path`."""
     quantities = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
-    positions = table.numbers(quantities.columns) * quantities.factor
-    positions.setflags(write=False)
-    return FootPath(table.path, positions, read_times(table))
+    return FootPath(table.path, quantities.values, read_times(table))
 
 
 def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:

@@ -63,9 +63,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = ()) -> JointPath:
             line=1,
         )
     quantities = with_unit(table, columns, ANGLES)
-    angles = table.numbers(quantities.columns) * quantities.factor
-    angles.setflags(write=False)
-    return JointPath(table.path, quantities.names, angles, read_times(table))
+    return JointPath(table.path, quantities.names, quantities.values, read_times(table))
 
 
 def write_joint_path(

@@ -6,8 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from planner.exceptions import InvalidFile
 from planner.files.table import Table, nearest
+from planner.trajectory import Array
 
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
 """Angle units and what one of them is in radians."""
@@ -16,18 +19,22 @@ LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Length units and what one of them is in metres."""
 
 
+LARGEST = 1e6
+"""An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
+
+
 class Quantities(NamedTuple):
     """Columns that share a unit.
 
     Attributes:
         names: What is measured, without the unit.
         columns: The columns' names, with it.
-        factor: What one of the unit is in SI.
+        values: The measured values in SI, shape (n, k), read-only.
     """
 
     names: tuple[str, ...]
     columns: tuple[str, ...]
-    factor: float
+    values: Array
 
 
 def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:
@@ -37,10 +44,11 @@ def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | Non
 
 
 def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> Quantities:
-    """Take the columns apart into names and the one unit that they share.
+    """Take the columns apart into names and the one unit that they share, and read them.
 
     Raises:
-        InvalidFile: A column has no unit of these, the units differ, or a name comes twice.
+        InvalidFile: A column has no unit of these, the units differ, or a value is not finite or
+            too large to be true.
     """
     names, found = [], []
     for column in columns:
@@ -60,7 +68,10 @@ def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) 
         raise InvalidFile(
             table.path, f"mixed units ({mixed}); expected one unit in all columns", line=1
         )
-    return Quantities(tuple(names), tuple(columns), units[found[0]])
+    values = table.numbers(columns) * units[found[0]]
+    _check_size(table, columns, values, LARGEST / units[found[0]])
+    values.setflags(write=False)
+    return Quantities(tuple(names), tuple(columns), values)
 
 
 def pick(table: Table, wanted: Sequence[str], units: Mapping[str, float]) -> list[str]:
@@ -93,3 +104,16 @@ def pick(table: Table, wanted: Sequence[str], units: Mapping[str, float]) -> lis
             )
         columns.extend(known[name])
     return columns
+
+
+def _check_size(table: Table, columns: Sequence[str], values: Array, largest: float) -> None:
+    beyond = np.argwhere(~(np.abs(values) <= LARGEST))
+    if beyond.size:
+        k, j = beyond[0]
+        cell = table.rows[k][table.names.index(columns[j])].strip()
+        raise InvalidFile(
+            table.path,
+            f"column '{columns[j]}': got {cell}, expected at most {largest:g} either way; "
+            "check the unit",
+            line=table.lines[k],
+        )

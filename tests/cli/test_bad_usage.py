@@ -85,9 +85,18 @@ WRONG = {
         ["gait", "--samples", "1"],
         "samples: got 1, expected a whole number, at least 4",
     ),
+    "more samples than anybody needs": (
+        ["gait", "--samples", "999999999999"],
+        "Invalid value for '--samples': 999999999999 is not in the range x<=1000000. "
+        "See 'request-planner gait --help'.",
+    ),
+    "an error below zero": (
+        ["fit", "desired.csv", "--max-error", "-1"],
+        "--max-error: got -1, expected more than 0 degrees. See 'request-planner fit --help'.",
+    ),
     "no period": (
         ["gait", "--period", "0"],
-        "--period: got 0, expected more than 0 s. See 'request-planner gait --help'.",
+        "--period: got 0, expected 1e-06 to 1000 seconds. See 'request-planner gait --help'.",
     ),
     "a folder that is not ours": (
         ["reproduce", "--out", "."],

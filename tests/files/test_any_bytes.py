@@ -13,12 +13,19 @@ from planner.files.joint_model import read_models
 from planner.files.joint_path import read_joint_path
 
 CSV_PIECES = st.sampled_from(
-    'knee_deg knee_rad t_s x_m y_m z_m z_cm index 0 1 -2.5 1e3 1e999 nan 1_0 ٣ " ;'.split()
-    + list(",,,,\n\n\r\0 \ufeff")
+    [
+        *("t_s", "knee_deg", "knee_rad", "x_m", "y_m", "z_m", "z_cm", "index"),
+        *("0", "1", "-2.5", "1e3", "1e999", "nan", "1_0", "٣"),
+        *',,,,\n\n\r\0 ";\ufeff',
+    ]
 )
 TOML_PIECES = st.sampled_from(
-    "v_max theta_0 lag acceleration_time tick hold offset [knee] [[knee]] 1 0.5 -1 nan inf".split()
-    + ["true", "'x'", "[1]", "{a=1}", "1979-05-27", "9" * 400, "[[[[", *'====\n\n\n #."']
+    [
+        *("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset"),
+        *("[knee]", "[[knee]]", "1", "0.5", "-1", "nan", "inf", "true", "'x'", "[1]", "{a=1}"),
+        *("1979-05-27", "9" * 400, "[[[["),
+        *'====\n\n\n #."',
+    ]
 )
 ANY_CSV = st.one_of(
     st.binary(max_size=200),

@@ -99,6 +99,11 @@ JOINT_PATHS = {
         b"knee_deg,hip_rad\n1,2\n3,4\n",
         "FILE, line 1: mixed units (knee_deg, hip_rad); expected one unit in all columns",
     ),
+    "beyond belief": (
+        b"knee_deg\n1\n1e300\n",
+        "FILE, line 3: column 'knee_deg': got 1e300, expected at most 5.72958e+07 either way; "
+        "check the unit",
+    ),
     "only time": (
         b"t_s,index\n0,0\n1,1\n",
         "FILE, line 1: only t_s, index; expected columns <joint>_deg or <joint>_rad",
