@@ -50,11 +50,14 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     hessian = hessian + 1e-10 * np.max(hessian.diagonal()) * np.eye(size)
     slopes = slacks(problem, knots, here.values)
     slopes = slopes[: slopes.size * 2 // 3]
-    rows = constraint_rows(problem, size)[: slopes.size, size:]
+    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)[: slopes.size, size:]
     step = minimize_quadratic(hessian, here.gradient[size:], rows, np.maximum(slopes, 0.0))
     if step is None:
         return Candidate(knots, here.values, here.error)
-    return candidate(problem, knots, here.values + step)
+    change = 2.0 * float(here.gradient[size:] @ step) + float(
+        step @ here.hessian[size:, size:] @ step
+    )
+    return Candidate(knots, here.values + step, max(here.error + change, 0.0))
 
 
 def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
@@ -114,7 +117,7 @@ def _descend(
     """Newton's method on the free variables, damped until it goes down."""
     size = start.knots.size
     here = evaluate(problem, start.knots, start.values)
-    rows = constraint_rows(problem, size)[:, free]
+    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)[:, free]
     cells = np.ix_(free, free)
     none = EXACT * float(problem.desired @ problem.desired)
     damping = 1e-3

@@ -26,7 +26,7 @@ PRICES: tuple[Price, ...] = ("chord", "line")
 FINEST_GRID = 128
 """Most nodes of a grid: prices take this number squared."""
 
-ANCHORS = 12
+ANCHORS = 6
 """Places of a cycle at which chains begin and end; the sharpest corner is one of them."""
 
 PROPOSALS = 2

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear
 from planner.trajectory import Array
 
 
@@ -59,10 +58,9 @@ def candidate(problem: Problem, knots: Array, values: Array) -> Candidate:
 
 def residuals(problem: Problem, knots: Array, values: Array) -> Array:
     """Curve minus samples, shape (n,)."""
-    curve = PiecewiseLinear(
-        knots=knots, values=values, samples=problem.samples, tick=1.0, cyclic=problem.cyclic
-    )
-    return curve.angles - problem.desired
+    index = np.arange(problem.samples, dtype=np.float64)
+    period = problem.samples if problem.cyclic else None
+    return np.interp(index, knots, values, period=period) - problem.desired
 
 
 class Iterate(NamedTuple):
@@ -79,26 +77,31 @@ class Iterate(NamedTuple):
     gauss_newton: Array  # (2K,), diagonal of the Hessian without the residuals' part
 
 
-def constraint_rows(problem: Problem, size: int) -> Array:
+@lru_cache(maxsize=256)
+def constraint_rows(size: int, step: float, *, cyclic: bool) -> Array:
     """Rows A such that a step p of knots and values is allowed if A p <= the slacks.
 
     The bound on a slope, |y' - y| <= v (k' - k), is linear in knots and values together, so the
     rows are the same for all knots and values.
 
     Args:
-        problem: What to approximate.
         size: Number of knots K.
+        step: Largest change per sample v.
+        cyclic: Whether a last segment leads from the last knot to the first.
 
     Returns:
-        A, shape (3S, 2K) for S segments: no slope too high, none too low, no segment too short.
+        A, shape (3S, 2K) for S segments, read-only: no slope too high, none too low, no segment
+        too short.
     """
-    start, end = segment_ends(size, cyclic=problem.cyclic)
+    start, end = segment_ends(size, cyclic=cyclic)
     identity = np.eye(size)
     difference = identity[end] - identity[start]
-    reach = problem.step * difference
-    return np.block(
+    reach = step * difference
+    rows = np.block(
         [[-reach, difference], [-reach, -difference], [-difference, np.zeros_like(difference)]]
     )
+    rows.setflags(write=False)
+    return rows
 
 
 def slacks(problem: Problem, knots: Array, values: Array) -> Array:
@@ -147,14 +150,14 @@ def evaluate(problem: Problem, knots: Array, values: Array) -> Iterate:
     weights[[0, 2]] *= rest
     weights[[1, 3, 4]] *= share
     cells = segment + start.size * _FIVE
-    g0, g1, s00, s01, s11 = _sums(weights, cells, 5 * start.size).reshape(5, -1)
+    g0, g1, s00, s01, s11 = sums_by(weights, cells, 5 * start.size).reshape(5, -1)
 
     # Per segment, in the order start knot, end knot, start value, end value.
     by_variable, by_pair = _scatter(size, start.size)
     squared = slope * slope
     first_order = [-slope * g0, -slope * g1, g0, g1]
     own = [squared * s00, squared * s11, s00, s11]
-    gradient, gauss_newton = _sums(np.array(first_order + own), by_variable, 4 * size).reshape(
+    gradient, gauss_newton = sums_by(np.array(first_order + own), by_variable, 4 * size).reshape(
         2, -1
     )
     # What the residuals add to the Hessian of Gauss and Newton.
@@ -169,7 +172,7 @@ def evaluate(problem: Problem, knots: Array, values: Array) -> Iterate:
         *(ky00, ky10, s00, s01),
         *(ky01, ky11, s01, s11),
     ]
-    hessian = _sums(np.array(second_order), by_pair, 4 * size * size)
+    hessian = sums_by(np.array(second_order), by_pair, 4 * size * size)
     return Iterate(
         knots=knots,
         values=values,
@@ -194,7 +197,7 @@ def _scatter(size: int, segments: int) -> tuple[npt.NDArray[np.intp], npt.NDArra
     return twice, pairs.reshape(16, -1)
 
 
-def _sums(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:
+def sums_by(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:
     """Sums of the weights that share a number, for the numbers 0, 1, ..., count-1."""
     sums: Array = np.bincount(by.ravel(), weights.ravel(), minlength=count).astype(
         np.float64, copy=False

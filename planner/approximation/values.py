@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.approximation.objective import Problem, segment_ends
+from planner.approximation.objective import Problem, segment_ends, sums_by
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 
@@ -71,26 +71,33 @@ def build_values_qp(
     from scipy import sparse
 
     size = knots.size
+    start, end = segment_ends(size, cyclic=problem.cyclic)
     ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
     index = np.arange(problem.samples, dtype=np.float64)
     if problem.cyclic:
         index = knots[0] + np.mod(index - knots[0], problem.samples)
     segment = np.clip(np.searchsorted(knots, index, side="right") - 1, 0, ends.size - 2)
     share = (index - knots[segment]) / np.diff(ends)[segment]
-    sample = np.arange(problem.samples)
-    basis = sparse.csr_matrix(
+    rest = 1.0 - share
+
+    def total(products: Array) -> Array:
+        return sums_by(problem.weights * products, segment, start.size)
+
+    s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
+    P = sparse.csc_matrix(
         (
-            np.concatenate([1.0 - share, share]),
-            (np.concatenate([sample, sample]), np.concatenate([segment, (segment + 1) % size])),
+            np.concatenate([s00, s01, s01, s11]),
+            (
+                np.concatenate([start, start, end, end]),
+                np.concatenate([start, end, start, end]),
+            ),
         ),
-        shape=(problem.samples, size),
+        shape=(size, size),
     )
-    weighted = basis.T @ sparse.diags(problem.weights)
-    P = weighted @ basis
+    q = -sums_by(total(rest * problem.desired), start, size)
+    q -= sums_by(total(share * problem.desired), end, size)
     ridge = RIDGE * float(P.diagonal().max())
-    start, end = segment_ends(size, cyclic=problem.cyclic)
-    row = np.arange(start.size)
-    ones = np.ones(start.size)
+    row, ones = np.arange(start.size), np.ones(start.size)
     A = sparse.csc_matrix(
         (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
         shape=(row.size, size),
@@ -98,12 +105,15 @@ def build_values_qp(
     upper = problem.step * np.diff(ends)
     lower = -upper
     if tube is not None:
+        sample = np.arange(problem.samples)
+        places = np.append(sample, sample), np.append(start[segment], end[segment])
+        basis = sparse.csc_matrix((np.append(rest, share), places), shape=(problem.samples, size))
         A = sparse.vstack([A, basis], format="csc")
         lower = np.append(lower, problem.desired - tube)
         upper = np.append(upper, problem.desired + tube)
     return ValuesQP(
         P=(P + ridge * sparse.eye(size)).tocsc(),
-        q=-(weighted @ problem.desired) - ridge * near,
+        q=q - ridge * near,
         A=A,
         lower=lower,
         upper=upper,
@@ -153,7 +163,7 @@ def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
     q = (qp.P @ offset + qp.q) / unit
     rows = qp.A @ offset
     scale = float(max(qp.P.diagonal().max(), np.max(np.abs(q))))
-    solver = osqp.OSQP()
+    solver = osqp.OSQP(algebra="builtin")
     solver.setup(
         sparse.triu(qp.P / scale, format="csc"),
         q / scale,

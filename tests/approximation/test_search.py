@@ -87,7 +87,9 @@ def test_a_step_along_the_rows_uses_up_the_slacks(cyclic):
     problem = Problem(desired=np.zeros(40), step=0.7, cyclic=cyclic)
     knots, values = np.array([1.0, 9.0, 20.0, 33.0]), rng.normal(size=4)
     step = rng.normal(size=8)
-    expected = slacks(problem, knots, values) - constraint_rows(problem, 4) @ step
+    expected = (
+        slacks(problem, knots, values) - constraint_rows(4, problem.step, cyclic=cyclic) @ step
+    )
     moved = slacks(problem, knots + step[:4], values + step[4:])
     np.testing.assert_allclose(moved, expected, atol=1e-12)
 
