@@ -102,7 +102,7 @@ def test_a_switch_between_samples_falls_at_its_true_time(knot):
 @pytest.mark.parametrize("rule", RULES)
 def test_a_line_alone_is_followed_from_one_end_to_the_other(rule):
     desired = 2.0 * ERS210A.period * np.arange(120)
-    plan = invert_closed_form(ERS210A, desired, cyclic=False, rule=rule)
+    plan = invert_closed_form(ERS210A, desired, cyclic=False, rule=rule, refine=False)
     tick_of_motion = 2.0 * ERS210A.tick
     assert np.max(np.abs(plan.errors[-20:])) <= (1e-9 if rule == "exact" else tick_of_motion)
 
@@ -138,13 +138,33 @@ def test_a_constant_is_requested_as_it_is(rule):
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_shifting_and_mirroring_the_desired_angles_shifts_and_mirrors_the_requests(cyclic):
+def test_shifting_and_mirroring_the_desired_angles_changes_nothing_else(cyclic):
     desired = saturating(np.random.default_rng(12), ERS210A)
-    plan = invert_closed_form(ERS210A, desired, cyclic=cyclic, segments=8)
-    shifted = invert_closed_form(ERS210A, desired + 0.5, cyclic=cyclic, segments=8)
-    mirrored = invert_closed_form(ERS210A, -desired, cyclic=cyclic, segments=8)
-    assert shifted.rms == pytest.approx(plan.rms, rel=1e-3)
-    assert mirrored.rms == pytest.approx(plan.rms, rel=1e-3)
+    options = {"cyclic": cyclic, "segments": 8, "refine": False}
+    same = pytest.approx(invert_closed_form(ERS210A, desired, **options).rms, rel=1e-3)
+    assert invert_closed_form(ERS210A, desired + 0.5, **options).rms == same
+    assert invert_closed_form(ERS210A, -desired, **options).rms == same
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_refining_the_lines_keeps_what_lines_must_keep_and_never_tracks_worse(seed, cyclic):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False, hold=1 + seed % 2, offset=True)
+    desired = saturating(rng, model, samples=60)
+    options = {"cyclic": cyclic, "segments": 6, "rule": "exact"}
+    plain = invert_closed_form(model, desired, refine=False, **options)
+    refined = invert_closed_form(model, desired, **options)
+    assert refined.rms <= plain.rms
+    assert refined.approximation.segments == plain.approximation.segments
+    assert np.max(np.abs(refined.approximation.slopes)) <= model.v_max * (1.0 + 1e-9)
+    assert np.min(refined.approximation.lengths) >= 1.0 - 1e-9
+
+
+def test_refining_the_lines_helps_on_the_reference_walk():
+    knee = REFERENCE_JOINTS[2].desired
+    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
+    assert invert_closed_form(ERS210A, knee, segments=6).rms < plain.rms
 
 
 def test_the_requests_are_read_only():

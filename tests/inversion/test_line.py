@@ -141,8 +141,9 @@ def test_the_offset_is_odd_in_the_slope(model, share, rule):
     assert line_offset(model, 0.0, rule=rule) == 0.0
 
 
-@given(models(holds=(1, 3)))
+@given(models(holds=(1, 1)))
 def test_the_exact_offset_grows_with_the_slope(model):
+    # Not so with held requests: a joint that overshoots them may need less lead on steeper lines.
     offsets = line_offset(model, np.linspace(-1.0, 1.0, 21) * model.v_max)
     assert np.all(np.diff(offsets) > 0.0)
 
