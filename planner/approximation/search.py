@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
@@ -16,8 +15,9 @@ from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
 from planner.approximation.objective import Candidate, Problem, candidate, residuals
 from planner.approximation.pose import Pose
+from planner.approximation.repair import within_slopes
 from planner.approximation.tube import rechained
-from planner.approximation.values import solve_values, within_slopes
+from planner.approximation.values import solve_values
 from planner.trajectory import Array
 
 RESOLUTION = 2.0**-36
@@ -136,7 +136,7 @@ class Search:
         best = self._best_of(starts)
         if segments > LARGEST_WINDOW:
             return best
-        anchor = int(_strongest(self.problem, best)[0]) if self.problem.cyclic else 0
+        anchor = _sharpest_knot(self.problem, best) if self.problem.cyclic else 0
         around = rechained(self.problem, self.ideal, best, anchor=anchor)
         if around is not None:
             best = min(best, self._best_of([self._valued(around)]), key=_error)
@@ -176,11 +176,11 @@ def _error(curve: Candidate) -> float:
     return curve.error
 
 
-def _strongest(problem: Problem, curve: Candidate) -> npt.NDArray[np.intp]:
-    """The knots, those at which the slope changes most first."""
+def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
+    """Number of the knot of a cycle at which the slope changes most."""
     ends = np.append(curve.knots, curve.knots[0] + problem.samples)
     slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
-    return np.argsort(-np.abs(slopes - np.roll(slopes, 1)))
+    return int(np.argmax(np.abs(slopes - np.roll(slopes, 1))))
 
 
 def _with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:

@@ -3,8 +3,8 @@
     minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v_max (k' - k) for every segment
 
 The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
-the values are to its tolerance; :func:`polished` makes them exact, :func:`within_slopes` makes the
-bounds hold to the last digit.
+the values are to its tolerance; :func:`polished` makes them exact, and the repair in
+:mod:`planner.approximation.repair` makes the bounds hold to the last digit.
 """
 
 from __future__ import annotations
@@ -221,27 +221,3 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     if qp.excess(better) > max(qp.excess(values), 1e-12):
         return values
     return better
-
-
-def within_slopes(values: Array, limits: Array, *, cyclic: bool) -> Array:
-    """Shrink ``values`` towards their middle until every rise keeps its limit, rounding included.
-
-    Args:
-        values: Values at the knots [rad], shape (K,).
-        limits: Largest rise of every segment [rad], shape (K,) for a cycle, else (K - 1,).
-        cyclic: Whether the last segment leads back to the first knot.
-
-    Returns:
-        Values, shape (K,), that exceed no limit by more than one part in 1e13.
-    """
-    middle = 0.5 * (float(values.max()) + float(values.min()))
-    offset = values - middle
-    shrink, shrunk = 1.0, values
-    for attempt in range(64):
-        ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
-        excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
-        if excess <= 1.0 + 1e-13:
-            return shrunk
-        shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
-        shrunk = middle + shrink * offset
-    return np.full_like(values, middle)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from planner.approximation.descent import best_values
 from planner.approximation.objective import Problem, candidate
-from planner.approximation.values import solve_values, within_slopes
+from planner.approximation.repair import within_slopes
+from planner.approximation.values import solve_values
 
 
 def on_the_reference_of(problem, knots):
