@@ -123,9 +123,10 @@ def reachable_set(
         rows += [changes, -changes]
         limits += [np.full(changes.shape[0], gain)] * 2
     if start is not None:
-        resting = sparse.eye_array(ticks, format="csr")[: _resting(model, stride)]
-        rows += [resting, -resting]
-        limits += [np.full(resting.shape[0], start), np.full(resting.shape[0], -start)]
+        farthest_from_start = _setting_off(model, ticks, level)
+        near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
+        rows += [near_start, -near_start]
+        limits += [farthest_from_start + start, farthest_from_start - start]
     return Reachable(
         sparse.csr_array(sparse.vstack(rows)), np.concatenate(limits), np.arange(0, ticks, stride)
     )
@@ -238,7 +239,14 @@ def _differences_of_speed(
     return sparse.csr_array(steps[1:] - kept * steps[:-1])
 
 
-def _resting(model: JointModel, stride: int) -> int:
-    """How many of the angles at the start come before the second request acts."""
-    ticks = model.hold + model.window.first
-    return -(-ticks // (model.hold if stride == 1 else 1))
+def _setting_off(model: JointModel, ticks: int, level: Level) -> Array:
+    """How far the first angles can be from the start [rad]: condition 3.
+
+    The joint rests until the second request acts; then only the weights of the requests that may
+    differ from the first one can carry it away.
+    """
+    resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
+    if level == "slope":
+        return resting[:: model.hold][:ticks]
+    changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
+    return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]

@@ -105,8 +105,10 @@ def _exact(model: JointModel, slope: Array) -> Array:
     steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
     behind = float(np.max(ticks[:, np.newaxis] - steps))
     target = slope * model.hold
-    low = np.zeros_like(slope) - model.theta_0
-    high = model.theta_0 + slope * behind  # here every term of S is saturated
+    # At these ends every term of S is saturated, even though the joint may stray from the line
+    # until the next request.
+    low = -model.theta_0 - (model.v_max_per_tick + slope) * (model.hold - 1)
+    high = model.theta_0 + slope * behind + (model.v_max_per_tick - slope) * (model.hold - 1)
     moved_low, moved_high = _moved(model, slope, steps, low), _moved(model, slope, steps, high)
     solution = high.copy()
     open_ = slope < model.v_max_per_tick * (1.0 - AT_TOP_SPEED)

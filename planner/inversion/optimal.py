@@ -14,6 +14,7 @@ from planner.exceptions import SolverFailed
 from planner.inversion.bound import Norm, check_norm
 from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import GUIDING, improve
+from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, checked_limits
 from planner.model.joint import JointModel
@@ -25,9 +26,6 @@ NEAR_IDEAL = 1.005
 
 FAR_FROM_IDEAL = 1.03
 """Error over that of the ideal from which on a third search, from few lines, is worth its time."""
-
-LITTLE_WORK = 30_000
-"""Samples simulated to refine those few lines: a fifth of what the closed form itself may take."""
 
 NEGLIGIBLE = 1e-3
 """Error up to which another search is not worth its time [theta_0]."""
@@ -121,6 +119,6 @@ def search(problem: Tracking) -> tuple[Array, float]:
         if least <= NEAR_IDEAL * bound + negligible:
             return best, least
     if least > FAR_FROM_IDEAL * bound + negligible:
-        _, few_lines = closed_form(problem, rule="exact", refining=LITTLE_WORK)
+        _, few_lines = closed_form(problem, rule="exact", refining=MOST_WORK)
         best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
     return best, least

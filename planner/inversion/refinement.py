@@ -22,7 +22,7 @@ COARSEST = 2.0
 FINEST = 0.2
 """Size of a move below which the search ends [samples]."""
 
-MOST_WORK = 150_000
+MOST_WORK = 80_000
 """Samples simulated in one search, so that its cost does not grow with the number of knots."""
 
 ENOUGH = 1e-4

@@ -109,7 +109,9 @@ def _steady_cycle(model: JointModel, pulls: Array) -> list[float]:
     are known to be on either side of it.
     """
     padded = _with_history(pulls, model.window, cyclic=True)
-    low, high = float(np.min(pulls)), float(np.max(pulls))
+    # A joint with v_max > theta_0 a tick overshoots a request by as much as their difference.
+    beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
+    low, high = float(np.min(pulls)) - beyond, float(np.max(pulls)) + beyond
     tolerance = CLOSED * max(1.0, abs(low), abs(high))
     seam = float(pulls[0])
     for cycle in range(MOST_CYCLES):
