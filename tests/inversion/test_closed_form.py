@@ -161,6 +161,24 @@ def test_refining_the_lines_keeps_what_lines_must_keep_and_never_tracks_worse(se
     assert np.min(refined.approximation.lengths) >= 1.0 - 1e-9
 
 
+def test_a_refinement_that_tracks_worse_is_not_taken(monkeypatch):
+    def flattened(_problem, curve, **_options):
+        return PiecewiseLinear(
+            knots=curve.knots,
+            values=0.0 * curve.values,
+            samples=curve.samples,
+            tick=curve.tick,
+            cyclic=curve.cyclic,
+        )
+
+    knee = REFERENCE_JOINTS[2].desired
+    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
+    monkeypatch.setattr("planner.inversion.closed_form.refined_curve", flattened)
+    np.testing.assert_array_equal(
+        invert_closed_form(ERS210A, knee, segments=6).requests, plain.requests
+    )
+
+
 def test_refining_the_lines_helps_on_the_reference_walk():
     knee = REFERENCE_JOINTS[2].desired
     plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.closed_form import invert_closed_form
@@ -15,6 +16,7 @@ from planner.inversion.line import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.model.sensitivity import sensitivities
 from tests.independent import from_rest, next_cycle
 from tests.instances import (
     REFERENCE_JOINTS,
@@ -28,7 +30,7 @@ from tests.instances import (
 ERS210A = JointModel.ers210a()
 
 GAP = 0.005
-"""Most that a plan on the reference walk may exceed the exact bound by."""
+"""Most that a plan may exceed the exact bound on the reference walk by, or a general solver's plan."""
 
 ATTAINED = math.radians(0.01)
 """Largest rms error on what the joint can do [rad]."""
@@ -102,6 +104,30 @@ def test_a_first_angle_beyond_the_limit_by_rounding_is_not_sent_beyond_it():
     for cyclic in (True, False):
         plan = invert_optimal(ERS210A, desired, cyclic=cyclic, limits=limits)
         assert np.max(plan.requests) <= limits[1]
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_within_tight_limits_no_general_least_squares_does_better(seed, cyclic):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng)
+    desired = saturating(rng, model, samples=40)
+    lower, upper = _barely_around(desired)
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=(lower, upper))
+    start = None if cyclic else desired[0]
+    movable = slice(0 if cyclic else 1, None)
+
+    def residuals(free):
+        requests = np.append(desired[: movable.start], free)
+        return simulate(model, requests, cyclic=cyclic, start=start) - desired
+
+    def jacobian(free):
+        requests = np.append(desired[: movable.start], free)
+        return sensitivities(model, requests, cyclic=cyclic, start=start)[:, movable]
+
+    inside = np.clip(plan.requests[movable], lower + 1e-9, upper - 1e-9)
+    improved = least_squares(residuals, inside, jac=jacobian, bounds=(lower, upper), max_nfev=30)
+    assert plan.rms <= math.sqrt(2.0 * improved.cost / len(desired)) * (1.0 + GAP)
 
 
 def test_tighter_limits_never_help():
