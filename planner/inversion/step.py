@@ -5,7 +5,7 @@ With the angles' linearised response ``B dM = H dR`` (B bidiagonal, H banded) th
     minimise  |W^(1/2) (r + dM)|^2 + (R + dR - R0)' P (R + dR - R0) + mu |dR|^2
 
 over the free requests. Its dual has one unknown per sample and the banded positive definite matrix
-``B W^-1 B' + H Q^-1 H'`` with ``Q = P + mu`` (``docs/math.md``, equation 14); a cycle is folded,
+``B W^-1 B' + H Q^-1 H'`` with ``Q = P + mu`` (``docs/math.md``, equation 11); a cycle is folded,
 first sample beside last, so that its matrix is banded too.
 """
 
