@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
 from planner.cli.say import deliver
 from planner.cli.wanted import load_wanted
+
+if TYPE_CHECKING:
+    from planner.approximation.fit import PiecewiseLinearFit
 
 
 @click.command(short_help="Approximate joint angles by lines that a joint can follow.")
@@ -66,18 +70,7 @@ def fit(
     document = {
         "cyclic": cyclic,
         "period_s": wanted.period,
-        "joints": {
-            name: {
-                "segments": len(curve.slopes),
-                "rms_deg": float(np.degrees(curve.rms)),
-                "max_deg": float(np.degrees(curve.max_error)),
-                "knots": curve.knots.tolist(),
-                "values_deg": np.degrees(curve.values).tolist(),
-                "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
-                "angles_deg": np.degrees(curve.angles).tolist(),
-            }
-            for name, curve in fits.items()
-        },
+        "joints": {name: _document(curve) for name, curve in fits.items()},
     }
     rows = [
         [
@@ -96,3 +89,17 @@ def fit(
         output=output,
         as_json=as_json,
     )
+
+
+def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:
+    import numpy as np
+
+    return {
+        "segments": len(curve.slopes),
+        "rms_deg": float(np.degrees(curve.rms)),
+        "max_deg": float(np.degrees(curve.max_error)),
+        "knots": curve.knots.tolist(),
+        "values_deg": np.degrees(curve.values).tolist(),
+        "slopes_deg_per_s": np.degrees(curve.slopes).tolist(),
+        "angles_deg": np.degrees(curve.angles).tolist(),
+    }

@@ -65,7 +65,8 @@ class Commands(click.Group):
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode, **extra)
         with warnings.catch_warnings():
-            warnings.showwarning = _Warnings().show
+            show: Any = _Warnings().show
+            warnings.showwarning = show
             warnings.simplefilter("default", OutsideEquation13)
             sys.exit(self._status(args, prog_name or "request-planner", complete_var, **extra))
 
@@ -132,15 +133,7 @@ class _Warnings:
     def __init__(self) -> None:
         self._said: set[str] = set()
 
-    def show(
-        self,
-        message: Warning | str,
-        category: type[Warning],  # noqa: ARG002
-        filename: str,  # noqa: ARG002
-        lineno: int,  # noqa: ARG002
-        file: TextIO | None = None,  # noqa: ARG002
-        line: str | None = None,  # noqa: ARG002
-    ) -> None:
+    def show(self, message: Warning | str, *_where: object) -> None:
         if str(message) not in self._said:
             self._said.add(str(message))
             click.echo(f"request-planner: warning: {message}", err=True)

@@ -12,7 +12,7 @@ from planner.cli.say import Progress, print_json, to_json
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.outcome import Reproduction
 
 
 @click.command(short_help="Run the paper's experiment again, with a report.")

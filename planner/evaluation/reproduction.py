@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from kinematics import Leg, urdf_path
-from planner.evaluation.baselines import TimeShift, best_time_shift, direct
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
-from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES, deviations
-from planner.evaluation.step_response import StepResponse, measure_step_response
+from planner.evaluation.baselines import best_time_shift, direct
+from planner.evaluation.metrics import foot_distance, foot_distances
+from planner.evaluation.outcome import FootOutcome, JointOutcome, Reproduction
+from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES
+from planner.evaluation.step_response import measure_step_response
 from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.line import Rule
@@ -23,101 +22,7 @@ from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 RULE: Rule = "paper"
-"""How the model-based row of Table 2 inverts a line."""
-
-
-@dataclass(frozen=True, eq=False)
-class JointOutcome:
-    """One joint of the experiment.
-
-    Attributes:
-        name: The joint.
-        desired: Desired angles [rad], shape (n,): the paper's Des.
-        direct: Angles when these are requested [rad], shape (n,): Dir.
-        approximation: Piecewise linear approximation at the samples [rad], shape (n,): Pwl.
-        closed_form: The paper's inversion; its predicted angles are MB.
-        optimal: The optimised inversion, within the joint's limits.
-    """
-
-    name: str
-    desired: Array
-    direct: Array
-    approximation: Array
-    closed_form: Inversion
-    optimal: Inversion
-
-    @property
-    def distances(self) -> dict[str, Distance]:
-        """The rows of Table 2 [rad], and one more for the optimised inversion."""
-        return {
-            "Des,Dir": angle_distance(self.direct, self.desired),
-            "Des,MB": angle_distance(self.closed_form.predicted, self.desired),
-            "Pwl,MB": angle_distance(self.closed_form.predicted, self.approximation),
-            "Des,Opt": angle_distance(self.optimal.predicted, self.desired),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class FootOutcome:
-    """The foot under one method.
-
-    Attributes:
-        positions: Its path [m], shape (n, 3).
-        distances: Its distance from the desired path at each sample [m], shape (n,).
-        distance: The same over all samples [m].
-    """
-
-    positions: Array
-    distances: Array
-    distance: Distance
-
-
-@dataclass(frozen=True, eq=False)
-class Reproduction:
-    """Everything that the experiment gave.
-
-    Attributes:
-        model: The model of every joint.
-        segments: Lines of each approximation.
-        walk: The reference walk with its leg.
-        joints: One outcome per joint, in the leg's order.
-        knee: Where the leg's knee is at the desired angles [m], shape (n, 3).
-        shift: The best time shift.
-        foot: The foot under ``direct``, ``shift``, ``closed_form`` and ``optimal``.
-        steps: The step tests, by amplitude [degrees].
-        seconds: Time that each part took [s].
-    """
-
-    model: JointModel
-    segments: int
-    walk: ReferenceWalk
-    joints: tuple[JointOutcome, ...]
-    knee: Array
-    shift: TimeShift
-    foot: Mapping[str, FootOutcome]
-    steps: Mapping[float, StepResponse]
-    seconds: Mapping[str, float]
-
-    @property
-    def table2(self) -> dict[str, dict[str, Distance]]:
-        """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
-        return {
-            joint.name: {
-                comparison: distance.in_units_of(math.radians(1.0))
-                for comparison, distance in joint.distances.items()
-            }
-            for joint in self.joints
-        }
-
-    @property
-    def foot_table(self) -> dict[str, Distance]:
-        """Distances of the foot from its desired path by method [cm]."""
-        return {method: outcome.distance.in_units_of(0.01) for method, outcome in self.foot.items()}
-
-    @property
-    def baseline_deviation(self) -> float:
-        """Mean relative deviation of the ten baseline figures from the paper's."""
-        return float(np.mean(deviations(self.table2, self.foot_table)))
+"""How the model-based rows of Table 2 invert a line."""
 
 
 def reproduce(
@@ -138,28 +43,13 @@ def reproduce(
     clock.start("walk", "the walk")
     walk = reference_walk()
     models = (model,) * walk.desired.shape[1]
-
-    def foot(angles: Array) -> FootOutcome:
-        positions = walk.leg.foot_positions(angles)
-        return FootOutcome(
-            positions,
-            foot_distances(positions, walk.desired_foot),
-            foot_distance(positions, walk.desired_foot),
-        )
-
     clock.start("baselines", "the baselines")
     direct_angles = direct(models, walk.desired)
-    shift = best_time_shift(models, walk.desired, lambda angles: foot(angles).distance)
-    closed_form, optimal = [], []
-    for j, name in enumerate(walk.joint_names):
-        wanted = walk.desired[:, j]
-        clock.start("closed_form", f"the closed form for the {name}")
-        closed_form.append(invert_closed_form(model, wanted, segments=segments, rule=RULE))
-        clock.start("optimal", f"the optimised requests for the {name}")
-        limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
-        optimal.append(invert_optimal(model, wanted, limits=limits))
-        clock.start("bounds", f"the lower bound for the {name}")
-        _ = closed_form[j].lower_bound, optimal[j].lower_bound
+    shift = best_time_shift(models, walk.desired, lambda angles: _foot(walk, angles).distance)
+    joints = tuple(
+        _plan_joint(j, model, walk, direct_angles, segments=segments, clock=clock)
+        for j in range(len(models))
+    )
     clock.start("step_tests", "the step tests")
     steps = {
         amplitude: measure_step_response(model, float(np.radians(amplitude)))
@@ -170,24 +60,14 @@ def reproduce(
         model=model,
         segments=segments,
         walk=walk,
-        joints=tuple(
-            JointOutcome(
-                name=name,
-                desired=walk.desired[:, j],
-                direct=direct_angles[:, j],
-                approximation=_angles_of(closed_form[j]),
-                closed_form=closed_form[j],
-                optimal=optimal[j],
-            )
-            for j, name in enumerate(walk.joint_names)
-        ),
+        joints=joints,
         knee=_knee_of(walk),
         shift=shift,
         foot={
-            "direct": foot(direct_angles),
-            "shift": foot(shift.angles),
-            "closed_form": foot(_predicted(closed_form)),
-            "optimal": foot(_predicted(optimal)),
+            "direct": _foot(walk, direct_angles),
+            "shift": _foot(walk, shift.angles),
+            "closed_form": _foot(walk, _predicted([joint.closed_form for joint in joints])),
+            "optimal": _foot(walk, _predicted([joint.optimal for joint in joints])),
         },
         steps=steps,
         seconds=clock.seconds,
@@ -215,16 +95,47 @@ class _Clock:
         self._part = None
 
 
+def _plan_joint(
+    j: int,
+    model: JointModel,
+    walk: ReferenceWalk,
+    direct_angles: Array,
+    *,
+    segments: int,
+    clock: _Clock,
+) -> JointOutcome:
+    """Both inversions of one joint, and their bounds, which are computed when first asked for."""
+    name, desired = walk.joint_names[j], walk.desired[:, j]
+    limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
+    clock.start("closed_form", f"the closed form for the {name}")
+    closed_form = invert_closed_form(model, desired, segments=segments, rule=RULE)
+    clock.start("optimal", f"the optimised requests for the {name}")
+    optimal = invert_optimal(model, desired, limits=limits)
+    clock.start("bounds", f"the lower bound for the {name}")
+    _ = closed_form.lower_bound, optimal.lower_bound
+    return JointOutcome(
+        name=name,
+        desired=desired,
+        direct=direct_angles[:, j],
+        closed_form=closed_form,
+        optimal=optimal,
+    )
+
+
+def _foot(walk: ReferenceWalk, angles: Array) -> FootOutcome:
+    positions = walk.leg.foot_positions(angles)
+    return FootOutcome(
+        positions=positions,
+        distances=foot_distances(positions, walk.desired_foot),
+        distance=foot_distance(positions, walk.desired_foot),
+    )
+
+
 def _knee_of(walk: ReferenceWalk) -> Array:
     """Path of the knee: the lower leg begins there, however the knee turns."""
     upper = Leg.from_urdf(urdf_path("reference_leg.urdf"), base=walk.leg.base, foot="lower")
     return upper.foot_positions(walk.desired)
 
 
-def _predicted(inversions: list[Inversion]) -> Array:
+def _predicted(inversions: Sequence[Inversion]) -> Array:
     return np.column_stack([inversion.predicted for inversion in inversions])
-
-
-def _angles_of(inversion: Inversion) -> Array:
-    assert inversion.approximation is not None, "a closed form has one"
-    return inversion.approximation.angles

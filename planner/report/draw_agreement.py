@@ -11,7 +11,7 @@ from planner.report.style import CLOSED_FORM, GRID, INK, WIDTH
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.outcome import Reproduction
 
 
 def draw_agreement(reproduction: Reproduction) -> Figure:

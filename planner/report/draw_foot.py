@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.outcome import Reproduction
     from planner.trajectory import Array
 
 METHODS = {"direct": DIRECT, "shift": SHIFT, "closed_form": CLOSED_FORM, "optimal": OPTIMAL}

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.evaluation.reproduction import JointOutcome, Reproduction
+    from planner.evaluation.outcome import JointOutcome, Reproduction
     from planner.trajectory import Array
 
 ROW = 1.55

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.outcome import Reproduction
     from planner.evaluation.step_response import StepResponse
 
 

@@ -14,7 +14,7 @@ from planner.report.style import applied
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.outcome import Reproduction
 
 
 @dataclass(frozen=True)

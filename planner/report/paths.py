@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.evaluation.reproduction import Reproduction
+from planner.evaluation.outcome import Reproduction
 from planner.trajectory import Array
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 from planner._version import __version__
 from planner.evaluation.metrics import Distance
+from planner.evaluation.outcome import JointOutcome, Reproduction
 from planner.evaluation.paper import FOOT, SOURCE, TABLE_2, Published
-from planner.evaluation.reproduction import RULE, JointOutcome, Reproduction
+from planner.evaluation.reproduction import RULE
 
 NOTE = (
     "The joint here is the paper's model with the parameters of its Table 1; "
