@@ -187,7 +187,7 @@ def test_automatic_follows_a_sine_in_few_corners_and_noise_in_none():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("share", [0.05, 0.3])
+@pytest.mark.parametrize("share", [0.05, 0.1, 0.15, 0.2, 0.3])
 def test_with_max_error_no_error_exceeds_it(kind, share):
     desired = samples_of(kind, 60, np.random.default_rng(7))
     bound = attainable_error(desired, 0.1, cyclic=True) + share * np.ptp(desired)
