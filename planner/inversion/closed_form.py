@@ -10,7 +10,7 @@ from planner.approximation.fit import fit_pwl
 from planner.inversion.line import Rule, check_rule, line_offset
 from planner.inversion.refinement import MOST_WORK, refined_curve
 from planner.inversion.result import Inversion
-from planner.inversion.tracking import Tracking
+from planner.inversion.tracking import Tracking, follow
 from planner.model.joint import JointModel
 from planner.trajectory import Array, as_trajectory
 
@@ -53,10 +53,11 @@ def invert_closed_form(
     check_rule(rule)
     desired = as_trajectory(desired, name="desired")
     start = None if cyclic else float(desired[0])
-    problem = Tracking(model, desired, cyclic=cyclic, norm="rms", limits=None, start=start)
-    curve, requests = closed_form(
-        problem, segments=segments, rule=rule, refining=MOST_WORK if refine else 0
+    problem = follow(model, desired, cyclic=cyclic, start=start)
+    curve, column = closed_form(
+        problem, desired, segments=segments, rule=rule, refining=MOST_WORK if refine else 0
     )
+    requests = column[:, 0].copy()
     requests.setflags(write=False)
     return Inversion(
         model=model,
@@ -70,32 +71,38 @@ def invert_closed_form(
 
 
 def closed_form(
-    problem: Tracking, *, segments: int | None = None, rule: Rule, refining: int
+    problem: Tracking,
+    desired: Array,
+    *,
+    segments: int | None = None,
+    rule: Rule,
+    refining: int,
 ) -> tuple[PiecewiseLinear, Array]:
-    """The approximation and the requests of a problem's closed form.
+    """The approximation and the requests of a joint's closed form.
 
     Args:
-        problem: What to follow, and within which limits.
+        problem: One joint that should follow the desired angles, and within which limits.
+        desired: The desired angles [rad], shape (n,).
         segments: Number of lines; None for an automatic choice.
         rule: How to invert a line.
         refining: Samples to simulate at most while the approximation is refined; 0 not to refine.
 
     Returns:
-        The piecewise linear approximation, and the admissible requests [rad], shape (n,).
+        The piecewise linear approximation, and the admissible requests [rad], shape (n, 1).
     """
-    model = problem.model
+    (model,) = problem.models
     curve: PiecewiseLinear = fit_pwl(
-        problem.desired,
+        desired,
         v_max=model.v_max,
         tick=model.period,
         cyclic=problem.cyclic,
         segments=segments,
     )
-    requests = problem.admissible(requests_along(model, curve, rule=rule))
+    requests = problem.admissible(requests_along(model, curve, rule=rule)[:, np.newaxis])
     if refining:
         ahead = switching_time(model) / model.period
         refined = refined_curve(problem, curve, rule=rule, ahead=ahead, most_work=refining)
-        answer = problem.admissible(requests_along(model, refined, rule=rule))
+        answer = problem.admissible(requests_along(model, refined, rule=rule)[:, np.newaxis])
         if problem.exact_error(answer) < problem.exact_error(requests):
             curve, requests = refined, answer
     return curve, requests

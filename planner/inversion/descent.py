@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.step import Step, gauss_newton_step
+from planner.inversion.goal import quadratic
+from planner.inversion.step import Pull, Quadratic, Response, Step, gauss_newton_step
 from planner.inversion.tracking import Tracking
-from planner.model.transition import Linearised
 from planner.trajectory import Array
 
 GUIDING = ((0.1,), (0.4, 0.1, 0.02))
@@ -35,10 +35,6 @@ MOST_STEPS = 12
 DAMPING = (1e-9, 1e-4, 1e2)
 """Least, first and largest weight on the size of a step, relative to that on the errors."""
 
-
-LEAST_WEIGHT = 1e-6
-"""Weight on errors that the cost's power makes vanish, which keeps the step's matrix definite."""
-
 ACTIVE_SET_ROUNDS = 3
 """How often requests that would leave their limits are held there and the step is taken anew."""
 
@@ -47,30 +43,35 @@ class Stage(NamedTuple):
     """One problem of the sequence.
 
     Attributes:
-        smoothing: Radius of the saturation's corners [rad].
+        smoothing: Radius of the saturation's corners [theta_0].
         power: The errors' exponent in the cost.
         pull: See ``PULL``.
+        unit: Error that counts as one: where the largest error counts, the largest one so far.
     """
 
     smoothing: float
     power: float
     pull: float
+    unit: float = 1.0
 
 
 class Iterate(NamedTuple):
-    """Requests and the smoothed model's answer to them."""
+    """Requests, the smoothed models' answer to them, and what they cost."""
 
     requests: Array
-    run: Linearised
-    cost: float
+    response: Response
+    cost: Quadratic
+    pull: Pull
+
+    @property
+    def value(self) -> float:
+        """The stage's cost."""
+        return self.cost.value + self.pull.value
 
 
 def stages(problem: Tracking, radii: tuple[float, ...]) -> list[Stage]:
     """The stages for the problem's norm, the smoothest first; the largest error comes last."""
-    squares = [
-        Stage(radius * problem.model.theta_0, 2.0, PULL * (radius / radii[0]) ** 2)
-        for radius in radii
-    ]
+    squares = [Stage(radius, 2.0, PULL * (radius / radii[0]) ** 2) for radius in radii]
     if problem.norm == "rms":
         return squares
     return squares + [squares[-1]._replace(power=power) for power in POWERS]
@@ -82,12 +83,12 @@ def improve(
     """Requests that track at least as well as the given ones, and their exact error.
 
     Args:
-        problem: What to follow, and within which limits.
-        requests: Where to start [rad], shape (n,), within the limits.
+        problem: What to reach, and within which limits.
+        requests: Where to start [rad], shape (n, joints), within the limits.
         radii: Radius of the saturation's corners [theta_0], stage by stage.
 
     Returns:
-        The best requests met, judged by the exact model, and that error [rad].
+        The best requests met, judged by the exact models, and that error.
     """
     best, least = requests, problem.exact_error(requests)
     damping = DAMPING[1]
@@ -109,78 +110,64 @@ def descend(
     """
     least_damping, _, most_damping = DAMPING
     damping = max(damping, 1e3 * least_damping)
-    current = _start(problem, requests, stage)
-    if current is None:
+    response = problem.respond(
+        requests, smoothing=stage.smoothing, seam=problem.resting[-1] + problem.offsets
+    )
+    if response is None:
         return requests, damping
-    unit = max(float(np.max(np.abs(current.run.angles - problem.desired))), 1e-12)
-    current = current._replace(cost=_cost(problem, current.requests, current.run, stage, unit))
+    if stage.power > 2.0:
+        largest = float(np.max(problem.goal.distances(response.angles)))
+        stage = stage._replace(unit=max(largest, np.finfo(np.float64).tiny))
+    current = _iterate(problem, requests, response, stage)
     for _ in range(MOST_STEPS):
-        step, expected = _step(problem, current, stage, unit, damping)
-        gain = current.cost - expected
-        following = _follow(problem, current, step, stage, unit)
-        if following is None or following.cost >= current.cost:
+        step = _step(problem, current, damping)
+        gain = current.value - step.expected
+        following = _follow(problem, current, step, stage)
+        if following is None or following.value >= current.value:
             damping *= 6.0
-            if damping > most_damping or gain < 0.1 * ENOUGH * current.cost:
+            if damping > most_damping or gain < 0.1 * ENOUGH * current.value:
                 break
             continue
-        lowered = current.cost - following.cost
+        lowered = current.value - following.value
         if lowered > 0.6 * gain:
             damping = max(damping / 5.0, least_damping)
         elif lowered < 0.2 * gain:
             damping *= 3.0
         current = following
-        if lowered < ENOUGH * current.cost:
+        if lowered < ENOUGH * current.value:
             break
     return current.requests, damping
 
 
-def _start(problem: Tracking, requests: Array, stage: Stage) -> Iterate | None:
-    run = problem.linearise(requests, smoothing=stage.smoothing, seam=float(problem.desired[-1]))
-    return None if run is None else Iterate(requests, run, 0.0)
+def _iterate(problem: Tracking, requests: Array, response: Response, stage: Stage) -> Iterate:
+    cost = quadratic(
+        problem.goal.errors(response.angles),
+        power=stage.power,
+        unit=stage.unit,
+        ridge=problem.ridge,
+    )
+    return Iterate(requests, response, cost, Pull(stage.pull, requests - problem.resting))
 
 
-def _follow(
-    problem: Tracking, current: Iterate, step: Step, stage: Stage, unit: float
-) -> Iterate | None:
+def _follow(problem: Tracking, current: Iterate, step: Step, stage: Stage) -> Iterate | None:
     requests = problem.admissible(current.requests + step.requests)
-    run = problem.linearise(
+    response = problem.respond(
         requests,
         smoothing=stage.smoothing,
-        seam=float(current.run.angles[-1] + step.angles[-1]),
+        seam=current.response.angles[-1] + step.angles[-1],
     )
-    if run is None:
-        return None
-    return Iterate(requests, run, _cost(problem, requests, run, stage, unit))
+    return None if response is None else _iterate(problem, requests, response, stage)
 
 
-def _cost(problem: Tracking, requests: Array, run: Linearised, stage: Stage, unit: float) -> float:
-    """The stage's cost [rad^2]: sum of unit^2 |error / unit|^power, and the pull."""
-    errors = np.abs(run.angles - problem.desired) / unit
-    away = requests - problem.resting
-    return float(unit**2 * np.sum(errors**stage.power) + stage.pull * (away @ away))
-
-
-def _step(
-    problem: Tracking, current: Iterate, stage: Stage, unit: float, damping: float
-) -> tuple[Step, float]:
-    """The Gauss-Newton step that leaves the limits nowhere, and the cost it expects."""
-    errors = current.run.angles - problem.desired
-    power = stage.power
-    # unit^2 |e / unit|^p to second order, written as weight * (e / (p - 1) + change of angle)^2
-    curvature = power * (power - 1.0) / 2.0
-    weights = np.maximum(curvature * (np.abs(errors) / unit) ** (power - 2.0), LEAST_WEIGHT)
-    residuals = errors / (power - 1.0)
-    away = current.requests - problem.resting
-    pull = np.full_like(away, stage.pull)
+def _step(problem: Tracking, current: Iterate, damping: float) -> Step:
+    """The Gauss-Newton step that holds requests at the limits they would leave."""
     free = problem.movable
     for _ in range(ACTIVE_SET_ROUNDS):
         step = gauss_newton_step(
             problem.stencil,
-            current.run,
-            residuals,
-            weights=weights,
-            pull=pull,
-            toward=-away,
+            current.response,
+            current.cost,
+            pull=current.pull,
             damping=damping,
             free=free,
         )
@@ -191,8 +178,4 @@ def _step(
         if not outward.any():
             break
         free = free & ~outward
-    before = weights @ residuals**2
-    after = weights @ (residuals + step.angles) ** 2
-    moved = away + step.requests
-    expected = current.cost + after - before + stage.pull * (moved @ moved - away @ away)
-    return step, float(expected)
+    return step

@@ -14,9 +14,11 @@ from planner.exceptions import SolverFailed
 from planner.inversion.bound import Norm, check_norm
 from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import GUIDING, improve
+from planner.inversion.goal import FollowAngles
+from planner.inversion.limits import checked_limits
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
-from planner.inversion.tracking import Tracking, checked_limits
+from planner.inversion.tracking import Tracking, follow, in_reach
 from planner.model.joint import JointModel
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
@@ -73,10 +75,11 @@ def invert_optimal(
     if not cyclic and start is None:
         start = float(desired[0])
     checked = checked_limits(limits, desired=desired, start=start, model=model)
-    problem = Tracking(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
-    best, least = search(problem)
+    problem = follow(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
+    column, least = search(problem, desired)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    best = column[:, 0].copy()
     best.setflags(write=False)
     return Inversion(
         model=model,
@@ -90,8 +93,8 @@ def invert_optimal(
     )
 
 
-def search(problem: Tracking) -> tuple[Array, float]:
-    """The best requests found, and their exact error [rad].
+def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
+    """The best requests found for one joint, (n, 1), and their exact error [rad].
 
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
@@ -99,9 +102,10 @@ def search(problem: Tracking) -> tuple[Array, float]:
     can go below, it does so once more with wider corners; where it stays far from it, a last search
     sets out from the closed form with few lines.
     """
-    model, desired = problem.model, problem.desired
-    ideal = problem.in_reach(
-        slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
+    (model,) = problem.models
+    start = None if problem.start is None else float(problem.start[0])
+    ideal = in_reach(
+        model, slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic), start
     )
     lines = PiecewiseLinear(
         knots=np.arange(len(desired), dtype=np.float64),
@@ -110,15 +114,16 @@ def search(problem: Tracking) -> tuple[Array, float]:
         tick=model.period,
         cyclic=problem.cyclic,
     )
-    first = problem.admissible(requests_along(model, lines, rule="exact"))
+    first = problem.admissible(requests_along(model, lines, rule="exact")[:, np.newaxis])
     best, least = first, problem.exact_error(first)
-    bound, negligible = problem.error(ideal), NEGLIGIBLE * model.theta_0
+    bound = problem.error(ideal[:, np.newaxis])
+    negligible = NEGLIGIBLE * model.theta_0
     for radii in GUIDING:
-        guided, _ = improve(problem.along(ideal), first, radii)
+        guided, _ = improve(problem.toward(FollowAngles(ideal)), first, radii)
         best, least = min((best, least), improve(problem, guided), key=itemgetter(1))
         if least <= NEAR_IDEAL * bound + negligible:
             return best, least
     if least > FAR_FROM_IDEAL * bound + negligible:
-        _, few_lines = closed_form(problem, rule="exact", refining=MOST_WORK)
+        _, few_lines = closed_form(problem, desired, rule="exact", refining=MOST_WORK)
         best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
     return best, least

@@ -48,11 +48,12 @@ class Evaluation:
         self.curve = curve
         self.ahead = ahead
         self.samples = np.arange(curve.samples, dtype=np.float64)
-        v_max = problem.model.v_max
+        (self.model,) = problem.models
+        v_max = self.model.v_max
         grid = v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)  # dense towards v_max
-        table = np.asarray(line_offset(problem.model, grid, rule=rule)) + problem.model.offset
+        table = np.asarray(line_offset(self.model, grid, rule=rule)) + self.model.offset
         self._slopes = np.concatenate([-grid[:0:-1], grid])
-        self._offsets = np.concatenate([-table[:0:-1], table]) - problem.model.offset
+        self._offsets = np.concatenate([-table[:0:-1], table]) - self.model.offset
         self.work = 0
 
     def __call__(self, knots: Array, values: Array) -> float:
@@ -64,7 +65,7 @@ class Evaluation:
         if np.min(lengths) < 1.0:
             return np.inf
         slopes = np.diff(heights) / (lengths * curve.tick)
-        if np.max(np.abs(slopes)) > self.problem.model.v_max * (1.0 + AT_TOP_SPEED):
+        if np.max(np.abs(slopes)) > self.model.v_max * (1.0 + AT_TOP_SPEED):
             return np.inf
         when = self.samples + self.ahead - knots[0]
         since = np.mod(when, curve.samples) if curve.cyclic else when
@@ -72,15 +73,16 @@ class Evaluation:
         segment = np.clip(segment, 0, len(slopes) - 1)
         past = (since - (knots[segment] - knots[0]) - self.ahead) * curve.tick
         offsets = np.interp(slopes, self._slopes, self._offsets)
-        requests = self.problem.admissible(
-            heights[segment] + slopes[segment] * past + offsets[segment]
-        )
+        requests = heights[segment] + slopes[segment] * past + offsets[segment]
         self.work += curve.samples
-        run = self.problem.linearise(requests, smoothing=0.0, seam=float(self.problem.desired[-1]))
-        if run is None:
+        response = self.problem.respond(
+            self.problem.admissible(requests[:, np.newaxis]),
+            smoothing=0.0,
+            seam=self.problem.resting[-1] + self.problem.offsets,
+        )
+        if response is None:
             return np.inf
-        errors = run.angles - self.problem.desired
-        return float(errors @ errors)
+        return float(np.sum(self.problem.goal.distances(response.angles) ** 2))
 
 
 def refined_curve(
@@ -115,7 +117,7 @@ def refined_curve(
         kept = False
         for number in range(moves_of(curve)):
             for sign in (size, -size):
-                move = make_move(number, knots, values, curve, problem.model.v_max)
+                move = make_move(number, knots, values, curve, evaluate.model.v_max)
                 moved = knots + sign * move.knots, values + sign * move.values
                 error = evaluate(*moved)
                 if error < (1.0 - ENOUGH) * least:

@@ -1,24 +1,23 @@
-"""The problem of the optimised inversion: follow a trajectory with requests within limits."""
+"""The problem of the optimised inversion: reach a goal with requests within limits."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from planner.exceptions import Infeasible, InvalidInput, NoSteadyCycle
+from planner.exceptions import NoSteadyCycle
 from planner.inversion.bound import Norm
-from planner.inversion.step import Stencil, stencil
+from planner.inversion.goal import FollowAngles, Goal
+from planner.inversion.limits import Limits
+from planner.inversion.step import Response, Stencil, stencil
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.model.transition import Linearised, reach, transitions
+from planner.model.transition import Linearised, Reach, reach, transitions
 from planner.trajectory import Array
-
-Limits = tuple[float, float]
-
-ON_THE_LIMIT = 1e-9
-"""How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
 
 CLOSED = 1e-11
 """Ends of a smoothed cycle that agree to this [rad] are close enough for a derivative."""
@@ -28,111 +27,141 @@ MOST_CYCLES = 30
 
 
 class Tracking:
-    """Desired angles for a joint, and how far requests lead it from them.
+    """Joints that should reach a goal by requests within limits, and how far they miss it.
 
     Attributes:
-        model: The joint.
-        desired: Wanted angles [rad], shape (n,).
+        models: The joints, whose requests are sent together.
+        goal: What they should do.
+        resting: Requests towards which the search leans where nothing else decides [rad],
+            shape (n, joints).
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
-        lower, upper: Limits on every request [rad].
-        start: From rest: angle at which the joint rests before the plan [rad].
-        movable: Requests that may be chosen, shape (n,): from rest the first one holds the joint.
+        lower, upper: Limits on the requests [rad], shape (joints,).
+        start: From rest: angles at which the joints rest before the plan [rad], shape (joints,).
+        movable: Requests that may be chosen, shape (n, joints): from rest the first ones hold the
+            joints where they are.
+        ridge: Curvature added to the goal's, where it does not see every angle.
     """
 
     def __init__(
         self,
-        model: JointModel,
-        desired: Array,
+        models: Sequence[JointModel],
+        goal: Goal,
+        resting: Array,
         *,
         cyclic: bool,
-        norm: Norm,
-        limits: Limits | None,
-        start: float | None,
+        norm: Norm = "rms",
+        limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+        start: Array | None = None,
+        ridge: float = 0.0,
     ) -> None:
-        """Take the problem as it is: :func:`planner.invert_optimal` has checked it."""
-        self.model = model
-        self.desired = desired
+        """Take the problem as it is: the callers have checked it."""
+        self.models = tuple(models)
+        self.goal = goal
         self.cyclic = cyclic
         self.norm = norm
-        self.lower, self.upper = (-math.inf, math.inf) if limits is None else limits
+        limits = (-math.inf, math.inf) if limits is None else limits
+        self.lower, self.upper = (np.asarray(limit, dtype=np.float64) for limit in limits)
         self.start = start
-        self.movable = np.ones(len(desired), dtype=np.bool_)
+        self.offsets = np.array([model.offset for model in self.models])
+        self.resting = self.admissible(resting)
+        self.ridge = ridge
+        self.movable = np.ones(resting.shape, dtype=np.bool_)
         if not cyclic:
             self.movable[0] = False
 
     @cached_property
+    def reach(self) -> Reach:
+        """The requests that act on any of the joints between two samples."""
+        reaches = [reach(model) for model in self.models]
+        return Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+
+    @cached_property
     def stencil(self) -> Stencil:
         """Where requests act."""
-        return stencil(reach(self.model), len(self.desired), cyclic=self.cyclic)
+        return stencil(self.reach, *self.resting.shape, cyclic=self.cyclic)
 
-    def along(self, desired: Array) -> Tracking:
-        """The same problem with other desired angles [rad], (n,), in the rms norm."""
+    def toward(self, goal: Goal) -> Tracking:
+        """The same problem with another goal, in the rms norm."""
         return Tracking(
-            self.model,
-            desired,
+            self.models,
+            goal,
+            self.resting,
             cyclic=self.cyclic,
-            norm="rms",
             limits=(self.lower, self.upper),
             start=self.start,
         )
 
-    @cached_property
-    def resting(self) -> Array:
-        """Requests under which the joint would rest at the desired angles [rad], (n,)."""
-        return self.admissible(self.desired - self.model.offset)
-
     def admissible(self, requests: Array) -> Array:
-        """The nearest requests within the limits, the first one holding the joint at its start."""
+        """The nearest requests within the limits, from rest with those that hold the start."""
         nearest = requests.copy()
         if self.start is not None:
-            nearest[0] = self.start - self.model.offset
+            nearest[0] = self.start - self.offsets
         return np.clip(nearest, self.lower, self.upper)
 
-    def in_reach(self, angles: Array) -> Array:
-        """The angles, brought to where a joint that rests at the start can be by then [rad], (n,).
-
-        A cycle has no start, and all of it is in reach.
-        """
-        if self.start is None:
-            return angles
-        resting = reach(self.model).youngest + 1  # samples before the second request acts
-        moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
-        farthest = self.model.v_max * self.model.period * moving
-        return np.clip(angles, self.start - farthest, self.start + farthest)
-
     def simulate(self, requests: Array) -> Array:
-        """Angles of the exact model [rad], (n,)."""
-        return simulate(self.model, requests, cyclic=self.cyclic, start=self.start)
+        """Angles of the exact models [rad], (n, joints)."""
+        starts = [None] * len(self.models) if self.start is None else self.start
+        columns = [
+            simulate(model, column, cyclic=self.cyclic, start=start)
+            for model, column, start in zip(self.models, requests.T, starts, strict=True)
+        ]
+        return np.stack(columns, axis=1)
 
     def error(self, angles: Array) -> float:
-        """What is to be made small [rad]."""
-        errors = np.abs(angles - self.desired)
-        return float(np.max(errors) if self.norm == "max" else np.sqrt(np.mean(errors**2)))
+        """What is to be made small."""
+        distances = self.goal.distances(angles)
+        return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
 
     def exact_error(self, requests: Array) -> float:
-        """Error of the exact model [rad]; inf for requests under which the joint finds no cycle."""
+        """Error of the exact models; inf for requests under which a joint finds no cycle."""
         try:
             return self.error(self.simulate(requests))
         except NoSteadyCycle:
             return math.inf
 
-    def linearise(self, requests: Array, *, smoothing: float, seam: float) -> Linearised | None:
-        """Angles of the smoothed model and their derivatives; None where it finds no cycle.
+    def respond(self, requests: Array, *, smoothing: float, seam: Array) -> Response | None:
+        """Angles of the smoothed models and their derivatives; None where there is no cycle.
 
         Args:
-            requests: Requests [rad], shape (n,).
-            smoothing: Radius of the saturation's corners [rad].
-            seam: Angle near which the cycle's seam is sought [rad].
+            requests: Requests [rad], shape (n, joints).
+            smoothing: Radius of the saturation's corners [theta_0].
+            seam: Angles near which the cycles' seams are sought [rad], shape (joints,).
         """
-        compiled = transitions(self.model, len(requests))
         windows = self.stencil.windows(requests)
+        samples, width, joints = windows.shape
+        answer = Response(
+            np.empty((samples, joints)), np.empty((samples, joints)), np.zeros(windows.shape)
+        )
+        for joint, model in enumerate(self.models):
+            own = reach(model)
+            acting = slice(
+                own.youngest - self.reach.youngest, width - self.reach.oldest + own.oldest
+            )
+            run = self._run(
+                model,
+                np.ascontiguousarray(windows[:, acting, joint]),
+                smoothing * model.theta_0,
+                float(seam[joint]),
+                joint,
+            )
+            if run is None:
+                return None
+            answer.angles[:, joint] = run.angles
+            answer.by_angle[:, joint] = run.by_angle
+            answer.by_request[:, acting, joint] = run.by_request
+        return answer
+
+    def _run(
+        self, model: JointModel, windows: Array, smoothing: float, seam: float, joint: int
+    ) -> Linearised | None:
+        compiled = transitions(model, len(windows))
         if self.start is not None:
-            run = compiled.run(self.start, windows, smoothing)
+            run = compiled.run(float(self.start[joint]), windows, smoothing)
             run.by_angle[0] = 0.0  # nothing comes before the first sample that could change
             return run
-        low = float(np.min(requests)) + self.model.offset - self.model.theta_0
-        high = float(np.max(requests)) + self.model.offset + self.model.theta_0
+        low = float(np.min(windows)) + model.offset - model.theta_0
+        high = float(np.max(windows)) + model.offset + model.theta_0
         for _ in range(MOST_CYCLES):
             run = compiled.run(seam, windows, smoothing)
             mismatch = float(run.angles[-1]) - seam
@@ -145,43 +174,35 @@ class Tracking:
         return None
 
 
-def checked_limits(
-    limits: tuple[float, float] | None,
-    *,
-    desired: Array,
-    start: float | None,
+def follow(
     model: JointModel,
-) -> Limits | None:
-    """The limits as floats, or the reason why no requests within them can do.
+    desired: Array,
+    *,
+    cyclic: bool,
+    norm: Norm = "rms",
+    limits: Limits | None = None,
+    start: float | None = None,
+) -> Tracking:
+    """The problem of one joint that should follow desired angles [rad], shape (n,)."""
+    return Tracking(
+        [model],
+        FollowAngles(desired),
+        desired[:, np.newaxis] - model.offset,
+        cyclic=cyclic,
+        norm=norm,
+        limits=limits,
+        start=None if start is None else np.array([start]),
+    )
 
-    Raises:
-        InvalidInput: The limits are not two numbers.
-        Infeasible: The lower limit is above the upper one, or the start or a desired angle beyond
-            them.
+
+def in_reach(model: JointModel, angles: Array, start: float | None) -> Array:
+    """The angles, brought to where a joint that rests at the start can be by then [rad], (n,).
+
+    A cycle has no start, and all of it is in reach.
     """
-    if limits is None:
-        return None
-    try:
-        lower, upper = (float(limit) for limit in limits)
-    except (TypeError, ValueError, OverflowError):
-        lower = upper = math.nan
-    if math.isnan(lower) or math.isnan(upper):
-        raise InvalidInput(
-            f"limits: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
-        )
-    if lower > upper:
-        raise Infeasible(
-            f"limits: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
-            "swap them, or check their units"
-        )
-    angles = desired if start is None else np.append(desired, start)
-    beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
-    worst = int(np.argmax(beyond))
-    if beyond[worst] > ON_THE_LIMIT:
-        what = f"desired: sample {worst}" if worst < len(desired) else "start: it"
-        raise Infeasible(
-            f"{what} is {angles[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond the angles "
-            f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
-            "requests let the joint rest; clip the trajectory, or widen the limits"
-        )
-    return lower, upper
+    if start is None:
+        return angles
+    resting = reach(model).youngest + 1  # samples before the second request acts
+    moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
+    farthest = model.v_max * model.period * moving
+    return np.clip(angles, start - farthest, start + farthest)

@@ -1,0 +1,32 @@
+"""The leg in CasADi: the same constants as :class:`kinematics.Leg`, for optimal control."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kinematics.leg import Leg
+
+
+def foot_function(leg: Leg) -> Any:
+    """The foot's position and its derivatives as a CasADi function.
+
+    The chain's constants come from Pinocchio (:mod:`kinematics.read_urdf`); CasADi writes the
+    derivatives itself, so they check those of :meth:`Leg.jacobians` and are checked by them.
+
+    Args:
+        leg: Any leg.
+
+    Returns:
+        ``casadi.Function``: angles (k,) [rad] to foot (3,) [m] and Jacobian (3, k) [m/rad], both in
+        the base frame. Its ``map(n)`` takes a whole path, shape (k, n).
+    """
+    import casadi
+
+    angles = casadi.SX.sym("angles", len(leg.joint_names))
+    each = casadi.vertsplit(angles)
+    cosines = [casadi.cos(angle) for angle in each]
+    sines = [casadi.sin(angle) for angle in each]
+    foot = leg.chain.foot(cosines, sines)
+    return casadi.Function(
+        "foot", [angles], [foot, casadi.jacobian(foot, angles)], ["angles"], ["foot", "jacobian"]
+    )

@@ -1,0 +1,248 @@
+"""The optimised inversion in the foot's space: all joints of a leg at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from operator import itemgetter
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.leg import Leg
+from kinematics.symbolic import foot_function
+from planner.exceptions import InvalidInput, SolverFailed
+from planner.inversion.bound import Norm, check_norm
+from planner.inversion.descent import SHARPENING, improve
+from planner.inversion.goal import Errors
+from planner.inversion.limits import checked_limits
+from planner.inversion.optimal import invert_optimal
+from planner.inversion.tracking import Tracking
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.trajectory import Array
+
+RIDGE = 1e-4
+"""Curvature added where the foot does not see a joint, relative to the squared length of the leg."""
+
+WIDENING = ((0.1, 0.04, 0.02, 0.008), (0.8, 0.4, 0.2, 0.08, 0.02, 0.008))
+"""Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FootInversion:
+    """Requests for all joints of a leg, with what the exact models make of them.
+
+    Attributes:
+        models: The joints, in the leg's order.
+        leg: The leg.
+        wanted: Wanted foot positions in the leg's base frame [m], shape (n, 3).
+        requests: What to send to the joints [rad], shape (n, k).
+        cyclic: Whether the path repeats for ever.
+        norm: Distance that was minimised.
+        weights: Weight of each axis in that distance, shape (3,).
+        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+        start: From rest: angles at which the joints rest before the first request [rad], (k,).
+    """
+
+    models: tuple[JointModel, ...]
+    leg: Leg
+    wanted: Array
+    requests: Array
+    cyclic: bool
+    norm: Norm
+    weights: Array
+    limits: tuple[Array, Array]
+    start: Array | None = None
+    method: str = "foot_optimal"
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact models under the requests [rad], shape (n, k)."""
+        starts = [None] * len(self.models) if self.start is None else self.start
+        columns = zip(self.models, self.requests.T, starts, strict=True)
+        angles = np.stack(
+            [simulate(model, r, cyclic=self.cyclic, start=start) for model, r, start in columns],
+            axis=1,
+        )
+        angles.setflags(write=False)
+        return angles
+
+    @cached_property
+    def foot(self) -> Array:
+        """Where the foot then is [m], shape (n, 3)."""
+        return self.leg.foot_positions(self.predicted)
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        distances: Array = np.linalg.norm(self.foot - self.wanted, axis=1)
+        return distances
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances [m]."""
+        return float(np.sqrt(np.mean(self.distances**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest distance [m]."""
+        return float(np.max(self.distances))
+
+
+class FollowFoot:
+    """A foot that should follow a path."""
+
+    def __init__(self, leg: Leg, wanted: Array, weights: Array) -> None:
+        """Compile the leg for a path as long as the wanted one, (n, 3) [m]."""
+        self.wanted = wanted
+        self._scale = np.sqrt(weights)
+        self._foot = foot_function(leg).map(len(wanted))
+        self._joints = len(leg.joint_names)
+
+    def distances(self, angles: Array) -> Array:
+        """Weighted distances [m], (n,)."""
+        distances: Array = np.linalg.norm(self.errors(angles).values, axis=1)
+        return distances
+
+    def errors(self, angles: Array) -> Errors:
+        """Foot minus wanted, each axis times the root of its weight [m]."""
+        foot, jacobian = self._foot(angles.T)
+        values = (np.asarray(foot).T - self.wanted) * self._scale
+        # CasADi lays the Jacobians (3, k) side by side.
+        stacked = np.asarray(jacobian).reshape(3, len(angles), self._joints).transpose(1, 0, 2)
+        return Errors(values, stacked * self._scale[:, np.newaxis])
+
+
+def invert_foot(
+    models: JointModel | Sequence[JointModel],
+    leg: Leg,
+    foot: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    norm: Norm = "rms",
+    weights: npt.ArrayLike = (1.0, 1.0, 1.0),
+) -> FootInversion:
+    """Requests to all joints of a leg that bring its foot as close to a path as the search can find.
+
+    The joints err together: where none of them can follow, an error of one can make up for that of
+    another. The search is that of :func:`planner.invert_optimal`, with the joints stacked and the
+    foot's distance in place of the angle's, from the plans of the single joints on; the leg's
+    kinematics and their derivatives come from CasADi.
+
+    Points that the leg cannot reach are followed as closely as it can: only the distance counts.
+
+    Args:
+        models: One joint model for all joints of the leg, or one for each.
+        leg: A leg of three joints.
+        foot: Wanted positions in the leg's base frame [m], shape (n, 3), one every model's period.
+        cyclic: Whether the path repeats for ever.
+        limits: Smallest and largest requests [rad], each a number or shape (k,); by default the
+            leg's own limits.
+        norm: "rms" to minimise the root mean square distance, "max" the largest one.
+        weights: How much each axis of the base frame counts, shape (3,).
+
+    Returns:
+        The plan.
+
+    Raises:
+        InvalidInput: The models do not fit the leg or each other, or the weights are none.
+        Infeasible: The limits exclude each other, or the nearest angles of the path.
+        kinematics.KinematicsError: The path is none, or the leg has no inverse.
+        SolverFailed: No requests were found under which every joint finds a cycle.
+    """
+    check_norm(norm)
+    joints = _one_for_each(models, leg)
+    importance = _checked_weights(weights)
+    solution = leg.inverse(foot, unreachable="nearest")
+    wanted = np.array(foot, dtype=np.float64)
+    wanted.setflags(write=False)
+    if len(wanted) < 3:
+        raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
+    start = None if cyclic else solution.angles[0].copy()
+    bounds = _each_limit(limits, leg, solution.angles, joints)
+    goal = FollowFoot(leg, wanted, importance)
+    problem = Tracking(
+        joints,
+        goal,
+        solution.angles - np.array([model.offset for model in joints]),
+        cyclic=cyclic,
+        norm=norm,
+        limits=bounds,
+        start=start,
+        ridge=RIDGE * _squared_reach(goal.errors(solution.angles)),
+    )
+    singly = np.stack(
+        [
+            invert_optimal(model, column, cyclic=cyclic, limits=(low, high)).requests
+            for model, column, low, high in zip(joints, solution.angles.T, *bounds, strict=True)
+        ],
+        axis=1,
+    )
+    answers = [improve(problem, problem.admissible(singly), radii) for radii in WIDENING]
+    requests, least = min(answers, key=itemgetter(1))
+    if not math.isfinite(least):
+        raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
+    requests.setflags(write=False)
+    return FootInversion(
+        models=joints,
+        leg=leg,
+        wanted=wanted,
+        requests=requests,
+        cyclic=cyclic,
+        norm=norm,
+        weights=importance,
+        limits=bounds,
+        start=start,
+    )
+
+
+def _squared_reach(errors: Errors) -> float:
+    """Mean squared movement of the foot per radian [m^2/rad^2]."""
+    return float(np.mean(errors.jacobians**2))
+
+
+def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
+    count = len(leg.joint_names)
+    joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+    if len(joints) != count or not all(isinstance(model, JointModel) for model in joints):
+        raise InvalidInput(
+            f"models: got {len(joints)} of them, expected one JointModel, or one for each of the "
+            f"leg's joints ({', '.join(leg.joint_names)})"
+        )
+    periods = sorted({model.period for model in joints})
+    if len(periods) > 1:
+        raise InvalidInput(
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one: the "
+            "requests of a leg are sent together"
+        )
+    return joints
+
+
+def _checked_weights(weights: npt.ArrayLike) -> Array:
+    importance = np.array(weights, dtype=np.float64)
+    fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
+    if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
+        raise InvalidInput(
+            f"weights: got {weights!r}, expected three numbers, 0 or more and not all 0"
+        )
+    importance.setflags(write=False)
+    return importance
+
+
+def _each_limit(
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None,
+    leg: Leg,
+    angles: Array,
+    joints: tuple[JointModel, ...],
+) -> tuple[Array, Array]:
+    given = leg.limits if limits is None else limits
+    lower, upper = (np.broadcast_to(np.asarray(limit, float), len(joints)) for limit in given)
+    for joint, model in enumerate(joints):
+        checked_limits(
+            (lower[joint], upper[joint]), desired=angles[:, joint], start=None, model=model
+        )
+    return lower.copy(), upper.copy()

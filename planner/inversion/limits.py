@@ -1,0 +1,58 @@
+"""Limits on the requests."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from planner.exceptions import Infeasible, InvalidInput
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+Limits = tuple[float, float]
+
+ON_THE_LIMIT = 1e-9
+"""How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
+
+
+def checked_limits(
+    limits: tuple[float, float] | None,
+    *,
+    desired: Array,
+    start: float | None,
+    model: JointModel,
+) -> Limits | None:
+    """The limits as floats, or the reason why no requests within them can do.
+
+    Raises:
+        InvalidInput: The limits are not two numbers.
+        Infeasible: The lower limit is above the upper one, or the start or a desired angle beyond
+            them.
+    """
+    if limits is None:
+        return None
+    try:
+        lower, upper = (float(limit) for limit in limits)
+    except (TypeError, ValueError, OverflowError):
+        lower = upper = math.nan
+    if math.isnan(lower) or math.isnan(upper):
+        raise InvalidInput(
+            f"limits: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
+        )
+    if lower > upper:
+        raise Infeasible(
+            f"limits: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
+            "swap them, or check their units"
+        )
+    angles = desired if start is None else np.append(desired, start)
+    beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > ON_THE_LIMIT:
+        what = f"desired: sample {worst}" if worst < len(desired) else "start: it"
+        raise Infeasible(
+            f"{what} is {angles[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond the angles "
+            f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
+            "requests let the joint rest; clip the trajectory, or widen the limits"
+        )
+    return lower, upper
