@@ -27,8 +27,10 @@ from planner.trajectory import Array
 RIDGE = 1e-4
 """Curvature added where the foot does not see a joint, relative to the squared length of the leg."""
 
-WIDENING = ((0.1, 0.04, 0.02, 0.008), (0.8, 0.4, 0.2, 0.08, 0.02, 0.008))
-"""Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept."""
+SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
+"""Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
+joints must leave the plans that were best for each alone, which wide corners let them; the second
+search is for paths that the joints can follow."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,7 +184,7 @@ def invert_foot(
         ],
         axis=1,
     )
-    answers = [improve(problem, problem.admissible(singly), radii) for radii in WIDENING]
+    answers = [improve(problem, problem.admissible(singly), radii) for radii in SEARCHES]
     requests, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
