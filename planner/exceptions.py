@@ -3,15 +3,15 @@
 ::
 
     PlannerError
-    ├── InvalidInput (also a ValueError)      what was given cannot be used; the message says what to do
-    │   ├── InvalidModel                      a joint that cannot exist or cannot come to rest
-    │   ├── InvalidTrajectory                 NaN, wrong shape, too short
-    │   ├── InvalidFile                       a file that is not what it should be; carries path and line
-    │   └── Infeasible                        requirements that contradict each other
-    ├── NoSteadyCycle                         a cyclic response that never repeats; carries the mismatch
-    └── SolverFailed                          a solver stopped short; carries problem, status and violation
+    ├── InvalidInput (a ValueError too)   what was given cannot be used; says what to do
+    │   ├── InvalidModel                  a joint that cannot exist or cannot come to rest
+    │   ├── InvalidTrajectory             NaN, wrong shape, too short
+    │   ├── InvalidFile                   not what it should be; carries path and line
+    │   └── Infeasible                    requirements that contradict each other
+    ├── NoSteadyCycle                     a cycle that never closes; carries the mismatch
+    └── SolverFailed                      a solver stopped short; carries problem and status
 
-    OutsideEquation13 (a UserWarning)         the paper's rule, used where the paper does not derive it
+    OutsideEquation13 (a UserWarning)     the paper's rule, where the paper does not derive it
 
 The command line turns ``InvalidInput`` into exit status 2 and the others into exit status 1.
 Errors of the leg are in :mod:`kinematics.exceptions`.

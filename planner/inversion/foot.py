@@ -25,7 +25,7 @@ from planner.model.response import simulate
 from planner.trajectory import Array
 
 RIDGE = 1e-4
-"""Curvature added where the foot does not see a joint, relative to the squared length of the leg."""
+"""Curvature where the foot does not see a joint, relative to the squared length of the leg."""
 
 SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
 """Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
@@ -128,7 +128,7 @@ def invert_foot(
     norm: Norm = "rms",
     weights: npt.ArrayLike = (1.0, 1.0, 1.0),
 ) -> FootInversion:
-    """Requests to all joints of a leg that bring its foot as close to a path as the search can find.
+    """Requests to all joints of a leg that bring its foot as close to a path as a search finds.
 
     The joints err together: where none of them can follow, an error of one can make up for that of
     another. The search is that of :func:`planner.invert_optimal`, with the joints stacked and the
@@ -218,8 +218,8 @@ def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[
     periods = sorted({model.period for model in joints})
     if len(periods) > 1:
         raise InvalidInput(
-            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one: the "
-            "requests of a leg are sent together"
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one: "
+            "the requests of a leg are sent together"
         )
     return joints
 
