@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from kinematics.inverse import InverseSolution
     from kinematics.leg import Leg
     from kinematics.limits import Limits
+    from kinematics.symbolic import foot_function
 
 _HOMES = {
     "InvalidInput": "exceptions",
@@ -33,6 +34,7 @@ _HOMES = {
     "UnknownFrame": "exceptions",
     "UnreachableFoot": "exceptions",
     "UnsupportedLeg": "exceptions",
+    "foot_function": "symbolic",
     "urdf_path": "descriptions",
 }
 
@@ -48,6 +50,7 @@ __all__ = [
     "UnknownFrame",
     "UnreachableFoot",
     "UnsupportedLeg",
+    "foot_function",
     "urdf_path",
 ]
 

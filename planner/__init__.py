@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from planner.gait import half_ellipse, reference_walk
     from planner.inversion.bound import lower_bound
     from planner.inversion.closed_form import invert_closed_form
+    from planner.inversion.foot import FootInversion, invert_foot
     from planner.inversion.line import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from planner.model.step_test import step_test
 
 __all__ = [
+    "FootInversion",
     "Infeasible",
     "InvalidFile",
     "InvalidInput",
@@ -45,6 +47,7 @@ __all__ = [
     "fit_pwl",
     "half_ellipse",
     "invert_closed_form",
+    "invert_foot",
     "invert_optimal",
     "line_offset",
     "lower_bound",
@@ -70,6 +73,7 @@ _HOMES = {
     "planner.gait": ("half_ellipse", "reference_walk"),
     "planner.inversion.bound": ("lower_bound",),
     "planner.inversion.closed_form": ("invert_closed_form",),
+    "planner.inversion.foot": ("FootInversion", "invert_foot"),
     "planner.inversion.line": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
