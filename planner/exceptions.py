@@ -7,7 +7,8 @@
     │   ├── InvalidModel                  a joint that cannot exist or cannot come to rest
     │   ├── InvalidTrajectory             NaN, wrong shape, too short
     │   ├── InvalidFile                   not what it should be; carries path and line
-    │   └── Infeasible                    requirements that contradict each other
+    │   ├── Infeasible                    requirements that contradict each other
+    │   └── MissingExtra                  what is asked needs a package that is not installed
     ├── NoSteadyCycle                     a cycle that never closes; carries the mismatch
     └── SolverFailed                      a solver stopped short; carries problem and status
 
@@ -56,6 +57,21 @@ class InvalidFile(InvalidInput):
 
 class Infeasible(InvalidInput):
     """No answer can meet what was asked."""
+
+
+class MissingExtra(InvalidInput):
+    """What is asked for needs a package that is not installed.
+
+    Attributes:
+        extra: The extra of request-planner that installs it.
+    """
+
+    def __init__(self, what: str, extra: str) -> None:
+        """Say how to install it."""
+        self.extra = extra
+        super().__init__(
+            f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]'"
+        )
 
 
 class NoSteadyCycle(PlannerError):

@@ -7,36 +7,40 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from planner.exceptions import InvalidInput, SolverFailed
+from planner.inversion.exact import TIME_LIMIT, exact_bound
+from planner.inversion.norm import Norm, check_norm
+from planner.inversion.reachable import Level, Reachable, reachable_set
 from planner.model.joint import JointModel
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
-Norm = Literal["rms", "max"]
-Level = Literal["slope", "envelope"]
-
-NORMS: tuple[Norm, ...] = ("rms", "max")
-LEVELS: tuple[Level, ...] = ("slope", "envelope")
+LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
-class Reachable(NamedTuple):
-    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limit``.
+class Certificate(NamedTuple):
+    """A lower bound, and how it was come by.
 
     Attributes:
-        matrix: G, shape (rows, ticks).
-        limit: h [rad], shape (rows,).
-        sampled: Indices of the angles that are compared with the desired ones, shape (n,).
+        bound: No requests go below this error [rad].
+        norm: Which error.
+        level: What was used of the joint.
+        solver_gap: Relative distance between the bound and the best that the solver knows of the
+            same level; 0 where multipliers prove the bound, inf where the solver knows nothing.
+        seconds: Time it took [s].
     """
 
-    matrix: sparse.csr_array
-    limit: Array
-    sampled: npt.NDArray[np.int_]
+    bound: float
+    norm: Norm
+    level: Level
+    solver_gap: float
+    seconds: float
 
 
 def lower_bound(
@@ -47,102 +51,79 @@ def lower_bound(
     norm: Norm = "rms",
     level: Level = "envelope",
     start: float | None = None,
+    time_limit: float = TIME_LIMIT,
 ) -> float:
-    """An error that no requests whatever can go below.
+    """An error that no requests whatever can go below [rad]: see :func:`certify`."""
+    return certify(
+        model,
+        desired,
+        cyclic=cyclic,
+        norm=norm,
+        level=level,
+        start=start,
+        time_limit=time_limit,
+    ).bound
+
+
+def certify(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    norm: Norm = "rms",
+    level: Level = "envelope",
+    start: float | None = None,
+    time_limit: float = TIME_LIMIT,
+) -> Certificate:
+    """An error that no requests whatever can go below, with what is known about it.
 
     ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
-    cannot change at once (``docs/math.md``, conditions 1 and 2). Each is at least the one before.
+    cannot change at once; ``exact`` follows every request through the window, a mixed-integer
+    programme (``docs/math.md``, section 5). Each is at least the one before, and costs more: one
+    and a few milliseconds, and seconds to the time limit for a hundred samples.
 
     Args:
         model: The joint.
         desired: Wanted angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         norm: "rms" for the root mean square of the errors, "max" for the largest.
-        level: "slope" or "envelope".
+        level: "slope", "envelope" or "exact"; the last needs the extra ``exact``.
         start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
             bound holds for every start.
+        time_limit: For "exact": when to stop with what is proved by then [s].
 
     Returns:
-        The bound [rad], at least 0.
+        The bound, at least 0.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
         InvalidInput: The norm or the level has another name, or a cycle is given a start.
+        MissingExtra: "exact" without SCIP.
         SolverFailed: The solver proposed no multipliers.
     """
+    began = perf_counter()
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     if level not in LEVELS:
         raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
     start = checked_start(start, cyclic=cyclic)
-    reachable = reachable_set(model, len(desired), cyclic=cyclic, level=level, start=start)
+    linear: Level = "slope" if level == "slope" else "envelope"
+    reachable = reachable_set(model, len(desired), cyclic=cyclic, level=linear, start=start)
     middle = float(np.mean(desired))
     scale = max(float(np.ptp(desired)), model.v_max * model.period)
     centred = (desired - middle) / scale
     scaled = reachable._replace(limit=_relative(reachable, middle) / scale)
     reference, multipliers = propose(scaled, centred, norm=norm)
     slack = model.v_max * model.period / scale
-    return scale * certified_error(scaled, centred, reference, multipliers, norm=norm, slack=slack)
-
-
-def check_norm(norm: str) -> None:
-    """Raise InvalidInput unless ``norm`` is the name of a norm."""
-    if norm not in NORMS:
-        raise InvalidInput(f"norm: got {norm!r}, expected one of {', '.join(map(repr, NORMS))}")
-
-
-def reachable_set(
-    model: JointModel,
-    samples: int,
-    *,
-    cyclic: bool,
-    level: Level,
-    start: float | None = None,
-) -> Reachable:
-    """Linear conditions that every response of the joint meets, tick by tick.
-
-    Args:
-        model: The joint.
-        samples: Number of requests n.
-        cyclic: Whether the trajectory repeats for ever.
-        level: "slope" for condition 1, "envelope" for conditions 1 and 2.
-        start: From rest: see :func:`lower_bound`.
-
-    Returns:
-        The conditions, on the angles at every tick (``slope``: at every sample, which is the same).
-    """
-    stride = 1 if level == "slope" else model.hold
-    ticks = samples * stride if cyclic else (samples - 1) * stride + 1
-    steps = _differences(ticks, cyclic=cyclic)  # speeds [rad/tick] from angles
-    farthest = model.v_max_per_tick * (model.hold if level == "slope" else 1)
-    rows = [steps, -steps]
-    limits = [np.full(steps.shape[0], farthest)] * 2
-    if level == "envelope":
-        kept, gain = envelope(model)
-        changes = _differences_of_speed(steps, kept, cyclic=cyclic)
-        rows += [changes, -changes]
-        limits += [np.full(changes.shape[0], gain)] * 2
-    if start is not None:
-        farthest_from_start = _setting_off(model, ticks, level)
-        near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
-        rows += [near_start, -near_start]
-        limits += [farthest_from_start + start, farthest_from_start - start]
-    return Reachable(
-        sparse.csr_array(sparse.vstack(rows)), np.concatenate(limits), np.arange(0, ticks, stride)
-    )
-
-
-def envelope(model: JointModel) -> tuple[float, float]:
-    """Condition 2 with its convex majorant: ``w(t+1) - kept * w(t) <= gain`` and its mirror image.
-
-    Returns:
-        kept [-] and gain [rad/tick].
-    """
-    v_max, weights = model.v_max_per_tick, model.window.weights
-    replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
-    common = float(np.minimum(weights[1:], weights[:-1]).sum())
-    half = v_max / model.theta_0 * common / 2.0
-    return 1.0 - half, v_max * (replaced + half)
+    bound = scale * certified_error(scaled, centred, reference, multipliers, norm=norm, slack=slack)
+    gap = 0.0
+    if level == "exact":
+        proved, known = exact_bound(
+            model, desired, cyclic=cyclic, norm=norm, start=start, time_limit=time_limit
+        )
+        bound = max(bound, proved)
+        gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
+    return Certificate(bound, norm, level, gap, perf_counter() - began)
 
 
 def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array, Array]:
@@ -219,34 +200,3 @@ def _relative(reachable: Reachable, middle: float) -> Array:
     """The limits for angles measured from ``middle``."""
     shift: Array = reachable.matrix @ np.full(reachable.matrix.shape[1], middle)
     return reachable.limit - shift
-
-
-def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
-    """Rows x[t] - x[t-1]; cyclic, the first row is x[0] - x[-1]."""
-    every = sparse.eye_array(ticks, format="csr")
-    if cyclic:
-        return sparse.csr_array(every - every[np.roll(np.arange(ticks), 1)])
-    return sparse.csr_array(every[1:] - every[:-1])
-
-
-def _differences_of_speed(
-    steps: sparse.csr_array, kept: float, *, cyclic: bool
-) -> sparse.csr_array:
-    """Rows w[t+1] - kept * w[t]."""
-    if cyclic:
-        following = steps[np.roll(np.arange(steps.shape[0]), -1)]
-        return sparse.csr_array(following - kept * steps)
-    return sparse.csr_array(steps[1:] - kept * steps[:-1])
-
-
-def _setting_off(model: JointModel, ticks: int, level: Level) -> Array:
-    """How far the first angles can be from the start [rad]: condition 3.
-
-    The joint rests until the second request acts; then only the weights of the requests that may
-    differ from the first one can carry it away.
-    """
-    resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
-    if level == "slope":
-        return resting[:: model.hold][:ticks]
-    changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
-    return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]

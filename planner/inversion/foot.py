@@ -14,10 +14,10 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import InvalidInput, SolverFailed
-from planner.inversion.bound import Norm, check_norm
 from planner.inversion.descent import SHARPENING, improve
 from planner.inversion.goal import Errors
 from planner.inversion.limits import checked_limits
+from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel

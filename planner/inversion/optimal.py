@@ -11,11 +11,11 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
-from planner.inversion.bound import Norm, check_norm
 from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import GUIDING, improve
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import checked_limits
+from planner.inversion.norm import Norm, check_norm
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, follow, in_reach

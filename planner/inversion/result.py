@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.bound import Norm, lower_bound
+from planner.inversion.bound import lower_bound
+from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
-from planner.inversion.bound import Norm
 from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
+from planner.inversion.norm import Norm
 from planner.inversion.step import Response, Stencil, stencil
 from planner.model.joint import JointModel
 from planner.model.response import simulate

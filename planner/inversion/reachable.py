@@ -1,0 +1,113 @@
+"""Linear conditions that every response of the joint meets (``docs/math.md``, section 5)."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+Level = Literal["slope", "envelope", "exact"]
+
+
+class Reachable(NamedTuple):
+    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limit``.
+
+    Attributes:
+        matrix: G, shape (rows, ticks).
+        limit: h [rad], shape (rows,).
+        sampled: Indices of the angles that are compared with the desired ones, shape (n,).
+    """
+
+    matrix: sparse.csr_array
+    limit: Array
+    sampled: npt.NDArray[np.int_]
+
+
+def reachable_set(
+    model: JointModel,
+    samples: int,
+    *,
+    cyclic: bool,
+    level: Level,
+    start: float | None = None,
+) -> Reachable:
+    """Linear conditions that every response of the joint meets, tick by tick.
+
+    Args:
+        model: The joint.
+        samples: Number of requests n.
+        cyclic: Whether the trajectory repeats for ever.
+        level: "slope" for condition 1, "envelope" for conditions 1 and 2.
+        start: From rest: see :func:`lower_bound`.
+
+    Returns:
+        The conditions, on the angles at every tick (``slope``: at every sample, which is the same).
+    """
+    stride = 1 if level == "slope" else model.hold
+    ticks = samples * stride if cyclic else (samples - 1) * stride + 1
+    steps = _differences(ticks, cyclic=cyclic)  # speeds [rad/tick] from angles
+    farthest = model.v_max_per_tick * (model.hold if level == "slope" else 1)
+    rows = [steps, -steps]
+    limits = [np.full(steps.shape[0], farthest)] * 2
+    if level == "envelope":
+        kept, gain = envelope(model)
+        changes = _differences_of_speed(steps, kept, cyclic=cyclic)
+        rows += [changes, -changes]
+        limits += [np.full(changes.shape[0], gain)] * 2
+    if start is not None:
+        farthest_from_start = setting_off(model, ticks, level)
+        near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
+        rows += [near_start, -near_start]
+        limits += [farthest_from_start + start, farthest_from_start - start]
+    return Reachable(
+        sparse.csr_array(sparse.vstack(rows)), np.concatenate(limits), np.arange(0, ticks, stride)
+    )
+
+
+def envelope(model: JointModel) -> tuple[float, float]:
+    """Condition 2 with its convex majorant: ``w(t+1) - kept * w(t) <= gain`` and its mirror image.
+
+    Returns:
+        kept [-] and gain [rad/tick].
+    """
+    v_max, weights = model.v_max_per_tick, model.window.weights
+    replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
+    common = float(np.minimum(weights[1:], weights[:-1]).sum())
+    half = v_max / model.theta_0 * common / 2.0
+    return 1.0 - half, v_max * (replaced + half)
+
+
+def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
+    """Rows x[t] - x[t-1]; cyclic, the first row is x[0] - x[-1]."""
+    every = sparse.eye_array(ticks, format="csr")
+    if cyclic:
+        return sparse.csr_array(every - every[np.roll(np.arange(ticks), 1)])
+    return sparse.csr_array(every[1:] - every[:-1])
+
+
+def _differences_of_speed(
+    steps: sparse.csr_array, kept: float, *, cyclic: bool
+) -> sparse.csr_array:
+    """Rows w[t+1] - kept * w[t]."""
+    if cyclic:
+        following = steps[np.roll(np.arange(steps.shape[0]), -1)]
+        return sparse.csr_array(following - kept * steps)
+    return sparse.csr_array(steps[1:] - kept * steps[:-1])
+
+
+def setting_off(model: JointModel, ticks: int, level: Level) -> Array:
+    """How far the first angles can be from the start [rad]: condition 3.
+
+    The joint rests until the second request acts; then only the weights of the requests that may
+    differ from the first one can carry it away.
+    """
+    resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
+    if level == "slope":
+        return resting[:: model.hold][:ticks]
+    changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
+    return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]
