@@ -30,6 +30,14 @@ def reproduce(*, out: str, as_json: bool) -> None:
     approximation, the requests and the angles to a folder, which appears whole or not at all.
 
     \b
+    In results.json, beside each L2 and Linf the paper's own, or null, as "paper":
+        table2.JOINT.PAIR   {"L2", "Linf"} in degrees; the pairs are spelt as in
+                            the paper: Des,Dir Des,MB Pwl,MB, and Des,Opt Des,Foot
+        foot.METHOD         {"L2", "Linf"} in centimetres; the methods are
+                            direct shift closed_form optimal foot_optimal
+        bounds.JOINT        {"rms", "gap"}, degrees and a share
+
+    \b
     Example:
         request-planner reproduce --out out/paper
     """  # noqa: D301

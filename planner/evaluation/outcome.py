@@ -13,6 +13,7 @@ from planner.evaluation.metrics import Distance, angle_distance
 from planner.evaluation.paper import deviations
 from planner.evaluation.step_response import StepResponse
 from planner.gait import ReferenceWalk
+from planner.inversion.foot import FootInversion
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -28,6 +29,7 @@ class JointOutcome:
         direct: Angles when these are requested [rad], shape (n,): Dir.
         closed_form: The paper's inversion; its predicted angles are MB.
         optimal: The optimised inversion, within the joint's limits.
+        foot_optimal: Angles under the plan for all joints at once [rad], shape (n,).
     """
 
     name: str
@@ -35,6 +37,7 @@ class JointOutcome:
     direct: Array
     closed_form: Inversion
     optimal: Inversion
+    foot_optimal: Array
 
     @property
     def approximation(self) -> Array:
@@ -44,12 +47,13 @@ class JointOutcome:
 
     @property
     def distances(self) -> dict[str, Distance]:
-        """The rows of Table 2 [rad], and one more for the optimised inversion."""
+        """The rows of Table 2 [rad], and two more for the optimised plans, Opt and Foot."""
         return {
             "Des,Dir": angle_distance(self.direct, self.desired),
             "Des,MB": angle_distance(self.closed_form.predicted, self.desired),
             "Pwl,MB": angle_distance(self.closed_form.predicted, self.approximation),
             "Des,Opt": angle_distance(self.optimal.predicted, self.desired),
+            "Des,Foot": angle_distance(self.foot_optimal, self.desired),
         }
 
 
@@ -79,7 +83,8 @@ class Reproduction:
         joints: One outcome per joint, in the leg's order.
         knee: Where the leg's knee is at the desired angles [m], shape (n, 3).
         shift: The best time shift.
-        foot: The foot under ``direct``, ``shift``, ``closed_form`` and ``optimal``.
+        foot_plan: The plan for all joints at once, which keeps the foot close to its path.
+        foot: The foot under ``direct``, ``shift``, ``closed_form``, ``optimal``, ``foot_optimal``.
         steps: The step tests, by amplitude [degrees].
         seconds: Time that each part took [s].
     """
@@ -90,6 +95,7 @@ class Reproduction:
     joints: tuple[JointOutcome, ...]
     knee: Array
     shift: TimeShift
+    foot_plan: FootInversion
     foot: Mapping[str, FootOutcome]
     steps: Mapping[float, StepResponse]
     seconds: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""The paper's experiment, end to end: the walk, the baselines, both inversions, every distance."""
+"""The paper's experiment, end to end: the walk, the baselines, the plans, every distance."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES
 from planner.evaluation.step_response import measure_step_response
 from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.foot import FootInversion, invert_foot
 from planner.inversion.line import Rule
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
@@ -46,8 +47,10 @@ def reproduce(
     clock.start("baselines", "the baselines")
     direct_angles = direct(models, walk.desired)
     shift = best_time_shift(models, walk.desired, lambda angles: _foot(walk, angles).distance)
+    clock.start("foot_optimal", "the optimised requests for the foot")
+    foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
     joints = tuple(
-        _plan_joint(j, model, walk, direct_angles, segments=segments, clock=clock)
+        _plan_joint(j, walk, direct_angles, foot_plan, segments=segments, clock=clock)
         for j in range(len(models))
     )
     clock.start("step_tests", "the step tests")
@@ -63,11 +66,13 @@ def reproduce(
         joints=joints,
         knee=_knee_of(walk),
         shift=shift,
+        foot_plan=foot_plan,
         foot={
             "direct": _foot(walk, direct_angles),
             "shift": _foot(walk, shift.angles),
             "closed_form": _foot(walk, _predicted([joint.closed_form for joint in joints])),
             "optimal": _foot(walk, _predicted([joint.optimal for joint in joints])),
+            "foot_optimal": _foot(walk, foot_plan.predicted),
         },
         steps=steps,
         seconds=clock.seconds,
@@ -97,15 +102,15 @@ class _Clock:
 
 def _plan_joint(
     j: int,
-    model: JointModel,
     walk: ReferenceWalk,
     direct_angles: Array,
+    foot_plan: FootInversion,
     *,
     segments: int,
     clock: _Clock,
 ) -> JointOutcome:
     """Both inversions of one joint, and their bounds, which are computed when first asked for."""
-    name, desired = walk.joint_names[j], walk.desired[:, j]
+    name, desired, model = walk.joint_names[j], walk.desired[:, j], foot_plan.models[j]
     limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
     clock.start("closed_form", f"the closed form for the {name}")
     closed_form = invert_closed_form(model, desired, segments=segments, rule=RULE)
@@ -119,6 +124,7 @@ def _plan_joint(
         direct=direct_angles[:, j],
         closed_form=closed_form,
         optimal=optimal,
+        foot_optimal=foot_plan.predicted[:, j],
     )
 
 

@@ -10,6 +10,7 @@ from planner.report.style import (
     CLOSED_FORM,
     DESIRED,
     DIRECT,
+    FOOT_OPTIMAL,
     GRID,
     INK,
     MUTED,
@@ -27,7 +28,13 @@ if TYPE_CHECKING:
     from planner.evaluation.outcome import Reproduction
     from planner.trajectory import Array
 
-METHODS = {"direct": DIRECT, "shift": SHIFT, "closed_form": CLOSED_FORM, "optimal": OPTIMAL}
+METHODS = {
+    "direct": DIRECT,
+    "shift": SHIFT,
+    "closed_form": CLOSED_FORM,
+    "optimal": OPTIMAL,
+    "foot_optimal": FOOT_OPTIMAL,
+}
 """The methods, in the order in which they are drawn."""
 
 SKETCHED = 22
@@ -57,7 +64,7 @@ def draw_foot_paths(reproduction: Reproduction) -> Figure:
     for method, role in METHODS.items():
         if method != "shift":  # in space it is the direct method's path
             _draw_path(axes, reproduction.foot[method].positions, role)
-    _legend(axes, 4)
+    _legend(axes, 3)
     return figure
 
 
@@ -77,7 +84,7 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
     axes.set_xticks(range(0, samples + 1, samples // 8))
     axes.set_xlabel(f"time [samples of {1000.0 * reproduction.model.period:g} ms]")
     axes.set_ylabel("distance [cm]")
-    _legend(axes, 4)
+    _legend(axes, 3)
     return figure
 
 

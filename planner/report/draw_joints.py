@@ -12,6 +12,7 @@ from planner.report.style import (
     CLOSED_FORM,
     DESIRED,
     DIRECT,
+    FOOT_OPTIMAL,
     OPTIMAL,
     REQUESTED,
     SURFACE,
@@ -84,6 +85,20 @@ def draw_optimised(reproduction: Reproduction) -> Figure:
         _draw(axes, joint.optimal.requests, REQUESTED)
         _draw(axes, joint.desired, DESIRED)
         _draw(axes, joint.optimal.predicted, OPTIMAL, "actual")
+
+    return _rows(reproduction, draw, columns=3)
+
+
+def draw_foot_optimised(reproduction: Reproduction) -> Figure:
+    """Beyond the paper: the requests of the plan for the foot and what they do, for every joint."""
+    requests = dict(
+        zip(reproduction.walk.joint_names, reproduction.foot_plan.requests.T, strict=True)
+    )
+
+    def draw(axes: Axes, joint: JointOutcome) -> None:
+        _draw(axes, requests[joint.name], REQUESTED)
+        _draw(axes, joint.desired, DESIRED)
+        _draw(axes, joint.foot_optimal, FOOT_OPTIMAL, "actual")
 
     return _rows(reproduction, draw, columns=3)
 

@@ -114,11 +114,13 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
     (
         "figure8_foot_paths",
         "Figure 8: the foot under every method",
-        "The desired path, what the direct method makes of it, and the two inversions, with the "
-        "leg in the middle of its time on the ground. The best time shift runs along the direct "
-        "method's path, only earlier.",
-        "Side view of the leg and four closed foot paths; those of the closed form and the "
-        "optimised requests come closer to the desired one than the direct method's.",
+        "The desired path, what the direct method makes of it, the paper's closed form, requests "
+        "optimised joint by joint, and requests optimised for the foot, with the leg in the middle "
+        "of its time on the ground. The best time shift runs along the direct method's path, only "
+        "earlier.",
+        "Side view of the leg and five closed foot paths; those of the closed form and of requests "
+        "optimised joint by joint come closer to the desired one than the direct method's, and "
+        "that of requests optimised for the foot comes closest.",
         draw_foot.draw_foot_paths,
     ),
 )
@@ -129,8 +131,9 @@ _BEYOND: tuple[_Entry, ...] = (
         "The foot's error over time",
         "Distance of the foot from where it should be at each instant, under every method. Where "
         "the swing is faster than the joints can be, no method follows it.",
-        "Four curves over one cycle: the distances under the direct method and the time shift are "
-        "larger through most of it than those of the closed form and the optimised requests.",
+        "Five curves over one cycle: the distances under the direct method and the time shift are "
+        "larger through most of it than those of the closed form and of requests optimised joint "
+        "by joint; those of requests optimised for the foot are the lowest through most of it.",
         draw_foot.draw_foot_distances,
     ),
     (
@@ -140,6 +143,15 @@ _BEYOND: tuple[_Entry, ...] = (
         "percent of what no requests whatever can beat.",
         "For each joint the desired angles, the optimised requests and the resulting angles.",
         draw_joints.draw_optimised,
+    ),
+    (
+        "foot_optimised_trajectories",
+        "Beyond the paper: requests for the foot",
+        "All joints are planned at once for the foot's sake: single joints stray further from "
+        "their desired angles, and make up for one another.",
+        "For each joint the desired angles, the requests of the plan for the foot and the "
+        "resulting angles, which leave the desired ones near the top of the swing.",
+        draw_joints.draw_foot_optimised,
     ),
     (
         "table2_agreement",

@@ -13,15 +13,16 @@ COMPARISONS = {
     "Des,MB": "desired to closed form",
     "Pwl,MB": "approximation to closed form",
     "Des,Opt": "desired to optimised",
+    "Des,Foot": "desired to foot-optimised",
 }
-"""What the paper's pairs of trajectories are called in words."""
+"""What pairs of trajectories are called in words; the first three are the paper's."""
 
 METHODS = {
     "direct": "direct: request the desired angles",
     "shift": "best time shift of them",
     "closed_form": "closed form: the paper's method",
-    "optimal": "optimised requests",
-    "foot_optimal": "optimised in the foot's space",
+    "optimal": "optimised joint by joint",
+    "foot_optimal": "foot-optimised: all joints at once",
 }
 
 NORMS = {"L2": "L₂", "Linf": "L∞"}
@@ -67,10 +68,9 @@ def foot_rows(results: Mapping[str, Any]) -> list[Row]:
     """The foot: one row per method, a cell for each norm [cm]."""
     rows = []
     for method, label in METHODS.items():
-        if method in results["foot"]:
-            entry = results["foot"][method]
-            cells = tuple(_cell(entry, norm) for norm in NORMS)
-            rows.append(Row(label, "", cells, entry["paper"] is None))
+        entry = results["foot"][method]
+        cells = tuple(_cell(entry, norm) for norm in NORMS)
+        rows.append(Row(label, "", cells, entry["paper"] is None))
     return rows
 
 

@@ -21,8 +21,10 @@ def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
         "requests_shift": reproduction.shift.requests,
         "requests_closed_form": columns([joint.closed_form.requests for joint in joints]),
         "requests_optimal": columns([joint.optimal.requests for joint in joints]),
+        "requests_foot_optimal": reproduction.foot_plan.requests,
         "angles_direct": columns([joint.direct for joint in joints]),
         "angles_shift": reproduction.shift.angles,
         "angles_closed_form": columns([joint.closed_form.predicted for joint in joints]),
         "angles_optimal": columns([joint.optimal.predicted for joint in joints]),
+        "angles_foot_optimal": reproduction.foot_plan.predicted,
     }

@@ -13,6 +13,7 @@ from planner.evaluation.metrics import Distance
 from planner.evaluation.outcome import JointOutcome, Reproduction
 from planner.evaluation.paper import FOOT, SOURCE, TABLE_2, Published
 from planner.evaluation.reproduction import RULE
+from planner.report.paper_tables import COMPARISONS, METHODS
 
 NOTE = (
     "The joint here is the paper's model with the parameters of its Table 1; "
@@ -23,12 +24,20 @@ LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib")
 
 
 def results(reproduction: Reproduction) -> dict[str, Any]:
-    """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds."""
+    """The document that ``reproduce`` writes and prints, in degrees, centimetres and seconds.
+
+    Every distance is a pair of plain numbers with the paper's own beside it, or None where the
+    paper has none: ``table2[joint]["Des,Dir"]["L2"]`` beside ``[...]["paper"]["L2"]``, and
+    ``foot[method]["Linf"]`` beside ``[...]["paper"]["Linf"]``. Comparisons are spelt as the paper
+    spells them, without parentheses and blanks; ``comparisons`` and ``methods`` say what each is.
+    """
     return {
         "made_by": f"request-planner {__version__} reproduce",
         "note": NOTE,
         "source": SOURCE,
         "units": {"table2": "deg", "foot": "cm", "bounds": "deg", "gap": "1", "seconds": "s"},
+        "comparisons": dict(COMPARISONS),
+        "methods": dict(METHODS),
         "table2": {
             joint: {
                 comparison: _entry(distance, TABLE_2.get(joint, {}).get(comparison))

@@ -46,10 +46,11 @@ REQUESTED = Role("requested", "#d18b00", "#f2b441", width=1.4)
 DIRECT = Role("direct", "#c8501a", "#f28a54")
 SHIFT = Role("best time shift", "#8a4b9f", "#cc96dd", width=1.4, dashes=(0, (1.2, 1.2)))
 APPROXIMATION = Role(
-    "approximation", "#a8437f", "#ee8fc4", width=1.4, dashes=(0, (6, 1.5, 1.2, 1.5))
+    "approximation", "#8a5a2b", "#cfa274", width=1.4, dashes=(0, (6, 1.5, 1.2, 1.5))
 )
 CLOSED_FORM = Role("closed form", "#0067a8", "#58b4f0")
-OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", dashes=(0, (7, 1.2)))
+OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", width=1.6, dashes=(0, (5, 1.4)))
+FOOT_OPTIMAL = Role("foot-optimised", "#b3126b", "#ff7ab8", width=2.4)
 
 ROLES: Mapping[str, Role] = {
     "ink": INK,
@@ -63,6 +64,7 @@ ROLES: Mapping[str, Role] = {
     "approximation": APPROXIMATION,
     "closed-form": CLOSED_FORM,
     "optimal": OPTIMAL,
+    "foot-optimal": FOOT_OPTIMAL,
 }
 """Every role by the name of its CSS variable."""
 

@@ -40,9 +40,31 @@ def test_the_ten_baseline_figures_agree_with_the_paper_within_a_tenth(reproducti
     assert reproduction.baseline_deviation < 0.1
 
 
-def test_both_inversions_beat_both_baselines_in_the_foot(reproduction):
+def test_all_plans_beat_both_baselines_in_the_foot(reproduction):
     foot = {method: distance.rms for method, distance in reproduction.foot_table.items()}
     assert max(foot["closed_form"], foot["optimal"]) < foot["shift"] < foot["direct"]
+
+
+def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproduction):
+    foot = reproduction.foot_table["foot_optimal"]
+    assert foot.rms <= 0.62
+    assert foot.max <= 1.35
+    lower, upper = reproduction.walk.leg.limits
+    assert np.all(reproduction.foot_plan.requests >= lower)
+    assert np.all(reproduction.foot_plan.requests <= upper)
+
+
+def test_the_distances_of_the_foot_follow_from_the_requests_of_the_plan_for_it(reproduction):
+    angles = np.column_stack(
+        [simulate(reproduction.model, requests) for requests in reproduction.foot_plan.requests.T]
+    )
+    foot = reproduction.walk.leg.foot_positions(angles)
+    errors = 100.0 * np.linalg.norm(foot - reproduction.walk.desired_foot, axis=1)
+    stated = reproduction.foot_table["foot_optimal"]
+    assert stated.rms == pytest.approx(np.sqrt(np.mean(errors**2)), abs=1e-9)
+    assert stated.max == pytest.approx(np.max(errors), abs=1e-9)
+    for j, joint in enumerate(reproduction.joints):
+        assert np.array_equal(joint.foot_optimal, reproduction.foot_plan.predicted[:, j])
 
 
 def test_no_plan_beats_its_bound_and_the_optimised_one_is_never_the_worse(reproduction):
@@ -91,6 +113,7 @@ def test_every_part_is_timed(reproduction):
         "baselines",
         "closed_form",
         "optimal",
+        "foot_optimal",
         "bounds",
         "step_tests",
     }

@@ -23,6 +23,7 @@ PICTURES = (
     "figure7_trajectories",
     "figure8_foot_paths",
     "foot_distances",
+    "foot_optimised_trajectories",
     "optimised_trajectories",
     "table2_agreement",
 )

@@ -11,22 +11,26 @@ from planner.files.foot_path import read_foot_path
 from planner.files.joint_path import read_joint_path
 from planner.files.output_folder import list_files
 
-METHODS = ("direct", "shift", "closed_form", "optimal")
+METHODS = ("direct", "shift", "closed_form", "optimal", "foot_optimal")
+PAIRS = ("Des,Dir", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
 
 
 def test_every_entry_of_table_2_stands_beside_the_papers_own(results):
     assert tuple(results["table2"]) == paper.JOINTS
+    assert tuple(results["comparisons"]) == PAIRS
     for joint, comparisons in paper.TABLE_2.items():
         for comparison, published in comparisons.items():
             entry = results["table2"][joint][comparison]
             assert entry["paper"]["L2"] == published.L2.mean
             assert entry["paper"]["Linf"] == published.Linf.mean
             assert 0.0 < entry["L2"] <= entry["Linf"]
-        assert results["table2"][joint]["Des,Opt"]["paper"] is None
+        assert tuple(results["table2"][joint]) == PAIRS
+        for pair in ("Des,Opt", "Des,Foot"):
+            assert results["table2"][joint][pair]["paper"] is None
 
 
 def test_every_foot_figure_stands_beside_the_papers_own(results):
-    assert tuple(results["foot"]) == METHODS
+    assert tuple(results["foot"]) == METHODS == tuple(results["methods"])
     for method in METHODS:
         entry = results["foot"][method]
         assert 0.0 < entry["L2"] <= entry["Linf"]
@@ -58,9 +62,15 @@ def test_the_manifest_lists_every_file_of_the_folder(folder, results):
     assert sorted({*results["files"], "results.json"}) == list_files(folder)
 
 
-def test_the_written_requests_give_the_written_angles_and_the_stated_error(folder, results):
-    requests = read_joint_path(folder / "requests_optimal.csv")
-    angles = read_joint_path(folder / "angles_optimal.csv").angles
+@pytest.mark.parametrize(
+    ("method", "pair"),
+    [("closed_form", "Des,MB"), ("optimal", "Des,Opt"), ("foot_optimal", "Des,Foot")],
+)
+def test_the_written_requests_give_the_written_angles_and_the_stated_error(
+    folder, results, method, pair
+):
+    requests = read_joint_path(folder / f"requests_{method}.csv")
+    angles = read_joint_path(folder / f"angles_{method}.csv").angles
     desired = read_joint_path(folder / "desired.csv").angles
     assert requests.names == paper.JOINTS
     joint = planner.JointModel.ers210a()
@@ -68,7 +78,7 @@ def test_the_written_requests_give_the_written_angles_and_the_stated_error(folde
         simulated = planner.simulate(joint, requests.angles[:, j])
         assert simulated == pytest.approx(angles[:, j], abs=1e-10)
         rms = np.degrees(np.sqrt(np.mean((simulated - desired[:, j]) ** 2)))
-        assert results["table2"][name]["Des,Opt"]["L2"] == pytest.approx(rms, abs=1e-9)
+        assert results["table2"][name][pair]["L2"] == pytest.approx(rms, abs=1e-9)
 
 
 def test_the_written_foot_paths_have_the_stated_distances(folder, results):
@@ -85,6 +95,8 @@ def test_table_2_is_printed_side_by_side(printed, results):
     rotator = results["table2"]["rotator"]["Des,Dir"]["L2"]
     assert f"{rotator:.2f} / 31.00 (+6 %)" in text
     assert "best time shift of them" in text
+    foot = results["foot"]["foot_optimal"]
+    assert f"foot-optimised: all joints at once {foot['L2']:19.2f} {foot['Linf']:19.2f}" in text
     assert results["note"] in text
 
 
