@@ -71,13 +71,14 @@ def exact_bound(
         raise MissingExtra("level='exact'", "exact") from error
     import cvxpy
 
-    unit = model.v_max_per_tick
+    unit, middle = model.v_max_per_tick, float(np.mean(desired))
+    desired = desired - middle
     stride = model.hold
     ticks = len(desired) * stride if cyclic else (len(desired) - 1) * stride + 1
     angles, objective, conditions = build(model, desired, ticks, cyclic=cyclic, norm=norm)
     if start is not None:
         near = setting_off(model, ticks, "envelope")
-        from_start = angles[: len(near)] - start / unit
+        from_start = angles[: len(near)] - (start - middle) / unit
         conditions += [from_start <= near / unit, -from_start <= near / unit]
     problem = cvxpy.Problem(cvxpy.Minimize(objective), conditions)
     options = {"limits/time": time_limit, "limits/gap": SOLVER_TOLERANCE, "parallel/maxnthreads": 1}
@@ -88,9 +89,8 @@ def exact_bound(
     except (cvxpy.SolverError, KeyError, TypeError, AttributeError) as error:
         raise SolverFailed("exact bound", str(error) or str(problem.status)) from error
     known = np.inf if problem.value is None else float(problem.value)
-    return _error(proved, desired, norm) * unit * (1.0 - MARGIN), _error(
-        known, desired, norm
-    ) * unit
+    proved, known = (unit * _error(value, desired, norm) for value in (proved, known))
+    return proved * (1.0 - MARGIN), known
 
 
 def _error(value: float, desired: Array, norm: Norm) -> float:
@@ -147,7 +147,8 @@ def contributions(model: JointModel, ticks: int, *, cyclic: bool) -> Contributio
     number = number % requests
     key = tick * requests + number
     unique, inverse = np.unique(key, return_inverse=True)
-    weight: Array = np.bincount(inverse, weights=np.tile(window.weights, ticks))
+    weight: Array = np.zeros(len(unique))
+    np.add.at(weight, inverse, np.tile(window.weights, ticks))
     tick, number = np.divmod(unique, requests)
     later = tick + 1
     wanted = (later % ticks) * requests + number
