@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
-from planner.exceptions import InvalidInput, SolverFailed
-from planner.inversion.descent import SHARPENING, improve
+from planner.exceptions import Infeasible, InvalidInput, SolverFailed
+from planner.inversion.descent import SHARPENING, improve, quieten
 from planner.inversion.goal import Errors
 from planner.inversion.limits import checked_limits
 from planner.inversion.norm import Norm, check_norm
@@ -26,6 +26,9 @@ from planner.trajectory import Array
 
 RIDGE = 1e-4
 """Curvature where the foot does not see a joint, relative to the squared length of the leg."""
+
+UNMOVED = 1e-18
+"""Squared movement of the foot, relative to the joint that moves it most, that is none."""
 
 SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
 """Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
@@ -152,7 +155,7 @@ def invert_foot(
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are none.
-        Infeasible: The limits exclude each other, or the nearest angles of the path.
+        Infeasible: The limits exclude each other, or a joint cannot move the foot at all.
         kinematics.KinematicsError: The path is none, or the leg has no inverse.
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
@@ -175,7 +178,7 @@ def invert_foot(
         norm=norm,
         limits=bounds,
         start=start,
-        ridge=RIDGE * _squared_reach(goal.errors(solution.angles)),
+        ridge=RIDGE * _squared_reach(goal.errors(solution.angles), leg),
     )
     singly = np.stack(
         [
@@ -188,6 +191,7 @@ def invert_foot(
     requests, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
+    requests, _ = quieten(problem, requests)
     requests.setflags(write=False)
     return FootInversion(
         models=joints,
@@ -202,9 +206,16 @@ def invert_foot(
     )
 
 
-def _squared_reach(errors: Errors) -> float:
-    """Mean squared movement of the foot per radian [m^2/rad^2]."""
-    return float(np.mean(errors.jacobians**2))
+def _squared_reach(errors: Errors, leg: Leg) -> float:
+    """Mean squared movement of the foot per radian [m^2/rad^2]; every joint must move it."""
+    moved = np.mean(errors.jacobians**2, axis=(0, 1))
+    for name, by_joint in zip(leg.joint_names, moved, strict=True):
+        if by_joint <= UNMOVED * np.max(moved):
+            raise Infeasible(
+                f"leg: joint '{name}' does not move the foot along the weighted axes anywhere on "
+                "the path; choose another foot frame, or give the axis it moves a weight"
+            )
+    return float(np.mean(moved))
 
 
 def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:

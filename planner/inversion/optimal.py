@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
-from planner.exceptions import SolverFailed
+from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import GUIDING, improve
+from planner.inversion.descent import GUIDING, improve, quieten
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import checked_limits
 from planner.inversion.norm import Norm, check_norm
@@ -41,6 +41,7 @@ def invert_optimal(
     limits: tuple[float, float] | None = None,
     norm: Norm = "rms",
     start: float | None = None,
+    tolerance: float | None = None,
 ) -> Inversion:
     """Requests that make the joint come as close to ``desired`` as the search can find.
 
@@ -59,6 +60,7 @@ def invert_optimal(
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
         start: From rest: where the joint rests before [rad]; by default at the first desired angle.
+        tolerance: Error that the plan should keep [rad]; the plan says whether it does.
 
     Returns:
         The plan; its bound and gap say how much better any other could be.
@@ -79,6 +81,7 @@ def invert_optimal(
     column, least = search(problem, desired)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    column, _ = quieten(problem, column)
     best = column[:, 0].copy()
     best.setflags(write=False)
     return Inversion(
@@ -90,7 +93,15 @@ def invert_optimal(
         norm=norm,
         limits=checked,
         start=start,
+        tolerance=checked_tolerance(tolerance),
     )
+
+
+def checked_tolerance(tolerance: float | None) -> float | None:
+    """The tolerance, if it is None or a positive number; else raise InvalidInput."""
+    if tolerance is not None and not tolerance > 0.0:
+        raise InvalidInput(f"tolerance: got {tolerance!r}, expected a number above 0")
+    return tolerance
 
 
 def search(problem: Tracking, desired: Array) -> tuple[Array, float]:

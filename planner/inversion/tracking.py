@@ -9,18 +9,19 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import NoSteadyCycle
 from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
 from planner.inversion.norm import Norm
 from planner.inversion.step import Response, Stencil, stencil
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.model.transition import Linearised, Reach, reach, transitions
 from planner.trajectory import Array
 
-CLOSED = 1e-11
+CLOSED = 1e-8
 """Ends of a smoothed cycle that agree to this [rad] are close enough for a derivative."""
+
+EXACTLY_CLOSED = 1e-11
+"""Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
 MOST_CYCLES = 30
 """Cycles after which smoothed requests that do not close count as unusable."""
@@ -99,15 +100,6 @@ class Tracking:
             nearest[0] = self.start - self.offsets
         return np.clip(nearest, self.lower, self.upper)
 
-    def simulate(self, requests: Array) -> Array:
-        """Angles of the exact models [rad], (n, joints)."""
-        starts = [None] * len(self.models) if self.start is None else self.start
-        columns = [
-            simulate(model, column, cyclic=self.cyclic, start=start)
-            for model, column, start in zip(self.models, requests.T, starts, strict=True)
-        ]
-        return np.stack(columns, axis=1)
-
     def error(self, angles: Array) -> float:
         """What is to be made small."""
         distances = self.goal.distances(angles)
@@ -115,10 +107,8 @@ class Tracking:
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf for requests under which a joint finds no cycle."""
-        try:
-            return self.error(self.simulate(requests))
-        except NoSteadyCycle:
-            return math.inf
+        response = self.respond(requests, smoothing=0.0, seam=self.resting[-1] + self.offsets)
+        return math.inf if response is None else self.error(response.angles)
 
     def respond(self, requests: Array, *, smoothing: float, seam: Array) -> Response | None:
         """Angles of the smoothed models and their derivatives; None where there is no cycle.
@@ -165,7 +155,7 @@ class Tracking:
         for _ in range(MOST_CYCLES):
             run = compiled.run(seam, windows, smoothing)
             mismatch = float(run.angles[-1]) - seam
-            if abs(mismatch) <= CLOSED * max(1.0, abs(seam)):
+            if abs(mismatch) <= (CLOSED if smoothing else EXACTLY_CLOSED) * max(1.0, abs(seam)):
                 return run
             contraction = float(np.prod(run.by_angle))
             if contraction < 1.0:
