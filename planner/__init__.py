@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from planner.gait import half_ellipse, reference_walk
     from planner.inversion.bound import lower_bound
     from planner.inversion.closed_form import invert_closed_form
-    from planner.inversion.foot import FootInversion, invert_foot
+    from planner.inversion.foot import invert_foot
+    from planner.inversion.foot_result import FootInversion
     from planner.inversion.line import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
@@ -73,7 +74,8 @@ _HOMES = {
     "planner.gait": ("half_ellipse", "reference_walk"),
     "planner.inversion.bound": ("lower_bound",),
     "planner.inversion.closed_form": ("invert_closed_form",),
-    "planner.inversion.foot": ("FootInversion", "invert_foot"),
+    "planner.inversion.foot": ("invert_foot",),
+    "planner.inversion.foot_result": ("FootInversion",),
     "planner.inversion.line": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),

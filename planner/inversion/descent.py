@@ -150,7 +150,11 @@ def descend(
         stage = stage._replace(unit=max(largest, np.finfo(np.float64).tiny))
     current = _iterate(problem, requests, response, stage)
     for _ in range(MOST_STEPS):
-        step = _step(problem, current, damping)
+        try:
+            step = _step(problem, current, damping)
+        except np.linalg.LinAlgError:  # so little damping that the matrix is not definite
+            damping *= 6.0
+            continue
         gain = current.value - step.expected
         following = _follow(problem, current, step, stage)
         if following is None or following.value >= current.value:

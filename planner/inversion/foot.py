@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from operator import itemgetter
 
 import numpy as np
@@ -15,13 +13,13 @@ from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.inversion.descent import SHARPENING, improve, quieten
+from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.limits import checked_limits
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.trajectory import Array
 
 RIDGE = 1e-4
@@ -34,67 +32,6 @@ SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
 """Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
 joints must leave the plans that were best for each alone, which wide corners let them; the second
 search is for paths that the joints can follow."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FootInversion:
-    """Requests for all joints of a leg, with what the exact models make of them.
-
-    Attributes:
-        models: The joints, in the leg's order.
-        leg: The leg.
-        wanted: Wanted foot positions in the leg's base frame [m], shape (n, 3).
-        requests: What to send to the joints [rad], shape (n, k).
-        cyclic: Whether the path repeats for ever.
-        norm: Distance that was minimised.
-        weights: Weight of each axis in that distance, shape (3,).
-        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
-        start: From rest: angles at which the joints rest before the first request [rad], (k,).
-    """
-
-    models: tuple[JointModel, ...]
-    leg: Leg
-    wanted: Array
-    requests: Array
-    cyclic: bool
-    norm: Norm
-    weights: Array
-    limits: tuple[Array, Array]
-    start: Array | None = None
-    method: str = "foot_optimal"
-
-    @cached_property
-    def predicted(self) -> Array:
-        """Angles of the exact models under the requests [rad], shape (n, k)."""
-        starts = [None] * len(self.models) if self.start is None else self.start
-        columns = zip(self.models, self.requests.T, starts, strict=True)
-        angles = np.stack(
-            [simulate(model, r, cyclic=self.cyclic, start=start) for model, r, start in columns],
-            axis=1,
-        )
-        angles.setflags(write=False)
-        return angles
-
-    @cached_property
-    def foot(self) -> Array:
-        """Where the foot then is [m], shape (n, 3)."""
-        return self.leg.foot_positions(self.predicted)
-
-    @property
-    def distances(self) -> Array:
-        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
-        distances: Array = np.linalg.norm(self.foot - self.wanted, axis=1)
-        return distances
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the distances [m]."""
-        return float(np.sqrt(np.mean(self.distances**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest distance [m]."""
-        return float(np.max(self.distances))
 
 
 class FollowFoot:
@@ -167,23 +104,25 @@ def invert_foot(
     wanted.setflags(write=False)
     if len(wanted) < 3:
         raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
-    start = None if cyclic else solution.angles[0].copy()
-    bounds = _each_limit(limits, leg, solution.angles, joints)
+    lower, upper = _each_limit(limits, leg)
+    offsets = np.array([model.offset for model in joints])
+    nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
+    start = None if cyclic else nearest[0].copy()
     goal = FollowFoot(leg, wanted, importance)
     problem = Tracking(
         joints,
         goal,
-        solution.angles - np.array([model.offset for model in joints]),
+        nearest - offsets,
         cyclic=cyclic,
         norm=norm,
-        limits=bounds,
+        limits=(lower, upper),
         start=start,
-        ridge=RIDGE * _squared_reach(goal.errors(solution.angles), leg),
+        ridge=RIDGE * _squared_reach(goal.errors(nearest), leg),
     )
     singly = np.stack(
         [
             invert_optimal(model, column, cyclic=cyclic, limits=(low, high)).requests
-            for model, column, low, high in zip(joints, solution.angles.T, *bounds, strict=True)
+            for model, column, low, high in zip(joints, nearest.T, lower, upper, strict=True)
         ],
         axis=1,
     )
@@ -201,7 +140,7 @@ def invert_foot(
         cyclic=cyclic,
         norm=norm,
         weights=importance,
-        limits=bounds,
+        limits=(lower, upper),
         start=start,
     )
 
@@ -220,7 +159,10 @@ def _squared_reach(errors: Errors, leg: Leg) -> float:
 
 def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
     count = len(leg.joint_names)
-    joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+    try:
+        joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+    except TypeError:
+        joints = ()
     if len(joints) != count or not all(isinstance(model, JointModel) for model in joints):
         raise InvalidInput(
             f"models: got {len(joints)} of them, expected one JointModel, or one for each of the "
@@ -229,14 +171,17 @@ def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[
     periods = sorted({model.period for model in joints})
     if len(periods) > 1:
         raise InvalidInput(
-            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one: "
-            "the requests of a leg are sent together"
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
+            "period: the requests of a leg are sent together"
         )
     return joints
 
 
 def _checked_weights(weights: npt.ArrayLike) -> Array:
-    importance = np.array(weights, dtype=np.float64)
+    try:
+        importance = np.array(weights, dtype=np.float64)
+    except (TypeError, ValueError):
+        importance = np.empty(0)
     fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
     if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
         raise InvalidInput(
@@ -247,15 +192,20 @@ def _checked_weights(weights: npt.ArrayLike) -> Array:
 
 
 def _each_limit(
-    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-    leg: Leg,
-    angles: Array,
-    joints: tuple[JointModel, ...],
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg
 ) -> tuple[Array, Array]:
+    """Smallest and largest request of every joint [rad], each of shape (k,)."""
+    names = leg.joint_names
     given = leg.limits if limits is None else limits
-    lower, upper = (np.broadcast_to(np.asarray(limit, float), len(joints)) for limit in given)
-    for joint, model in enumerate(joints):
-        checked_limits(
-            (lower[joint], upper[joint]), desired=angles[:, joint], start=None, model=model
+    try:
+        lower, upper = (
+            np.broadcast_to(np.asarray(limit, dtype=np.float64), len(names)) for limit in given
         )
+    except (TypeError, ValueError):
+        raise InvalidInput(
+            f"limits: got {limits!r}, expected (lower, upper) [rad], each a number or one for each "
+            f"of the leg's joints ({', '.join(names)})"
+        ) from None
+    for name, *pair in zip(names, lower, upper, strict=True):
+        checked_limits((pair[0], pair[1]), of=f"limits of {name}")
     return lower.copy(), upper.copy()

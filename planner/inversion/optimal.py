@@ -14,7 +14,7 @@ from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import GUIDING, improve, quieten
 from planner.inversion.goal import FollowAngles
-from planner.inversion.limits import checked_limits
+from planner.inversion.limits import check_within, checked_limits
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
@@ -76,7 +76,9 @@ def invert_optimal(
     start = checked_start(start, cyclic=cyclic)
     if not cyclic and start is None:
         start = float(desired[0])
-    checked = checked_limits(limits, desired=desired, start=start, model=model)
+    checked = None if limits is None else checked_limits(limits)
+    if checked is not None:
+        check_within(checked, desired=desired, start=start, model=model)
     problem = follow(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
     column, least = search(problem, desired)
     if not math.isfinite(least):

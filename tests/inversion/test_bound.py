@@ -12,15 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
-from planner.inversion.bound import (
-    LEVELS,
-    NORMS,
-    Reachable,
-    certified_error,
-    envelope,
-    lower_bound,
-    reachable_set,
-)
+from planner.inversion.bound import LEVELS, certified_error, lower_bound
+from planner.inversion.norm import NORMS
+from planner.inversion.reachable import Reachable, envelope, reachable_set
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import from_rest
