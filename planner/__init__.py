@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from planner._version import __version__
     from planner.approximation.fit import fit_pwl
+    from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
         Infeasible,
         InvalidFile,
@@ -45,6 +46,7 @@ __all__ = [
     "PlannerError",
     "SolverFailed",
     "__version__",
+    "cross_check",
     "fit_pwl",
     "half_ellipse",
     "invert_closed_form",
@@ -60,6 +62,7 @@ __all__ = [
 _HOMES = {
     "planner._version": ("__version__",),
     "planner.approximation.fit": ("fit_pwl",),
+    "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
         "Infeasible",
         "InvalidFile",
