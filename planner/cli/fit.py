@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.say import deliver
+from planner.cli.say import deliver, naming
 from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
@@ -54,19 +54,19 @@ def fit(
 
     if max_error is not None and not 0.0 < max_error < math.inf:
         raise click.UsageError(f"--max-error: got {max_error:g}, expected more than 0 degrees.")
-    wanted = load_wanted(desired, model=model, joints=joints)
+    wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False)
     tolerance = None if max_error is None else float(np.radians(max_error))
-    fits = {
-        name: fit_pwl(
-            wanted.angles[:, j],
-            v_max=joint.v_max,
-            tick=joint.period,
-            cyclic=cyclic,
-            segments=segments,
-            max_error=tolerance,
-        )
-        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True))
-    }
+    fits = {}
+    for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+        with naming(name):
+            fits[name] = fit_pwl(
+                wanted.angles[:, j],
+                v_max=joint.v_max,
+                tick=joint.period,
+                cyclic=cyclic,
+                segments=segments,
+                max_error=tolerance,
+            )
     document = {
         "cyclic": cyclic,
         "period_s": wanted.period,

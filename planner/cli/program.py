@@ -88,7 +88,8 @@ class Commands(click.Group):
             return INTERRUPTED
         except (PlannerError, KinematicsError) as error:
             theirs = isinstance(error, InvalidInput | ValueError)
-            return _complain(str(error), BAD_INPUT if theirs else FAILED)
+            message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
+            return _complain(message, BAD_INPUT if theirs else FAILED)
         return status if isinstance(status, int) else 0
 
 

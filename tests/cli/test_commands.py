@@ -98,9 +98,10 @@ def test_simulate_compares_with_the_desired_path(run, desired):
 
 
 def test_simulate_from_rest_starts_where_it_is_told(run, desired):
-    result = run("simulate", desired, "--no-cyclic", "--start", "30", "--json")
-    first = json.loads(result.stdout)["joints"]["hip"]["angles_deg"][0]
-    assert first == pytest.approx(30.0 - 2.5)  # one tick at top speed toward the requests
+    start = ("--start-deg", "30", "--start-deg", "knee=0")
+    joints = json.loads(run("simulate", desired, "--no-cyclic", *start, "--json").stdout)["joints"]
+    first = [joints[name]["angles_deg"][0] for name in ("hip", "knee")]
+    assert first == pytest.approx([30.0 - 2.5, 2.5])  # one tick at top speed toward the requests
 
 
 def test_fit_gives_lines_that_the_joint_can_follow(run, desired):
