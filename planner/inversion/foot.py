@@ -108,7 +108,7 @@ def invert_foot(
     offsets = np.array([model.offset for model in joints])
     nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
     start = None if cyclic else nearest[0].copy()
-    goal = FollowFoot(leg, wanted, importance)
+    goal = FollowFoot(leg, wanted, importance / np.max(importance))
     problem = Tracking(
         joints,
         goal,

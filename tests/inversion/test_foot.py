@@ -55,7 +55,7 @@ def reference_closed_forms(rule, cyclic):
     )
 
 
-def stride(leg, *, samples=40, swing=0.35, seed=1):
+def stride(leg, *, samples=30, swing=0.35, seed=1):
     """Angles of a stride about the middle of the limits, too fast for the ERS-210A [rad]."""
     rng = np.random.default_rng(seed)
     phase = 2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples
@@ -85,7 +85,9 @@ def assert_within_limits(plan):
 
 def joint_by_joint(plan, norm="rms"):
     """Every joint planned for itself, for the angles that come nearest to the path."""
-    desired = plan.leg.joint_angles(plan.wanted, unreachable="nearest").T
+    offsets = np.array([model.offset for model in plan.models])
+    lower, upper = np.array(plan.limits) + offsets  # where the requests let the joints rest
+    desired = np.clip(plan.leg.joint_angles(plan.wanted, unreachable="nearest"), lower, upper).T
     return np.transpose(
         [
             invert_optimal(model, angles, cyclic=plan.cyclic, limits=limits, norm=norm).requests
@@ -122,6 +124,15 @@ def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
         assert error(plan.distances) <= error(foot_errors(plan, requests)) + NO_WORSE
 
 
+@pytest.mark.parametrize("speed", [2, 3])
+def test_a_walk_that_saturates_throughout_is_led_by_the_norm_that_counts(speed):
+    path = WALK.desired_foot[::speed]
+    least = invert_foot(ERS210A, WALK.leg, path)
+    smallest = invert_foot(ERS210A, WALK.leg, path, norm="max")
+    assert smallest.max_error < least.max_error
+    assert least.rms < smallest.rms
+
+
 @CYCLIC
 @pytest.mark.parametrize("name", LEGS)
 def test_every_leg_of_the_robot_follows_better_than_joint_by_joint(name, cyclic):
@@ -143,13 +154,14 @@ def test_mirror_legs_get_mirror_plans(end):
     assert mirror.rms == pytest.approx(plan.rms, rel=1e-6)
 
 
-@CYCLIC
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    ("shape", "cyclic"), list(zip(SHAPES, [True, False, True, False, True], strict=True))
+)
 def test_a_path_that_requests_have_led_to_is_followed_to_a_tenth_of_a_millimetre(
     shape, cyclic, tmp_path
 ):
     leg = made_up_leg(tmp_path, *SHAPES[shape])
-    requests = stride(leg, swing=0.15)
+    requests = stride(leg, samples=40, swing=0.15)
     requests[:10] = requests[0]  # so that from rest the joints can start there
     angles = [simulate(ERS210A, column, cyclic=cyclic) for column in requests.T]
     plan = invert_foot(ERS210A, leg, leg.foot_positions(np.transpose(angles)), cyclic=cyclic)
@@ -158,16 +170,17 @@ def test_a_path_that_requests_have_led_to_is_followed_to_a_tenth_of_a_millimetre
 
 @CYCLIC
 @pytest.mark.parametrize("norm", ["rms", "max"])
-def test_limits_are_respected_to_the_last_bit(norm, cyclic):
+def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cyclic):
     leg = ers210a_leg("front_left")
     desired = stride(leg)
-    limits = (desired.min(axis=0) - 1e-3, desired.max(axis=0) + np.array([1e-3, 0.1, 0.5]))
+    limits = (desired.min(axis=0) + 0.1, desired.max(axis=0) - np.array([0.1, 0.2, 0.0]))
     path = leg.foot_positions(desired)
     plan = invert_foot(ERS210A, leg, path, cyclic=cyclic, limits=limits, norm=norm)
     assert_within_limits(plan)
     np.testing.assert_array_equal(plan.limits, limits)
-    felt = (plan.requests == limits[0]) | (plan.requests == limits[1])
-    assert felt.any()
+    assert np.any((plan.requests == limits[0]) | (plan.requests == limits[1]))
+    error = np.max if norm == "max" else rms
+    assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
 
 
 def test_one_number_limits_every_joint():
@@ -184,7 +197,7 @@ def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
     leg = ers210a_leg("hind_left")
     models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(3)]
     models[1] = replace(models[1], tick=models[1].tick / 2.0, hold=2 * hold)
-    path = leg.foot_positions(stride(leg, samples=30))
+    path = leg.foot_positions(stride(leg))
     plan = invert_foot(models, leg, path, cyclic=cyclic)
     assert plan.models == tuple(models)
     assert_within_limits(plan)

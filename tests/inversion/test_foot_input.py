@@ -72,19 +72,14 @@ def test_weights_that_are_not_three_numbers_of_use_are_refused(weights):
     ids=str,
 )
 def test_limits_that_are_no_pair_of_numbers_for_each_joint_are_refused(limits):
-    with pytest.raises(InvalidInput, match=r"^limits: got .*expected \(lower, upper\)"):
+    with pytest.raises(InvalidInput, match=r"^limits( of knee)?: got .*expected \(lower, "):
         invert_foot(ERS210A, LEG, PATH, limits=limits)
 
 
-def test_limits_that_exclude_each_other_are_infeasible():
-    with pytest.raises(Infeasible, match=r"the lower one, 1 rad, is above the upper one, -1 rad"):
-        invert_foot(ERS210A, LEG, PATH, limits=(1.0, -1.0))
-
-
-def test_limits_that_exclude_the_path_are_infeasible_and_name_the_joint():
-    limits = ((-2.0, -2.0, -2.0), (2.0, 2.0, 0.6))
-    with pytest.raises(Infeasible, match="knee.*0.6"):
-        invert_foot(ERS210A, LEG, PATH, limits=limits)
+def test_limits_that_exclude_each_other_are_infeasible_and_name_the_joint():
+    message = r"^limits of knee: the lower one, 1 rad, is above the upper one, -1 rad"
+    with pytest.raises(Infeasible, match=message):
+        invert_foot(ERS210A, LEG, PATH, limits=((-2.0, -2.0, 1.0), (2.0, 2.0, -1.0)))
 
 
 @pytest.mark.parametrize(
@@ -118,7 +113,7 @@ def test_a_leg_of_two_joints_has_no_inverse(tmp_path):
 def test_a_leg_that_cannot_move_its_foot_at_all_is_refused(tmp_path):
     axes = (Y, X, Y)
     leg = made_up_leg(tmp_path, [Joint((0, 0, 0), axis) for axis in axes], (0, 0, 0))
-    with pytest.raises(InvalidInput, match="leg|foot"):
+    with pytest.raises(InvalidInput, match=r"^leg: "):
         invert_foot(ERS210A, leg, np.zeros((5, 3)))
 
 
@@ -126,7 +121,7 @@ def test_weights_only_where_the_leg_cannot_move_its_foot_are_refused(tmp_path):
     joints = [Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y), Joint((0, 0, -0.1), Y)]
     leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
     path = leg.foot_positions(np.linspace([0.2, 0.1, 0.5], [0.4, 0.3, 0.9], 6))
-    with pytest.raises(InvalidInput, match="leg|weights"):
+    with pytest.raises(InvalidInput, match=r"^leg: .*weight"):
         invert_foot(ERS210A, leg, path, weights=(0.0, 1.0, 0.0))
 
 

@@ -134,6 +134,20 @@ def test_the_seam_of_a_cycle_is_found_from_anywhere(monkeypatch):
     np.testing.assert_allclose(near.angles, far.angles, rtol=0.0, atol=SAME)
 
 
+@pytest.mark.parametrize("smoothing", [0.0, 0.008, 0.1, 0.5])
+@pytest.mark.parametrize("seam", np.linspace(-2.0, 2.0, 9))
+def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam, smoothing):
+    # Far from the seam every tick is saturated: the end of the cycle moves with its start.
+    knots, degrees = [0, 13, 15, 17, 25, 36, 38, 43], [-102, -117, -41, 54, 93, 57, -51, -97]
+    requests = np.radians(np.interp(np.arange(44), knots, degrees))
+    problem = follow(ERS210A, np.zeros(44), cyclic=True)
+    response = problem.respond(requests[:, np.newaxis], smoothing=smoothing, seam=np.array([seam]))
+    assert response is not None
+    if smoothing == 0.0:
+        angles = simulate(ERS210A, requests)
+        np.testing.assert_allclose(response.angles[:, 0], angles, rtol=0.0, atol=SAME)
+
+
 def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_a_response():
     goal = FollowAngles(np.zeros(88))
     problem = Tracking([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
