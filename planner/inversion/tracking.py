@@ -12,7 +12,8 @@ import numpy.typing as npt
 from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
 from planner.inversion.norm import Norm
-from planner.inversion.step import Response, Stencil, stencil
+from planner.inversion.stencil import Stencil, stencil
+from planner.inversion.step import Response
 from planner.model.joint import JointModel
 from planner.model.transition import Linearised, Reach, reach, transitions
 from planner.trajectory import Array
@@ -23,8 +24,11 @@ CLOSED = 1e-8
 EXACTLY_CLOSED = 1e-11
 """Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
-MOST_CYCLES = 30
-"""Cycles after which smoothed requests that do not close count as unusable."""
+PATIENCE = 3
+"""Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
+
+MOST_CYCLES = 60
+"""Cycles after which requests that do not close count as unusable."""
 
 
 class Tracking:
@@ -152,15 +156,17 @@ class Tracking:
             return run
         low = float(np.min(windows)) + model.offset - model.theta_0
         high = float(np.max(windows)) + model.offset + model.theta_0
-        for _ in range(MOST_CYCLES):
+        tolerance = CLOSED if smoothing else EXACTLY_CLOSED
+        for cycle in range(MOST_CYCLES):
             run = compiled.run(seam, windows, smoothing)
-            mismatch = float(run.angles[-1]) - seam
-            if abs(mismatch) <= (CLOSED if smoothing else EXACTLY_CLOSED) * max(1.0, abs(seam)):
+            end = float(run.angles[-1])
+            if abs(end - seam) <= tolerance * max(1.0, abs(seam)):
                 return run
+            low, high = (seam, max(high, seam)) if end > seam else (min(low, seam), seam)
             contraction = float(np.prod(run.by_angle))
-            if contraction < 1.0:
-                mismatch /= 1.0 - contraction
-            seam = min(max(seam + mismatch, low), high)
+            newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
+            waited = end if cycle < PATIENCE else (low + high) / 2.0
+            seam = newton if low < newton < high else waited
         return None
 
 
