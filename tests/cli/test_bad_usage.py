@@ -183,6 +183,7 @@ def test_an_unreachable_foot_lists_the_points(run, command):
     assert result.exit_code == 2
     assert result.stdout == ""
     assert result.stderr.startswith("request-planner: 15 of 88 foot positions are out of reach")
+    assert result.stderr.endswith("or ask for --unreachable nearest\n")
     assert result.stderr.count("\n") == 1
 
 
