@@ -131,7 +131,8 @@ def invert_foot(
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     requests, _ = quieten(problem, requests)
-    requests.setflags(write=False)
+    for array in (requests, lower, upper, *([] if start is None else [start])):
+        array.setflags(write=False)
     return FootInversion(
         models=joints,
         leg=leg,

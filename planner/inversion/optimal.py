@@ -12,9 +12,10 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import GUIDING, improve, quieten
+from planner.inversion.descent import GUIDING, improve, lead, quieten
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import check_within, checked_limits
+from planner.inversion.line import interpolated_offset
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
@@ -23,7 +24,7 @@ from planner.model.joint import JointModel
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
-NEAR_IDEAL = 1.005
+NEAR_IDEAL = 1.012
 """Error over that of the ideal up to which a second search would gain next to nothing."""
 
 FAR_FROM_IDEAL = 1.03
@@ -112,8 +113,8 @@ def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
     requests than what it cannot. Where the result is not near the ideal's error, which no requests
-    can go below, it does so once more with wider corners; where it stays far from it, a last search
-    sets out from the closed form with few lines.
+    can go below, it does so once more with wider corners. Where more binds than the top speed,
+    which is all that the ideal knows of, a last search sets out from the closed form of few lines.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -127,16 +128,19 @@ def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
         tick=model.period,
         cyclic=problem.cyclic,
     )
-    first = problem.admissible(requests_along(model, lines, rule="exact")[:, np.newaxis])
+    inverse = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
+    first = problem.admissible(inverse[:, np.newaxis])
     best, least = first, problem.exact_error(first)
     bound = problem.error(ideal[:, np.newaxis])
     negligible = NEGLIGIBLE * model.theta_0
     for radii in GUIDING:
-        guided, _ = improve(problem.toward(FollowAngles(ideal)), first, radii)
+        guided = lead(problem.toward(FollowAngles(ideal)), first, radii)
         best, least = min((best, least), improve(problem, guided), key=itemgetter(1))
         if least <= NEAR_IDEAL * bound + negligible:
             return best, least
-    if least > FAR_FROM_IDEAL * bound + negligible:
+    short = len(desired) <= 2 * problem.reach.oldest
+    binds_too = not problem.cyclic or problem.limited or short
+    if binds_too and least > FAR_FROM_IDEAL * bound + negligible:
         _, few_lines = closed_form(problem, desired, rule="exact", refining=MOST_WORK)
         best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
     return best, least

@@ -116,9 +116,7 @@ class Stencil:
             ]
         )
         size = self.samples * self.joints
-        band: Array = np.bincount(
-            self._place, weights=entries, minlength=(self.bandwidth + 1) * size
-        )
+        band = np.bincount(self._place, weights=entries, minlength=(self.bandwidth + 1) * size)
         return np.asarray(band.reshape(self.bandwidth + 1, size), dtype=np.float64)
 
 

@@ -6,7 +6,7 @@ With the angles' linearised response ``B dM = H dR`` (B bidiagonal, H banded) th
 
 over the free requests, where g and C are gradient and curvature of the cost, sample by sample. Its
 dual has one unknown per sample and joint, and the banded positive definite matrix
-``B C^-1 B' + H Q^-1 H'`` with ``Q = rho + mu`` (``docs/math.md``, equation 11); a cycle is folded,
+``B C^-1 B' + H Q^-1 H'`` with ``Q = rho + mu`` (``docs/math.md``, equation 12); a cycle is folded,
 first sample beside last, so that its matrix is banded too.
 """
 

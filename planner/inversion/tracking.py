@@ -75,6 +75,11 @@ class Tracking:
         if not cyclic:
             self.movable[0] = False
 
+    @property
+    def limited(self) -> bool:
+        """Whether any request has a limit."""
+        return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
+
     @cached_property
     def reach(self) -> Reach:
         """The requests that act on any of the joints between two samples."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from planner.inversion.stencil import Stencil
+from planner.inversion.stencil import Stencil, stencil
 from planner.inversion.step import (
     Pull,
     Quadratic,
