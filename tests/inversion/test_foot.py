@@ -106,7 +106,7 @@ def test_the_reference_walk_is_followed_to_62_hundredths_of_a_centimetre():
 def test_the_largest_distance_on_the_reference_walk_is_135_hundredths_of_a_centimetre():
     plan = reference_plan(norm="max")
     assert plan.max_error <= 0.0135
-    assert plan.max_error <= reference_plan().max_error
+    assert plan.max_error < 0.95 * reference_plan().max_error
     assert plan.norm == "max"
     assert_within_limits(plan)
 
@@ -318,15 +318,22 @@ def test_every_figure_follows_from_the_requests():
     np.testing.assert_allclose(other.distances, foot_errors(plan, WALK.desired), atol=SAME)
 
 
-def test_a_plan_cannot_be_written_to_and_keeps_nothing_of_its_input():
+def test_a_plan_keeps_nothing_of_its_input():
     path = WALK.desired_foot[::8].copy()
     kept = path.copy()
-    plan = invert_foot(ERS210A, WALK.leg, path, cyclic=False)
+    plan = invert_foot(ERS210A, WALK.leg, path)
     path += 1.0
     np.testing.assert_array_equal(plan.wanted, kept)
-    arrays = (plan.requests, plan.wanted, plan.predicted, plan.foot, plan.weights, plan.start)
-    for array in (*arrays, *plan.limits):
-        assert not array.flags.writeable
+
+
+@pytest.mark.parametrize("name", ["requests", "wanted", "predicted", "foot", "weights", "start"])
+def test_what_a_plan_is_made_of_cannot_be_written_to(name):
+    plan = reference_plan(cyclic=False)
+    assert not getattr(plan, name).flags.writeable
+
+
+def test_the_limits_of_a_plan_cannot_be_written_to():
+    assert not any(limit.flags.writeable for limit in reference_plan().limits)
 
 
 @pytest.mark.parametrize("options", [{}, {"norm": "max"}, {"cyclic": False}])

@@ -98,6 +98,15 @@ def linearised(problem, response, request):
     return slopes
 
 
+def test_smoothing_is_measured_in_each_joints_own_errors():
+    small = replace(ERS210A, v_max=ERS210A.v_max / 4.0, theta_0=ERS210A.theta_0 / 4.0)
+    problem = Tracking([ERS210A, small], Nothing(), np.zeros((30, 2)), cyclic=True)
+    column = saturating(np.random.default_rng(10), ERS210A, samples=30)
+    requests = np.stack([column, column / 4.0], axis=1)
+    angles = problem.respond(requests, smoothing=0.5, seam=requests[-1]).angles
+    np.testing.assert_allclose(angles[:, 1], angles[:, 0] / 4.0, rtol=0.0, atol=SAME)
+
+
 @CYCLIC
 def test_a_joint_does_not_feel_requests_beyond_its_own_reach(cyclic):
     problem, requests, seam = stacked(3, 3, cyclic=cyclic)
