@@ -61,8 +61,9 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     y_m, z_m, or _cm, _mm) for a leg.
 
     \b
-    Example, requests for a foot path, inside the joints' limits:
+    Example, requests for a foot path inside the joints' limits, joint by joint and all at once:
         request-planner plan foot.csv --leg front-left -o requests.csv
+        request-planner plan foot.csv --leg front-left --method foot-optimal -o requests.csv
     """  # noqa: D301
     from planner.files.joint_path import write_joint_path
 
