@@ -28,7 +28,9 @@ class Tolerance(NamedTuple):
 
 
 AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
-CLOSURE = Tolerance(1e-9, "rad", "one more cycle, run independently, may add as much rounding")
+CLOSURE = Tolerance(
+    1e-9, "rad", "rounding of the first tick, or of one more cycle, run independently"
+)
 WITHIN_LIMITS = Tolerance(1e-12, "rad", "rounding of one subtraction; limits are kept by clipping")
 ORDERED = Tolerance(1e-6, "rad", "solvers stop near the best proof: a relative 1e-8 to 1e-5")
 ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")

@@ -14,7 +14,7 @@ from planner.evaluation.checks import Check
 from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.joint_comparison import JointComparison, compare_joint
-from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.bound import LEVELS
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.line import RULES
@@ -141,7 +141,14 @@ def cross_check(
     joints = []
     for j in range(count):
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
-        plans = _plans(models[j], columns[j], within, cyclic=cyclic, segments=segments, norm=norm)
+        try:
+            plans = _plans(
+                models[j], columns[j], within, cyclic=cyclic, segments=segments, norm=norm
+            )
+        except (Infeasible, InvalidTrajectory) as error:
+            if count == 1:
+                raise
+            raise type(error)(f"{called[j]}: {error}") from error
         joints.append(compare_joint(called[j], plans, levels=levels))
     foot = None
     if leg is not None and ranges is not None:

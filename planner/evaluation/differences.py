@@ -22,7 +22,7 @@ REASONS: Mapping[Reason, str] = {
     "limit": "the optimised request lies at a limit, of which the closed form knows nothing",
     "corner": "a knot of the approximation is near, where the closed form changes its line at once",
     "free": "none of the others",
-    "after_end": "the request acts after the last sample only",
+    "after_end": "nothing that the request does happens before the last sample",
 }
 """Why two plans may differ in a request; where several hold, the first one counts."""
 
@@ -187,11 +187,15 @@ def runs(reasons: list[Reason], *, cyclic: bool) -> list[tuple[int, int]]:
 
 
 def _acts_at(plan: Inversion) -> npt.NDArray[np.int_]:
-    """The sample that each request moves the most; from rest it may lie after the end."""
-    samples = np.arange(len(plan.requests))
-    middle = samples + switching_time(plan.model) / plan.model.period
-    acts = np.floor(middle + 0.5)
-    return np.asarray(acts % len(samples) if plan.cyclic else acts, dtype=np.int_)
+    """The sample that each request moves the most; n for those that move none before the end."""
+    model, count = plan.model, len(plan.requests)
+    samples = np.arange(count)
+    middle = np.floor(samples + switching_time(model) / model.period + 0.5).astype(np.int_)
+    if plan.cyclic:
+        return np.asarray(np.mod(middle, count))
+    earliest = samples * model.hold + model.window.first  # [ticks]
+    late = earliest > (count - 1) * model.hold
+    return np.where(late, count, np.minimum(middle, count - 1))
 
 
 def _at_top_speed(plan: Inversion) -> npt.NDArray[np.bool_]:
@@ -213,22 +217,22 @@ def _at_limit(plan: Inversion) -> npt.NDArray[np.bool_]:
 def _near_corner(closed_form: Inversion) -> npt.NDArray[np.bool_]:
     """Whether a corner of the approximation is within the acceleration time of each sample."""
     curve = closed_form.approximation
-    samples = np.arange(len(closed_form.requests))
-    if curve is None:
+    samples = np.arange(len(closed_form.requests), dtype=np.float64)
+    if curve is None or curve.segments == 1:
         return np.zeros(len(samples), dtype=np.bool_)
-    away = np.abs(samples[:, np.newaxis] - _corners(curve))
-    if curve.cyclic:
-        away = np.mod(away, curve.samples)
-        away = np.minimum(away, curve.samples - away)
+    corners = _corners(curve)
+    after = np.searchsorted(corners, samples)
+    away = np.minimum(samples - corners[after - 1], corners[after] - samples)
     reach = closed_form.model.acceleration_time / closed_form.model.period
-    return np.asarray(np.any(away <= reach, axis=1))
+    return np.asarray(away <= reach)
 
 
 def _corners(curve: PiecewiseLinear) -> Array:
-    """Knots at which one line gives way to another, (m,); the ends of a curve are none."""
-    if curve.segments == 1:
-        return np.empty(0)
-    return curve.knots if curve.cyclic else curve.knots[1:-1]
+    """Knots at which one line gives way to another, around every sample, increasing."""
+    if not curve.cyclic:  # the ends are no corners
+        return np.concatenate([[-np.inf], curve.knots[1:-1], [np.inf]])
+    within = np.sort(np.mod(curve.knots, curve.samples))
+    return np.concatenate([[within[-1] - curve.samples], within, [within[0] + curve.samples]])
 
 
 def _rms(values: Array) -> float:

@@ -121,18 +121,6 @@ def test_fit_keeps_a_largest_error(run, desired):
     assert result.stdout.startswith("t_s,knee_deg\n")
 
 
-def test_compare_puts_the_methods_side_by_side(run, desired):
-    document = json.loads(run("compare", desired, "--joint", "hip", "--json").stdout)
-    hip = document["joints"]["hip"]
-    assert set(hip["methods"]) == {"closed_form_paper", "closed_form_exact", "optimal"}
-    for method in hip["methods"].values():
-        assert method["rms_deg"] >= hip["lower_bound_deg"] - 1e-9
-    assert hip["methods"]["optimal"]["largest_request_difference_deg"] == 0.0
-    table = run("compare", desired, "--joint", "hip")
-    assert table.stderr == ""
-    assert f"hip, optimal {'':8}" in table.stdout
-
-
 def test_gait_takes_its_parameters(run):
     document = json.loads(run("gait", "--samples", "40", "--hip-height", "0.1", "--json").stdout)
     assert len(document["x_m"]) == 40
