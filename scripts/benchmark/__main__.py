@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import planner
 from benchmark import record
 from benchmark.machine import circumstances
 from benchmark.parts import Options, Part, fit, foot, inversion, length, quality
@@ -39,7 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     where = circumstances()
     print("\n".join(f"{name}: {value}" for name, value in where.items()), end="\n\n")
-    tables = measured([name for name in PARTS if name in given.parts or not given.parts], given)
+    wanted = [name for name in PARTS if name in given.parts or not given.parts]
+    try:
+        tables = measured(wanted, given)
+    except planner.MissingExtra as error:
+        parser.error(str(error))
     if earlier is not None:
         print("Against", ", ".join(f"{k} {v}" for k, v in earlier["circumstances"].items()))
         for table in record.compared(tables, earlier):

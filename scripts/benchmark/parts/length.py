@@ -32,6 +32,7 @@ def measure(options: Options) -> list[Table]:
             "over the shortest",
             "length over the shortest",
             "rms, deg",
+            "over envelope, %",
             "peak memory, MB",
         ),
         note="The reference rotator's cycle over and over, its stroke changing slowly.",
@@ -47,6 +48,7 @@ def measure(options: Options) -> list[Table]:
                 run["again"] / runs[0]["again"],
                 samples / options.lengths[0],
                 run["rms"],
+                run["gap"],
                 run["memory"],
             )
     return [table]
@@ -64,7 +66,7 @@ def in_child(samples: int, *, cyclic: bool) -> dict[str, float]:
 
 
 def solve(samples: int, *, cyclic: bool) -> dict[str, float]:
-    """Time [s], rms [deg] and peak memory [MB] of this process."""
+    """Time [s], rms [deg], gap [%] and, of this process until then, peak memory [MB]."""
     instance, warm_up = long_walk(samples), long_walk(90)
 
     def plan() -> planner.Inversion:
@@ -76,7 +78,13 @@ def solve(samples: int, *, cyclic: bool) -> dict[str, float]:
     found, first = timed(plan)
     again = min(timed(plan)[1] for _ in range(3 if samples <= SHORT else 1))
     memory = peak_memory()
-    return {"first": first, "again": again, "rms": degrees(found.rms), "memory": memory}
+    return {
+        "first": first,
+        "again": again,
+        "rms": degrees(found.rms),
+        "gap": 100.0 * found.gap,
+        "memory": memory,
+    }
 
 
 def peak_memory() -> float:
