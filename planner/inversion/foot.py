@@ -12,7 +12,7 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.inversion.descent import SHARPENING, improve, quieten
+from planner.inversion.descent import SEARCH, Stage, improve, quieten
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.limits import checked_limits
@@ -25,32 +25,45 @@ from planner.trajectory import Array
 RIDGE = 1e-4
 """Curvature where the foot does not see a joint, relative to the squared length of the leg."""
 
-UNMOVED = 1e-18
-"""Squared movement of the foot, relative to the joint that moves it most, that is none."""
+UNMOVED = 1e-9
+"""Movement of the foot per radian, relative to the last link's length, that is none."""
 
-SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
-"""Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
-joints must leave the plans that were best for each alone, which wide corners let them; the second
-search is for paths that the joints can follow."""
+SEARCHES = (
+    (
+        Stage(2.0, 1e-3),
+        Stage(1.0, 1e-3),
+        Stage(0.5, 1e-4),
+        Stage(0.2, 1e-4),
+        Stage(0.08, 1e-4),
+        Stage(0.02, 1e-5),
+        Stage(0.008, 1e-8),
+    ),
+    SEARCH,
+)
+"""Two searches, of which the better one is kept. The joints must leave the plans that were best for
+each alone, which wide corners let them; the second is for paths that the joints can follow."""
 
 
 class FollowFoot:
-    """A foot that should follow a path."""
+    """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
 
-    def __init__(self, leg: Leg, wanted: Array, weights: Array) -> None:
-        """Compile the leg for a path as long as the wanted one, (n, 3) [m]."""
+    def __init__(self, leg: Leg, wanted: Array, scale: Array) -> None:
+        """Compile the leg for a path as long as the wanted one, (n, 3) [m].
+
+        ``scale`` turns metres along each axis into errors [rad/m], (3,).
+        """
         self.wanted = wanted
-        self._scale = np.sqrt(weights)
+        self._scale = scale
         self._foot = foot_function(leg).map(len(wanted))
         self._joints = len(leg.joint_names)
 
     def distances(self, angles: Array) -> Array:
-        """Weighted distances [m], (n,)."""
+        """Scaled distances [rad], (n,)."""
         distances: Array = np.linalg.norm(self.errors(angles).values, axis=1)
         return distances
 
     def errors(self, angles: Array) -> Errors:
-        """Foot minus wanted, each axis times the root of its weight [m]."""
+        """Foot minus wanted, each axis times its scale [rad]."""
         foot, jacobian = self._foot(angles.T)
         values = (np.asarray(foot).T - self.wanted) * self._scale
         # CasADi lays the Jacobians (3, k) side by side.
@@ -92,7 +105,8 @@ def invert_foot(
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are none.
-        Infeasible: The limits exclude each other, or a joint cannot move the foot at all.
+        Infeasible: The limits exclude each other, or no joint moves the foot along the axes that
+            count.
         kinematics.KinematicsError: The path is none, or the leg has no inverse.
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
@@ -108,7 +122,7 @@ def invert_foot(
     offsets = np.array([model.offset for model in joints])
     nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
     start = None if cyclic else nearest[0].copy()
-    goal = FollowFoot(leg, wanted, importance / np.max(importance))
+    goal = FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg))
     problem = Tracking(
         joints,
         goal,
@@ -117,7 +131,7 @@ def invert_foot(
         norm=norm,
         limits=(lower, upper),
         start=start,
-        ridge=RIDGE * _squared_reach(goal.errors(nearest), leg),
+        ridge=RIDGE,
     )
     singly = np.stack(
         [
@@ -126,11 +140,13 @@ def invert_foot(
         ],
         axis=1,
     )
-    answers = [improve(problem, problem.admissible(singly), radii) for radii in SEARCHES]
+    singly = problem.admissible(singly)
+    at_most = problem.exact_error(singly)
+    answers = [improve(problem, singly, search) for search in SEARCHES]
     requests, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    requests, _ = quieten(problem, requests)
+    requests = quieten(problem, requests, at_most=at_most)
     for array in (requests, lower, upper, *([] if start is None else [start])):
         array.setflags(write=False)
     return FootInversion(
@@ -146,16 +162,16 @@ def invert_foot(
     )
 
 
-def _squared_reach(errors: Errors, leg: Leg) -> float:
-    """Mean squared movement of the foot per radian [m^2/rad^2]; every joint must move it."""
-    moved = np.mean(errors.jacobians**2, axis=(0, 1))
-    for name, by_joint in zip(leg.joint_names, moved, strict=True):
-        if by_joint <= UNMOVED * np.max(moved):
-            raise Infeasible(
-                f"leg: joint '{name}' does not move the foot along the weighted axes anywhere on "
-                "the path; choose another foot frame, or give the axis it moves a weight"
-            )
-    return float(np.mean(moved))
+def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
+    """Root of each axis' weight over how far a radian of a joint moves the foot [rad/m], (3,)."""
+    roots: Array = np.sqrt(importance / np.max(importance))
+    moved = float(np.sqrt(np.mean((jacobians * roots[:, np.newaxis]) ** 2)))
+    if moved <= UNMOVED * float(np.max(np.abs(leg.chain.tip), initial=UNMOVED)):
+        raise Infeasible(
+            "leg: none of its joints moves the foot along an axis that counts; choose another foot "
+            "frame, or give the axis along which it moves a weight"
+        )
+    return roots / moved
 
 
 def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:

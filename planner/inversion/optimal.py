@@ -12,7 +12,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import GUIDING, improve, lead, quieten
+from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import check_within, checked_limits
 from planner.inversion.line import interpolated_offset
@@ -24,11 +24,11 @@ from planner.model.joint import JointModel
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
-NEAR_IDEAL = 1.012
-"""Error over that of the ideal up to which a second search would gain next to nothing."""
+GUIDE = Stage(0.1, 1e-4)
+"""The stage in which the requests are led along the ideal."""
 
 FAR_FROM_IDEAL = 1.03
-"""Error over that of the ideal from which on a third search, from few lines, is worth its time."""
+"""Error over that of the ideal from which on a second search is worth its time."""
 
 NEGLIGIBLE = 1e-3
 """Error up to which another search is not worth its time [theta_0]."""
@@ -81,10 +81,7 @@ def invert_optimal(
     if checked is not None:
         check_within(checked, desired=desired, start=start, model=model)
     problem = follow(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
-    column, least = search(problem, desired)
-    if not math.isfinite(least):
-        raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    column, _ = quieten(problem, column)
+    column = search(problem, desired)
     best = column[:, 0].copy()
     best.setflags(write=False)
     return Inversion(
@@ -107,14 +104,14 @@ def checked_tolerance(tolerance: float | None) -> float | None:
     return tolerance
 
 
-def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
-    """The best requests found for one joint, (n, 1), and their exact error [rad].
+def search(problem: Tracking, desired: Array) -> Array:
+    """The best requests found for one joint, (n, 1).
 
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
-    requests than what it cannot. Where the result is not near the ideal's error, which no requests
-    can go below, it does so once more with wider corners. Where more binds than the top speed,
-    which is all that the ideal knows of, a last search sets out from the closed form of few lines.
+    requests than what it cannot. Where more binds than the top speed, which is all that the ideal
+    knows of, and the plan stays far from it, a second search sets out from the closed form of few
+    lines.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -130,17 +127,15 @@ def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
     )
     inverse = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
     first = problem.admissible(inverse[:, np.newaxis])
-    best, least = first, problem.exact_error(first)
-    bound = problem.error(ideal[:, np.newaxis])
-    negligible = NEGLIGIBLE * model.theta_0
-    for radii in GUIDING:
-        guided = lead(problem.toward(FollowAngles(ideal)), first, radii)
-        best, least = min((best, least), improve(problem, guided), key=itemgetter(1))
-        if least <= NEAR_IDEAL * bound + negligible:
-            return best, least
+    guided, _ = descend(problem.toward(FollowAngles(ideal)), first, GUIDE, DAMPING[1])
+    answers = [(first, problem.exact_error(first)), improve(problem, guided)]
     short = len(desired) <= 2 * problem.reach.oldest
-    binds_too = not problem.cyclic or problem.limited or short
-    if binds_too and least > FAR_FROM_IDEAL * bound + negligible:
+    far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
+    if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
         _, few_lines = closed_form(problem, desired, rule="exact", refining=MOST_WORK)
-        best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
-    return best, least
+        answers += [(few_lines, problem.exact_error(few_lines)), improve(problem, few_lines)]
+    best, least = min(answers, key=itemgetter(1))
+    if not math.isfinite(least):
+        raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    at_most = min(error for _, error in answers[::2])  # the closed forms' errors
+    return quieten(problem, best, at_most=at_most)

@@ -13,6 +13,9 @@ from planner.trajectory import Array
 
 Indices = npt.NDArray[np.int_]
 
+LEAST_PIVOT = 1e-14
+"""Added to the matrix's diagonal, relative to its largest entry: a saturated cycle is singular."""
+
 
 class Stencil:
     """Where requests act on the samples of a trajectory, for joints of one reach."""
@@ -117,7 +120,9 @@ class Stencil:
         )
         size = self.samples * self.joints
         band = np.bincount(self._place, weights=entries, minlength=(self.bandwidth + 1) * size)
-        return np.asarray(band.reshape(self.bandwidth + 1, size), dtype=np.float64)
+        matrix = np.asarray(band.reshape(self.bandwidth + 1, size), dtype=np.float64)
+        matrix[0] += LEAST_PIVOT * np.max(matrix[0])
+        return matrix
 
 
 class _Places(NamedTuple):

@@ -100,6 +100,7 @@ class Tracking:
             cyclic=self.cyclic,
             limits=(self.lower, self.upper),
             start=self.start,
+            ridge=self.ridge,
         )
 
     def admissible(self, requests: Array) -> Array:
