@@ -19,6 +19,9 @@ from benchmark.timing import median_time, timed
 SHORT = 1000
 """Samples up to which a time is the median of several."""
 
+PATIENCE = 1.0
+"""Seconds from which on one more call must do."""
+
 SEGMENTS = 6
 
 TOLERANCE = math.radians(2.0)
@@ -103,7 +106,7 @@ def add(
 ) -> None:
     """A row: how near the curve comes, and what it breaks."""
     (knots, values), first = timed(call)
-    seconds = median_time(call, repeats) if first < 1.0 else first
+    seconds = median_time(call, repeats if first < PATIENCE else 1)
     errors = np.interp(np.arange(len(instance.desired)), knots, values) - instance.desired
     steepest = np.max(np.abs(np.diff(values) / np.diff(knots))) / instance.model.period
     table.add(
