@@ -133,7 +133,9 @@ def test_predicted_angles_that_are_not_what_the_joint_does_fail_the_agreement():
     wrong = plans["optimal"].predicted.copy()
     wrong[40] += 1e-8
     plans["optimal"] = _claiming(plans["optimal"], wrong)
-    assert _broken(compare_joint("hip", plans)) == {(OPTIMAL, AGREES)}
+    comparison = compare_joint("hip", plans)
+    assert _broken(comparison) == {(OPTIMAL, AGREES)}
+    assert comparison.answers["optimal"].elsewhere == 0.0  # it is no other cycle, but none
 
 
 def test_a_cycle_that_does_not_close_is_noticed():
