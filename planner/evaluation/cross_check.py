@@ -124,8 +124,7 @@ def cross_check(
         SolverFailed: A plan or a bound was not found.
     """
     check_norm(norm)
-    if level not in LEVELS:
-        raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
+    levels = _levels_up_to(level)
     columns = _columns(desired)
     count = len(columns)
     if leg is not None and len(leg.joint_names) != count:
@@ -137,7 +136,6 @@ def cross_check(
     called = _checked_names(names, leg, count)
     given = leg.limits if limits is None and leg is not None else limits
     ranges = None if given is None else _each_range(given, count)
-    levels = LEVELS[: LEVELS.index(level) + 1]
     joints = []
     for j in range(count):
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
@@ -174,6 +172,13 @@ def _plans(
     }
     plans["optimal"] = invert_optimal(model, desired, cyclic=cyclic, limits=limits, norm=norm)
     return plans
+
+
+def _levels_up_to(level: Level) -> tuple[Level, ...]:
+    """The bounds to compute, from the coarsest on."""
+    if level not in LEVELS:
+        raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
+    return LEVELS[: LEVELS.index(level) + 1]
 
 
 def _columns(desired: npt.ArrayLike) -> list[Array]:
