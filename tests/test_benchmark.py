@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,9 @@ SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 
 SAME_CYCLE = math.radians(1e-6)
 """Difference between two simulations of a cycle [rad]: where they stop closing it."""
+
+SAME_SEARCH = math.radians(0.2)
+"""Difference between requests of two searches that stop at the same error to 1e-4 [rad]."""
 
 BARELY_ROUNDED = 1e-9
 """Radius of corners that no angle feels [degrees]."""
@@ -84,6 +88,23 @@ def test_every_method_stays_within_limits_and_improves_on_the_closed_form():
     for name, result in results.items():
         assert result.rms < start
         assert result.rms <= 1.1 * results[OURS].rms, name
+
+
+def test_an_offset_shifts_the_requests_of_every_rival():
+    from benchmark.instances import random_saturating
+    from benchmark.parts.inversion import METHODS, OURS
+
+    instance = random_saturating(3, samples=20)
+    offset = math.radians(5.0)
+    sagging = replace(instance.model, offset=offset)
+    for name in METHODS.keys() - {OURS}:
+        level, lower = (
+            METHODS[name](model, 20)(
+                instance.desired, instance.limits, instance.desired - model.offset
+            )
+            for model in (instance.model, sagging)
+        )
+        assert np.max(np.abs(level - offset - lower)) <= SAME_SEARCH, name
 
 
 @pytest.mark.parametrize("offset", [0.0, 5.0])

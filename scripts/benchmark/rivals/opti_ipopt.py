@@ -38,9 +38,8 @@ def build(model: planner.JointModel, samples: int) -> Solve:
     radius = opti.parameter()
 
     # objective
-    opti.minimize(
-        casadi.sumsqr(angles - desired) + PULL * casadi.sumsqr(requests + model.offset - desired)
-    )
+    resting = desired - model.offset / DEGREE
+    opti.minimize(casadi.sumsqr(angles - desired) + PULL * casadi.sumsqr(requests - resting))
 
     # dynamics, closed to a cycle
     before = casadi.vertcat(angles[-1], angles[:-1])
