@@ -30,6 +30,10 @@ GUIDE = Stage(0.1, 1e-4)
 FAR_FROM_IDEAL = 1.03
 """Error over that of the ideal from which on a second search is worth its time."""
 
+LITTLE_WORK = 10_000
+"""Samples simulated to refine those few lines. Where a joint overshoots its requests, and
+derivatives mislead, all that the closed form itself may take is spent instead."""
+
 NEGLIGIBLE = 1e-3
 """Error up to which another search is not worth its time [theta_0]."""
 
@@ -132,7 +136,9 @@ def search(problem: Tracking, desired: Array) -> Array:
     short = len(desired) <= 2 * problem.reach.oldest
     far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
     if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
-        _, few_lines = closed_form(problem, desired, rule="exact", refining=MOST_WORK)
+        overshoots = model.v_max_per_tick > model.theta_0
+        work = MOST_WORK if overshoots else LITTLE_WORK
+        _, few_lines = closed_form(problem, desired, rule="exact", refining=work)
         answers += [(few_lines, problem.exact_error(few_lines)), improve(problem, few_lines)]
     best, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
