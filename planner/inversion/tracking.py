@@ -24,8 +24,8 @@ CLOSED = 1e-8
 EXACTLY_CLOSED = 1e-11
 """Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
-NEARBY = 0.2
-"""Change of the seam, relative to the corners' radius, that need not be run: it is all but linear."""
+NEARBY = 0.01
+"""Change of the seam, relative to the corners' radius, that need not be run: its effect is linear."""
 
 PATIENCE = 3
 """Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
