@@ -7,6 +7,7 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 
 from __future__ import annotations
 
+import math
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.exact import TIME_LIMIT, exact_bound
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.reachable import Level, Reachable, reachable_set
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
@@ -102,20 +103,19 @@ def certify(
         SolverFailed: The solver proposed no multipliers.
     """
     began = perf_counter()
+    model = checked_model(model)
+    time_limit = _checked_time(time_limit)
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     if level not in LEVELS:
         raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
     start = checked_start(start, cyclic=cyclic)
-    linear: Level = "slope" if level == "slope" else "envelope"
-    reachable = reachable_set(model, len(desired), cyclic=cyclic, level=linear, start=start)
-    middle = float(np.mean(desired))
-    scale = max(float(np.ptp(desired)), model.v_max * model.period)
-    centred = (desired - middle) / scale
-    scaled = reachable._replace(limit=_relative(reachable, middle) / scale)
-    reference, multipliers = propose(scaled, centred, norm=norm)
-    slack = model.v_max * model.period / scale
-    bound = scale * certified_error(scaled, centred, reference, multipliers, norm=norm, slack=slack)
+    linear: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
+    sets = (
+        reachable_set(model, len(desired), cyclic=cyclic, level=each, start=start)
+        for each in linear
+    )
+    bound = max(_proved(model, desired, reachable, norm) for reachable in sets)
     gap = 0.0
     if level == "exact":
         proved, known = exact_bound(
@@ -124,6 +124,27 @@ def certify(
         bound = max(bound, proved)
         gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
     return Certificate(bound, norm, level, gap, perf_counter() - began)
+
+
+def _proved(model: JointModel, desired: Array, reachable: Reachable, norm: Norm) -> float:
+    """The distance from a set that multipliers prove [rad], computed on a scale of about one."""
+    middle = float(np.mean(desired))
+    scale = max(float(np.ptp(desired)), model.v_max * model.period)
+    centred = (desired - middle) / scale
+    scaled = reachable._replace(limit=_relative(reachable, middle) / scale)
+    reference, multipliers = propose(scaled, centred, norm=norm)
+    slack = model.v_max * model.period / scale
+    return scale * certified_error(scaled, centred, reference, multipliers, norm=norm, slack=slack)
+
+
+def _checked_time(time_limit: float) -> float:
+    try:
+        seconds = float(time_limit)
+    except (TypeError, ValueError, OverflowError):
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise InvalidInput(f"time_limit: got {time_limit!r}, expected a number of seconds above 0")
+    return seconds
 
 
 def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from planner.inversion.line import Rule, check_rule, line_offset
 from planner.inversion.refinement import MOST_WORK, refined_curve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, follow
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
 
 
@@ -52,8 +52,9 @@ def invert_closed_form(
         InvalidInput: The rule or the number of segments is none.
         SolverFailed: The approximation was not found.
     """
+    model = checked_model(model)
     check_rule(rule)
-    desired = as_trajectory(desired, name="desired")
+    desired = as_trajectory(desired, name="desired", minimum=3)
     start = None if cyclic else float(desired[0])
     problem = follow(model, desired, cyclic=cyclic, start=start)
     curve, column = closed_form(

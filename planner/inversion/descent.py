@@ -15,10 +15,16 @@ from planner.trajectory import Array
 POWERS = (4.0, 8.0, 16.0, 32.0, 64.0)
 """The largest error is approached through sums of these powers of the errors, one by one."""
 
-QUIETING = (1e-3, 1e-4)
-"""Pulls that the plan's requests are put under at the end, the first that they bear."""
+STRAYING = (1e-3, 1e-4)
+"""Pulls towards the desired angles that the plan is put under at the end, the first it bears."""
 
-AS_WELL = 1e-4
+JUMPING = (5e-2, 1e-2)
+"""Pulls towards the requests' own moving average that it is put under then, the first it bears."""
+
+SMOOTHINGS = 2
+"""Times that it is put under those."""
+
+AS_WELL = 2e-4
 """Relative error that quieter requests may cost."""
 
 ENOUGH = 1e-4
@@ -109,9 +115,10 @@ def improve(
 
 
 def quieten(problem: Tracking, requests: Array, *, at_most: float) -> Array:
-    """Requests that track as well as the given ones, to a part in 10,000, and stray less.
+    """Requests that track as well as the given ones, to 2 parts in 10,000, but stray and jump less.
 
-    They are put under the strongest pull towards the desired angles that the error allows.
+    They are put under the strongest pull that the error allows, first towards the requests that
+    would hold the desired angles, then a few times towards their own moving average.
 
     Args:
         problem: What to reach, and within which limits.
@@ -121,14 +128,35 @@ def quieten(problem: Tracking, requests: Array, *, at_most: float) -> Array:
     Returns:
         The quieter requests, or the given ones.
     """
-    least = problem.exact_error(requests)
+    budget = min(problem.exact_error(requests) * (1.0 + AS_WELL), at_most)
+    requests = _leaned(problem, requests, problem.resting, STRAYING, budget)
+    for _ in range(SMOOTHINGS):
+        requests = _leaned(problem, requests, _averaged(problem, requests), JUMPING, budget)
+    return requests
+
+
+def _leaned(
+    problem: Tracking, requests: Array, toward: Array, pulls: Sequence[float], budget: float
+) -> Array:
+    """The requests under the first of the pulls that keeps the error within the budget."""
+    leaning = problem.leaning(toward)
     last = stages(problem, SEARCH)[-1]
-    for pull in QUIETING:
-        quieter, _ = descend(problem, requests, last._replace(pull=pull), DAMPING[1])
-        reached = problem.exact_error(quieter)
-        if reached <= min(least * (1.0 + AS_WELL), at_most):
+    for pull in pulls:
+        quieter, _ = descend(leaning, requests, last._replace(pull=pull), DAMPING[1])
+        if problem.exact_error(quieter) <= budget:
             return quieter
     return requests
+
+
+def _averaged(problem: Tracking, requests: Array) -> Array:
+    """Each request's mean over as many neighbours as act on the joint at once, (n, joints)."""
+    half = max(problem.reach.width // 2, 1)
+    around = np.arange(-half, len(requests) + half)
+    count = len(requests)
+    padded = requests[around % count if problem.cyclic else np.clip(around, 0, count - 1)]
+    neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
+    average: Array = neighbours.mean(axis=-1)
+    return average
 
 
 def descend(

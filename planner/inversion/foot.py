@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from operator import itemgetter
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -80,15 +81,16 @@ def invert_foot(
     limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     norm: Norm = "rms",
     weights: npt.ArrayLike = (1.0, 1.0, 1.0),
+    unreachable: Literal["nearest", "raise"] = "nearest",
 ) -> FootInversion:
-    """Requests to all joints of a leg that bring its foot as close to a path as a search finds.
+    """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
     The joints err together: where none of them can follow, an error of one can make up for that of
     another. The search is that of :func:`planner.invert_optimal`, with the joints stacked and the
     foot's distance in place of the angle's, from the plans of the single joints on; the leg's
     kinematics and their derivatives come from CasADi.
 
-    Points that the leg cannot reach are followed as closely as it can: only the distance counts.
+    From rest the joints rest where the first point is, or nearest to it.
 
     Args:
         models: One joint model for all joints of the leg, or one for each.
@@ -99,6 +101,8 @@ def invert_foot(
             leg's own limits.
         norm: "rms" to minimise the root mean square distance, "max" the largest one.
         weights: How much each axis of the base frame counts, shape (3,).
+        unreachable: Points that the leg cannot reach are followed as closely as it can ("nearest";
+            the plan's ``reachable`` says which), or are an error that lists them ("raise").
 
     Returns:
         The plan.
@@ -111,21 +115,19 @@ def invert_foot(
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
     check_norm(norm)
-    joints = _one_for_each(models, leg)
+    joints = one_for_each(models, leg)
     importance = _checked_weights(weights)
-    solution = leg.inverse(foot, unreachable="nearest")
+    lower, upper = each_limit(limits, leg)
+    solution = leg.inverse(foot, unreachable=unreachable)
     wanted = np.array(foot, dtype=np.float64)
-    wanted.setflags(write=False)
     if len(wanted) < 3:
         raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
-    lower, upper = _each_limit(limits, leg)
     offsets = np.array([model.offset for model in joints])
     nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
     start = None if cyclic else nearest[0].copy()
-    goal = FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg))
     problem = Tracking(
         joints,
-        goal,
+        FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg)),
         nearest - offsets,
         cyclic=cyclic,
         norm=norm,
@@ -133,21 +135,8 @@ def invert_foot(
         start=start,
         ridge=RIDGE,
     )
-    singly = np.stack(
-        [
-            invert_optimal(model, column, cyclic=cyclic, limits=(low, high)).requests
-            for model, column, low, high in zip(joints, nearest.T, lower, upper, strict=True)
-        ],
-        axis=1,
-    )
-    singly = problem.admissible(singly)
-    at_most = problem.exact_error(singly)
-    answers = [improve(problem, singly, search) for search in SEARCHES]
-    requests, least = min(answers, key=itemgetter(1))
-    if not math.isfinite(least):
-        raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    requests = quieten(problem, requests, at_most=at_most)
-    for array in (requests, lower, upper, *([] if start is None else [start])):
+    requests = _search(problem, nearest)
+    for array in (requests, wanted, lower, upper, *([] if start is None else [start])):
         array.setflags(write=False)
     return FootInversion(
         models=joints,
@@ -159,7 +148,24 @@ def invert_foot(
         weights=importance,
         limits=(lower, upper),
         start=start,
+        reachable=solution.reachable,
     )
+
+
+def _search(problem: Tracking, nearest: Array) -> Array:
+    """The best requests found for the foot, from the plans for its joints one by one: (n, k)."""
+    singly = [
+        invert_optimal(model, column, cyclic=problem.cyclic, limits=(low, high)).requests
+        for model, column, low, high in zip(
+            problem.models, nearest.T, problem.lower, problem.upper, strict=True
+        )
+    ]
+    first = problem.admissible(np.stack(singly, axis=1))
+    answers = [improve(problem, first, search) for search in SEARCHES]
+    requests, least = min(answers, key=itemgetter(1))
+    if not math.isfinite(least):
+        raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
+    return quieten(problem, requests, at_most=problem.exact_error(first))
 
 
 def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
@@ -174,7 +180,8 @@ def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
     return roots / moved
 
 
-def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
+def one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
+    """The models of the leg's joints; raise InvalidInput where they do not fit."""
     count = len(leg.joint_names)
     try:
         joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
@@ -208,9 +215,7 @@ def _checked_weights(weights: npt.ArrayLike) -> Array:
     return importance
 
 
-def _each_limit(
-    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg
-) -> tuple[Array, Array]:
+def each_limit(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:
     """Smallest and largest request of every joint [rad], each of shape (k,)."""
     names = leg.joint_names
     given = leg.limits if limits is None else limits

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.inversion.norm import Norm
@@ -27,6 +28,7 @@ class FootInversion:
         norm: Distance that was minimised.
         weights: Weight of each axis in that distance, shape (3,).
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+        reachable: Which of the wanted positions the leg can reach, shape (n,).
         start: From rest: angles at which the joints rest before the first request [rad], (k,).
     """
 
@@ -38,6 +40,7 @@ class FootInversion:
     norm: Norm
     weights: Array
     limits: tuple[Array, Array]
+    reachable: npt.NDArray[np.bool_]
     start: Array | None = None
     method: str = "foot_optimal"
 
@@ -73,3 +76,16 @@ class FootInversion:
     def max_error(self) -> float:
         """Largest distance [m]."""
         return float(np.max(self.distances))
+
+    @property
+    def error(self) -> float:
+        """What was minimised [m]: in the plan's norm, the axes weighted, the heaviest by 1."""
+        roots = np.sqrt(self.weights / np.max(self.weights))
+        distances = np.linalg.norm((self.foot - self.wanted) * roots, axis=1)
+        return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change of any joint from one request to the next [rad], the seam included."""
+        seam = self.requests[-1:] if self.cyclic else self.requests[:1]
+        return float(np.max(np.abs(np.diff(np.vstack([seam, self.requests]), axis=0))))

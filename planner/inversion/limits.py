@@ -52,3 +52,16 @@ def check_within(limits: Limits, *, desired: Array, start: float | None, model: 
             f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
             "requests let the joint rest; clip the trajectory, or widen the limits"
         )
+
+
+def checked_tolerance(tolerance: float | None) -> float | None:
+    """The tolerance as a float, None where none is asked for; raise InvalidInput for no number."""
+    if tolerance is None:
+        return None
+    try:
+        number = float(tolerance)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not (math.isfinite(number) and number > 0.0):
+        raise InvalidInput(f"tolerance: got {tolerance!r}, expected a finite number above 0")
+    return number

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.model.joint import JointModel, advance
+from planner.model.joint import JointModel, advance, checked_model
 from planner.trajectory import Array
 
 Rule = Literal["paper", "exact"]
@@ -55,13 +55,15 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
     Warns:
         OutsideEquation13: The paper's rule is asked for a model for which it was not derived.
     """
+    model = checked_model(model)
     check_rule(rule)
     try:
-        slopes = np.asarray(slope, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"slope: got {slope!r}, expected a number or an array [rad/s]"
-        ) from error
+        given = np.asarray(slope)
+    except ValueError:  # rows of different lengths
+        given = np.asarray("ragged")
+    if given.dtype.kind not in "iuf":
+        raise InvalidInput(f"slope: got {slope!r}, expected a number or an array [rad/s]")
+    slopes = given.astype(np.float64)
     beyond = ~(np.abs(slopes) <= model.v_max * (1.0 + AT_TOP_SPEED))
     if np.any(beyond):
         raise InvalidInput(
@@ -72,6 +74,8 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
     solve = _exact if rule == "exact" else _paper
     lead = solve(model, per_tick.ravel()).reshape(slopes.shape)
     offsets: Array = np.sign(slopes) * lead - model.offset
+    offsets = np.asarray(offsets)
+    offsets.setflags(write=False)
     return float(offsets) if slopes.ndim == 0 else offsets
 
 
@@ -100,7 +104,7 @@ def _paper(model: JointModel, slope: Array) -> Array:
     """Equations 10 to 12 for slopes m >= 0 [rad/tick]."""
     v_max, theta_0 = model.v_max_per_tick, model.theta_0
     lag, acceleration = model.lag_ticks, model.acceleration_ticks
-    if not (theta_0 > v_max and 4.0 * theta_0 > v_max * acceleration):
+    if not model.keeps_equation_13:
         warnings.warn(
             "the paper's rule assumes theta_0 > v_max and 4 theta_0 > v_max a (Equation 13), which "
             f"this joint breaks: theta_0 = {theta_0:.4g} rad, v_max = {v_max:.4g} rad/tick, "

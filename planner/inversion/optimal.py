@@ -10,16 +10,17 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
-from planner.exceptions import InvalidInput, SolverFailed
-from planner.inversion.closed_form import requests_along, switching_time
+from planner.exceptions import SolverFailed
+from planner.inversion.closed_form import closed_form, requests_along, switching_time
 from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
 from planner.inversion.goal import FollowAngles
-from planner.inversion.limits import check_within, checked_limits
-from planner.inversion.line import interpolated_offset
+from planner.inversion.limits import check_within, checked_limits, checked_tolerance
+from planner.inversion.line import RULES, Rule, interpolated_offset
 from planner.inversion.norm import Norm, check_norm
+from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, follow, in_reach
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
@@ -47,9 +48,9 @@ def invert_optimal(
 
     The requests are the only unknowns; the angles are simulated, their derivatives written by
     CasADi. Damped Gauss-Newton steps, each at a cost in proportion to the length, lower the error
-    on a saturation whose rounded corners are sharpened stage by stage, from the closed form
-    onwards. Every stage is judged by the exact model, and the best requests are kept, so the plan
-    is never worse than the closed form (within the limits) that it starts from.
+    on a saturation whose rounded corners are sharpened stage by stage, from the closed form of the
+    best trajectory within ±v_max onwards. Every stage is judged by the exact model, and the best
+    requests are kept, so the plan is never worse than what it starts from.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
@@ -71,7 +72,9 @@ def invert_optimal(
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found under which the joint finds a cycle.
     """
+    model = checked_model(model)
     check_norm(norm)
+    tolerance = checked_tolerance(tolerance)
     desired = as_trajectory(desired, name="desired", minimum=3)
     start = checked_start(start, cyclic=cyclic)
     if not cyclic and start is None:
@@ -92,15 +95,8 @@ def invert_optimal(
         norm=norm,
         limits=checked,
         start=start,
-        tolerance=checked_tolerance(tolerance),
+        tolerance=tolerance,
     )
-
-
-def checked_tolerance(tolerance: float | None) -> float | None:
-    """The tolerance, if it is None or a positive number; else raise InvalidInput."""
-    if tolerance is not None and not tolerance > 0.0:
-        raise InvalidInput(f"tolerance: got {tolerance!r}, expected a number above 0")
-    return tolerance
 
 
 def search(problem: Tracking, desired: Array) -> Array:
@@ -110,7 +106,8 @@ def search(problem: Tracking, desired: Array) -> Array:
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
     requests than what it cannot. Where more binds than the top speed, which is all that the ideal
     knows of, and the plan stays far from it, further searches set out from that closed form itself,
-    from the desired angles, and from the desired angles as early as the joint is late.
+    from the desired angles, and from the desired angles as early as the joint is late; for short
+    cycles and joints that overshoot, from the closed forms of few lines as well.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -125,7 +122,12 @@ def search(problem: Tracking, desired: Array) -> Array:
     far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
     if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
         early = problem.admissible(_earlier(problem, switching_time(model) / model.period))
-        answers += [improve(problem, other) for other in (first, problem.resting, early)]
+        others = [first, problem.resting, early]
+        if short or model.v_max_per_tick > model.theta_0:  # where derivatives tell little
+            rules: tuple[Rule, ...] = RULES if model.keeps_equation_13 else ("exact",)
+            few_lines = (closed_form(problem, desired, rule=r, refining=MOST_WORK) for r in rules)
+            others += [requests for _, requests in few_lines]
+        answers += [improve(problem, other) for other in others]
     best, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")

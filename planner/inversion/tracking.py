@@ -25,7 +25,7 @@ EXACTLY_CLOSED = 1e-11
 """Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
 NEARBY = 0.01
-"""Change of the seam, relative to the corners' radius, that need not be run: its effect is linear."""
+"""Change of the seam, relative to the corners' radius, whose effect is all but linear."""
 
 PATIENCE = 3
 """Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
@@ -82,6 +82,19 @@ class Tracking:
     def limited(self) -> bool:
         """Whether any request has a limit."""
         return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
+
+    def leaning(self, toward: Array) -> Tracking:
+        """The same problem, leaning towards other requests where nothing else decides."""
+        return Tracking(
+            self.models,
+            self.goal,
+            toward,
+            cyclic=self.cyclic,
+            norm=self.norm,
+            limits=(self.lower, self.upper),
+            start=self.start,
+            ridge=self.ridge,
+        )
 
     @cached_property
     def reach(self) -> Reach:

@@ -176,6 +176,12 @@ class JointModel:
         """Acceleration time a [ticks]."""
         return _in_ticks(self.acceleration_time, self.tick)
 
+    @property
+    def keeps_equation_13(self) -> bool:
+        """Whether theta_0 > v_max and 4 theta_0 > v_max a, which the paper's inversion assumes."""
+        reached = self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
+        return self.theta_0 > reached
+
     @cached_property
     def window(self) -> Window:
         """Which requests drive the joint at one tick: w_i = |[i-1, i] ∩ [l, l+a]|, over a."""
@@ -188,6 +194,16 @@ class JointModel:
         weights = overlap / overlap.sum() if end > start else np.ones(1)
         weights.setflags(write=False)
         return Window(first, weights)
+
+
+def checked_model(model: object) -> JointModel:
+    """The model, or InvalidModel where it is none."""
+    if not isinstance(model, JointModel):
+        raise InvalidModel(
+            f"model: got {type(model).__name__}, expected a planner.JointModel, such as "
+            "JointModel.ers210a()"
+        )
+    return model
 
 
 def _number(name: str, value: object) -> float:

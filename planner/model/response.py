@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, NoSteadyCycle
-from planner.model.joint import JointModel, Window, advance
+from planner.model.joint import JointModel, Window, advance, checked_model
 from planner.trajectory import Array, as_trajectory
 
 CLOSED = 1e-12
@@ -49,6 +49,7 @@ def simulate(
         InvalidInput: ``start`` is given for a cycle, or not finite.
         NoSteadyCycle: The response does not settle.
     """
+    model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
     start = checked_start(start, cyclic=cyclic)
     pulls = np.repeat(requests + model.offset, model.hold)

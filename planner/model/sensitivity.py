@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model
 from planner.model.response import simulate
 from planner.model.transition import Linearised, acting, reach, transitions
 from planner.trajectory import Array, as_trajectory
@@ -38,6 +38,7 @@ def sensitivities(
         InvalidTrajectory, InvalidInput, NoSteadyCycle: as :func:`planner.simulate`; NoSteadyCycle
             also where a cycle has no derivative because no tick of it is unsaturated.
     """
+    model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
     n = len(requests)
     angles = simulate(model, requests, cyclic=cyclic, start=start)

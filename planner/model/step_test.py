@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import operator
+
 import numpy as np
 
 from planner.exceptions import InvalidInput
@@ -21,10 +24,19 @@ def step_test(amplitude: float, *, samples: int = 88) -> Array:
     Raises:
         InvalidInput: The amplitude is not finite, or the cycle cannot be halved.
     """
-    if not np.isfinite(amplitude):
-        raise InvalidInput(f"amplitude: got {amplitude}, expected a finite angle [rad]")
-    if samples < 2 or samples % 2:
-        raise InvalidInput(f"samples: got {samples}, expected an even number, 2 or more")
-    requests = np.zeros(samples)
-    requests[: samples // 2] = amplitude
+    try:
+        angle = float(amplitude)
+    except (TypeError, ValueError, OverflowError):
+        angle = math.nan
+    if not math.isfinite(angle):
+        raise InvalidInput(f"amplitude: got {amplitude!r}, expected a finite angle [rad]")
+    try:
+        count = operator.index(samples)
+    except TypeError:
+        count = 0
+    if count < 2 or count % 2:
+        raise InvalidInput(f"samples: got {samples!r}, expected an even number, 2 or more")
+    requests = np.zeros(count)
+    requests[: count // 2] = angle
+    requests.setflags(write=False)
     return requests
