@@ -36,6 +36,9 @@ BARELY = 1e-9
 ROUNDING = 1e-24
 """Mean squared error of samples of size one that is left to rounding."""
 
+NEARLY = 1.001
+"""Squared error over its bound up to which the values at a curve's knots are sought anew."""
+
 HOPEFUL = 3.0
 """Largest error over its bound beyond which raising weights is not tried."""
 
@@ -88,6 +91,8 @@ def within_rms(search: Search, bound: float, most: int | None, unit: float) -> C
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
+        if enough < curve.error <= NEARLY * enough:  # with values a little short of the best
+            curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
     found = _fewest(close_enough, search.fewest, last)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from planner.approximation.objective import Candidate, Problem
-from planner.approximation.relaxation import Bound, Levels, Potentials, Relaxation
-from planner.approximation.requirements import held
+from planner.approximation.potentials import climb, first_potentials
+from planner.approximation.relaxation import Levels, Potentials, Relaxation
 from planner.approximation.whole import WholeKnots
 from planner.exceptions import SolverFailed
-from planner.trajectory import Array
 
 PROVED = 1e-6
 """Relative distance of the squared error from the least that is left unproved."""
@@ -86,7 +86,8 @@ class _BranchAndBound:
         return self.best.error * (1.0 - PROVED) - 1e-12
 
     def _search(self) -> None:
-        root = Branch(-math.inf, 0, self._all_levels(), first_potentials(self._problem, self.best))
+        potentials = first_potentials(self._problem, self.best, self._relaxation.nodes)
+        root = Branch(-math.inf, 0, self._all_levels(), potentials)
         queue, number = [root], 0
         while queue:
             branch = heapq.heappop(queue)
@@ -96,8 +97,9 @@ class _BranchAndBound:
             if tightened is None:
                 continue
             if math.prod(len(level) for level in tightened.levels) <= FEW:
-                for knots in product(*tightened.levels):
-                    self._try(knots)
+                for chain in product(*tightened.levels):
+                    if self._relaxation.possible(chain):
+                        self._try(chain)
                 continue
             for half in _halves(tightened.levels):
                 number += 1
@@ -135,32 +137,15 @@ class _BranchAndBound:
                 level[cost < self._enough]
                 for level, cost in zip(levels, found.through, strict=True)
             ]
-            if pace < 0.05 or not self._climb(trial, found, pace, 1 + int(WIDEST / (1 + step / 6))):
+            reach = pace * (self.best.error - found.error)
+            width = 1 + int(WIDEST / (1.0 + step / 6.0))
+            if pace < 0.05 or not climb(self._relaxation, trial, found, reach, width):
                 break
         return Branch(highest, 0, levels, best)
 
-    def _climb(self, potentials: Potentials, found: Bound, pace: float, width: int) -> bool:
-        """Move the potentials up by a step of Polyak's; False if the chain's segments meet."""
-        by_into, by_out = self._relaxation.mismatches(found.chain, potentials)
-        square = float(by_into @ by_into + by_out @ by_out)
-        if square < 1e-20:
-            return False
-        step = 2.0 * pace * (self.best.error - found.error) / square
-        places = np.arange(self._problem.samples)
-        for t, knot in enumerate(found.chain):
-            away = np.abs(places - knot)
-            if self._problem.cyclic:
-                away = np.minimum(away, self._problem.samples - away)
-            near = np.maximum(0.0, 1.0 - away / width)
-            same = not np.isfinite(self._relaxation.pins[knot])
-            near = near if same else (away == 0).astype(np.float64)
-            potentials.into[t] += step * by_into[t] * near
-            potentials.out[t] += step * by_out[t] * near
-        return True
-
-    def _try(self, knots: object) -> None:
+    def _try(self, chain: Sequence[int]) -> None:
         """Remember the curve with these knots if it is the best so far."""
-        curve = self._curves.curve(np.array(knots, dtype=np.float64))
+        curve = self._curves.curve(np.array(chain, dtype=np.float64))
         if curve.error < self.best.error:
             self.best = curve
 
@@ -179,46 +164,3 @@ def _halves(levels: Levels) -> list[Levels]:
         if all(level.size for level in half):
             halves.append(half)
     return halves
-
-
-def first_potentials(problem: Problem, curve: Candidate) -> Potentials:
-    """The potentials that make ``curve`` the cheapest chain with its own knots.
-
-    A segment is at rest if twice the sum of its residuals, w (P - d), equals the potential at its
-    start less that at its end; the first one follows from a segment whose slope is free.
-    """
-    n = problem.samples
-    index = np.arange(n, dtype=np.float64)
-    fitted = np.interp(index, curve.knots, curve.values, period=n if problem.cyclic else None)
-    residual = problem.weights * (fitted - problem.desired)
-    along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
-    if not problem.cyclic:
-        along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
-        along[-1] = 0.0
-        along[0] = 0.0
-    else:
-        along += _first_of_cycle(problem, curve, residual, along)
-    table = np.tile(along, (curve.knots.size, 1))
-    _, pinned = held(problem, curve.knots)
-    del pinned
-    return Potentials(table, table.copy())
-
-
-def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
-    """What to add to the potentials of a cycle, from the segments whose slopes are free."""
-    n = problem.samples
-    ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
-    values = np.append(curve.values, curve.values[0])
-    found = []
-    for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
-        if abs(rise) >= problem.step * (j - i) * (1.0 - 1e-6):
-            continue
-        inside = np.arange(i, j + 1)
-        share = np.full(inside.size, 2.0)
-        share[[0, -1]] = 1.0
-        turn = float(share * residual[inside % n] @ (inside - i))
-        start = along[i % n]
-        end = start - float(share @ residual[inside % n])
-        # d/dm about the start: turn + end (j - i) = 0 at rest, with both raised by the answer.
-        found.append(-(turn + end * (j - i)) / (j - i))
-    return float(np.mean(found)) if found else 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from planner.approximation.question import Question
 from planner.approximation.requirements import BARELY_SHORT
 from planner.exceptions import Infeasible, InvalidInput
+from planner.trajectory import Array
 
 ROUNDING = 1e-13
 """Relative excess of a slope between two pins over v_max that is left to rounding."""
@@ -34,7 +35,7 @@ def check_feasible(question: Question) -> None:
         _check_errors(question, question.max_error)
 
 
-def _around(question: Question, places: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _around(question: Question, places: Array) -> Array:
     """Places with the first one again at the end, a cycle later."""
     return np.append(places, places[0] + question.desired.size)
 

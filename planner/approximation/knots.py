@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from planner.approximation.moments import moments
 from planner.approximation.objective import Problem
-from planner.approximation.requirements import allowed, in_place, nodes_of
+from planner.approximation.requirements import allowed, grid_of, in_place, nodes_of
 from planner.trajectory import Array
 
 Price = Literal["chord", "line"]
@@ -50,7 +50,7 @@ class KnotProposals:
         self._problem = problem
         self.nodes = grid_of(problem, last, count)
         count = self.nodes.size - 1
-        samples = problem.desired, ideal, problem.weights
+        sides = [problem.desired, ideal, problem.weights]
         if not problem.cyclic:
             self._starts = np.zeros(1, dtype=np.intp)
             nodes = self.nodes
@@ -60,14 +60,14 @@ class KnotProposals:
                 fixed = np.unique(nodes_of(problem.required) % last)
                 self._starts = np.searchsorted(self.nodes, fixed)[:ANCHORS]
             nodes = np.append(self.nodes[:-1], last + self.nodes)
-            samples = tuple(np.resize(side, 2 * last + 1) for side in samples)
+            sides = [np.resize(side, 2 * last + 1) for side in sides]
         possible = allowed(problem, nodes[:, None], nodes[None, :])
         self._all_nodes = nodes
         self._tables = {}
         self._costs = {}
         self._came_from: dict[Price, list[npt.NDArray[np.intp]]] = {}
         for price in PRICES:
-            table = prices(*samples, nodes=nodes, step=problem.step, price=price)
+            table = prices(*sides, nodes=nodes, step=problem.step, price=price)
             table[~possible] = np.inf
             # One table for every place where the cycle may begin, shape (anchors, m + 1, m + 1).
             self._tables[price] = np.stack(
@@ -120,13 +120,6 @@ class KnotProposals:
             int(self._starts[anchor]) + np.array(chain[::-1])
         ]
         return way[:-1] if self._cyclic else way
-
-
-def grid_of(problem: Problem, last: int, count: int) -> npt.NDArray[np.intp]:
-    """About ``count`` + 1 samples from 0 to ``last``, those of required knots among them."""
-    nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
-    fixed = nodes_of(problem.required)
-    return np.union1d(nodes, np.mod(fixed, last) if problem.cyclic else fixed)
 
 
 def prices(

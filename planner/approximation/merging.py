@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
-
 from itertools import accumulate
 
 import numpy as np
@@ -30,7 +29,9 @@ class MergedKnots:
         n = problem.samples
         every = np.arange(n, dtype=np.float64)
         if problem.shortest > 1.0 or problem.required.size:
-            every = spread(replace(problem, whole=True, required=nodes_of(problem.required) + 0.0))
+            every = spread(
+                replace(problem, whole=True, required=nodes_of(problem.required).astype(np.float64))
+            )
         last = n if problem.cyclic else n - 1
         self._first = int(every[0])
         self._grid = np.append(every, every[0] + n) if problem.cyclic else every
@@ -55,7 +56,7 @@ class MergedKnots:
 
     def _merge(self, stays: list[bool]) -> list[int]:
         """Samples in the order in which they cease to be knots."""
-        grid: list[int] = self._grid.tolist()
+        grid = [int(k) for k in self._grid]
         price, last = self._price, len(grid) - 1
         before = list(range(-1, last))
         after = list(range(1, last + 2))
@@ -91,7 +92,8 @@ class _LinePrice:
     def __init__(self, desired: Array, weights: Array, step: float) -> None:
         even = bool(np.all(weights == weights[0]))
         unit = 1 if even else FINENESS
-        heavy = [1] * desired.size if even else np.maximum(np.rint(weights * unit), 1.0).astype(int).tolist()
+        multiples = np.ones(desired.size) if even else np.maximum(np.rint(weights * unit), 1.0)
+        heavy = [int(multiple) for multiple in multiples]
         weights = np.array(heavy, dtype=np.float64) / unit
         k = np.arange(desired.size, dtype=np.float64)
         self._sums: list[list[float]] = [

@@ -10,6 +10,7 @@ and slope are independent of each other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from planner.approximation.moments import moments
 from planner.approximation.objective import Problem
-from planner.approximation.requirements import allowed
+from planner.approximation.requirements import allowed, nodes_of
 from planner.trajectory import Array
 
 Levels = list[npt.NDArray[np.intp]]
@@ -41,22 +42,32 @@ class Bound(NamedTuple):
 class Relaxation:
     """All segments between samples, with what their costs depend on."""
 
-    def __init__(self, problem: Problem) -> None:
-        """Sum the samples of all segments, those at their ends by half; memory O(n²)."""
+    def __init__(self, problem: Problem, nodes: npt.NDArray[np.intp] | None = None) -> None:
+        """Sum the samples of all segments, those at their ends by half.
+
+        Args:
+            problem: What to approximate.
+            nodes: Samples where knots may lie, increasing, those of required knots and of a path's
+                ends among them; by default all. Memory takes their number squared.
+        """
         n = self.samples = problem.samples
+        self.nodes = np.arange(n) if nodes is None else nodes
         self.cyclic, self.step = problem.cyclic, problem.step
-        count = 2 * n if problem.cyclic else n
-        desired, weights = np.resize(problem.desired, count), np.resize(problem.weights, count)
-        nodes = np.arange(count)
+        desired, weights = problem.desired, problem.weights
+        nodes = self.nodes
+        if problem.cyclic:
+            desired, weights = np.resize(desired, 2 * n), np.resize(weights, 2 * n)
+            nodes = np.append(nodes, nodes + n)
+        count = nodes.size
         start, end = nodes[:, None], nodes[None, :]
         sums = moments(desired, weights, start, end)
         first, last = np.full(count, 0.5), np.full(count, 0.5)
         if not problem.cyclic:
             first[0], last[-1] = 1.0, 0.0
-        first, last = (first * weights)[:, None], (last * weights)[None, :]
+        first, last = first[:, None] * weights[start], last[None, :] * weights[end]
         length = (end - start).astype(np.float64)
         possible = allowed(problem, start, end)
-        d_i, d_j = desired[:, None], desired[None, :]
+        d_i, d_j = desired[start], desired[end]
         w0 = np.where(possible, sums.w0 + first - last, 1.0)
         self.centre = (sums.w1 - last * length) / w0
         self.mean = (sums.d0 + first * d_i - last * d_j) / w0
@@ -68,8 +79,10 @@ class Relaxation:
         error = square - w0 * self.mean**2 - self.slope * sxd
         self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
         self.w0, self.length = w0, length
-        self.pins = np.full(n, np.nan)
-        self.pins[problem.required.astype(np.intp)] = problem.pins
+        self.pins = np.full(self.nodes.size, np.nan)
+        fixed = nodes_of(problem.required)
+        places = np.searchsorted(self.nodes, np.mod(fixed, n) if problem.cyclic else fixed)
+        self.pins[places] = problem.pins
 
     def prices(self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], p: Array, q: Array) -> Array:
         """Least costs of segments from ``i`` to ``j``, charged ``p`` there and ``q`` here."""
@@ -77,6 +90,28 @@ class Relaxation:
         error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
         error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
         return np.asarray(error)
+
+    def possible(self, chain: Sequence[int]) -> bool:
+        """Whether these knots are in order, none too close, and no required one between them."""
+        ends = [*chain, chain[0] + self.nodes.size] if self.cyclic else list(chain)
+        return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
+
+    def places(self, chain: Sequence[int]) -> Array:
+        """Knots of a chain of nodes [samples]; beyond the cycle where it is."""
+        count = self.nodes.size
+        turns = np.array(chain) // count
+        last = self.nodes[np.array(chain) % count]
+        return np.asarray(last + turns * self.samples, dtype=np.float64)
+
+    def around(self, node: int, width: int) -> Array:
+        """How much each node learns from a mismatch at ``node``, shape (m,); at a pin only it."""
+        count = self.nodes.size
+        away = np.abs(np.arange(count) - node % count)
+        if self.cyclic:
+            away = np.minimum(away, count - away)
+        if np.isfinite(self.pins[node % count]):
+            return np.asarray(away == 0, dtype=np.float64)
+        return np.asarray(np.maximum(0.0, 1.0 - away / width))
 
     def ends(self, i: int, j: int, p: float, q: float) -> tuple[float, float]:
         """Values of the cheapest line at ``i`` and ``j``."""
@@ -102,7 +137,7 @@ class Relaxation:
         pin = np.nan_to_num(self.pins)
         steps = [(t, t + 1, 0) for t in range(last)]
         if self.cyclic:
-            steps.append((last, 0, self.samples))
+            steps.append((last, 0, self.nodes.size))
         for t, u, turn in steps:
             i, j = levels[t][:, None], levels[u][None, :]
             table = self.prices(i, j + turn, out[t, i], into[u, j])
@@ -134,13 +169,14 @@ class Relaxation:
     def mismatches(self, chain: list[int], potentials: Potentials) -> tuple[Array, Array]:
         """Slopes of the bound by the potentials at the knots of its chain: into, out."""
         into, out = potentials
-        size, n = len(chain), self.samples
+        size, n = len(chain), self.nodes.size
         arriving, leaving = np.zeros(size), np.zeros(size)
+        own = [node % n for node in chain]
         for t in range(size if self.cyclic else size - 1):
             u = (t + 1) % size
-            i, j = chain[t], chain[u] + n * (u == 0)
-            leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, chain[u]])
-        pins = self.pins[chain]
+            i, j = own[t], own[u] + n * (own[u] <= own[t])
+            leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, own[u]])
+        pins = self.pins[own]
         pinned = np.isfinite(pins)
         by_into = np.where(pinned, arriving - pins, arriving - leaving)
         by_out = np.where(pinned, pins - leaving, arriving - leaving)

@@ -1,4 +1,4 @@
-"""What knots have to obey besides slopes: where they must be, what the curve is there, how close."""
+"""What knots obey besides slopes: where they must be, what the curve is there, how close."""
 
 from __future__ import annotations
 
@@ -18,9 +18,7 @@ BARELY_SHORT = 1e-9
 """Lack of length [samples] that is left to rounding."""
 
 
-def held(
-    problem: Problem, knots: Array
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def held(problem: Problem, knots: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """Which knots may not move, and which of their values, each shape (K,)."""
     fixed = np.full(knots.size, problem.whole)
     pinned = np.zeros(knots.size, dtype=bool)
@@ -78,6 +76,13 @@ def nodes_of(required: Array) -> npt.NDArray[np.intp]:
     return np.floor(required + 0.5).astype(np.intp)
 
 
+def grid_of(problem: Problem, last: int, count: int) -> npt.NDArray[np.intp]:
+    """About ``count`` + 1 samples from 0 to ``last``, those of required knots among them."""
+    nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
+    fixed = nodes_of(problem.required)
+    return np.union1d(nodes, np.mod(fixed, last) if problem.cyclic else fixed)
+
+
 def in_place(problem: Problem, knots: Array) -> Array | None:
     """Knots from a grid of samples with the required ones where they belong.
 
@@ -97,7 +102,9 @@ def in_place(problem: Problem, knots: Array) -> Array | None:
     return moved if np.all(np.diff(ends) >= problem.shortest - BARELY_SHORT) else None
 
 
-def allowed(problem: Problem, start: Array, end: Array) -> npt.NDArray[np.bool_]:
+def allowed(
+    problem: Problem, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
+) -> npt.NDArray[np.bool_]:
     """Whether a segment may lead from one node to another, by length and required knots."""
     possible = end - start >= max(problem.shortest - 0.5 * (problem.required.size > 0), 1.0)
     for node in nodes_of(problem.required):

@@ -10,10 +10,12 @@ import numpy as np
 
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
+from planner.approximation.grow import sharpest_knot, with_one_more
+from planner.approximation.guided import GuidedKnots
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
-from planner.approximation.objective import Candidate, Problem, candidate, residuals
+from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
 from planner.approximation.requirements import at_rest, gaps, reachable, spread
@@ -36,6 +38,12 @@ ROUNDS = 15
 
 DESCENTS = 2
 """Starts, of all that are proposed, from which a descent is begun."""
+
+WORTH_GUIDING = 1.01
+"""Squared error over the ideal from which on knots are sought with potentials."""
+
+WORTH_A_DESCENT = 1.3
+"""Squared error over the best so far up to which a curve on a grid is descended from."""
 
 MOST_PROPOSED = 32
 """Segments up to which knots are sought by shortest paths; beyond, by merging."""
@@ -123,6 +131,10 @@ class Search:
         return KnotProposals(self.problem, self.ideal)
 
     @cached_property
+    def _guided(self) -> GuidedKnots:
+        return GuidedKnots(self.problem)
+
+    @cached_property
     def _whole(self) -> WholeKnots:
         return WholeKnots(self.problem)
 
@@ -136,25 +148,32 @@ class Search:
             return self.exact
         extended = None
         if segments - 1 in self._found or self.fewest < segments <= LARGEST_WINDOW:
-            extended = _with_one_more(self.problem, self.curve(segments - 1))
+            extended = with_one_more(self.problem, self.curve(segments - 1))
             if extended is not None and extended.error <= self._nothing_to_gain:
                 return extended
         if segments > MOST_PROPOSED:
             merged = self._merged(segments)
             merged = spread(self.problem, segments) if merged is None else merged
-            return self._descend(self._valued(merged), FIRST_ROUNDS)
-        starts = [self._valued(knots) for knots in self._propose(segments)]
+            return self._descend(self.valued(merged), FIRST_ROUNDS)
+        starts = [self.valued(knots) for knots in self._propose(segments)]
         if not starts:
-            starts.append(self._valued(spread(self.problem, segments)))
+            starts.append(self.valued(spread(self.problem, segments)))
         if extended is not None:
             starts.append(extended)
         best = self._best_of(starts)
         if segments > LARGEST_WINDOW:
             return best
-        anchor = _sharpest_knot(self.problem, best) if self.problem.cyclic else 0
+        anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
+        guided = None
+        if best.error > WORTH_GUIDING * self.ideal_error:
+            guided = self._guided(best, float(best.knots[anchor]))
+        if guided is not None and guided.error < WORTH_A_DESCENT * best.error:
+            best = min(best, self._best_of([guided]), key=_error)
+        if self.problem.cyclic:
+            anchor = sharpest_knot(self.problem, best)
         around = rechained(self.problem, self.ideal, best, anchor=anchor)
         if around is not None:
-            best = min(best, self._best_of([self._valued(around)]), key=_error)
+            best = min(best, self._best_of([self.valued(around)]), key=_error)
         return best
 
     @property
@@ -170,7 +189,7 @@ class Search:
         ]
         return self._descend(min(begun, key=_error), ROUNDS)
 
-    def _valued(self, knots: Array) -> Candidate:
+    def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
         if knots.size > LARGEST_WINDOW:
             values = within_slopes(
@@ -193,38 +212,3 @@ class Search:
 
 def _error(curve: Candidate) -> float:
     return curve.error
-
-
-def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
-    """Number of the knot of a cycle at which the slope changes most."""
-    ends = np.append(curve.knots, curve.knots[0] + problem.samples)
-    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
-    return int(np.argmax(np.abs(slopes - np.roll(slopes, 1))))
-
-
-def _with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
-    """The same curve with one more knot, in the worst segment that is long enough for it."""
-    ends, values = curve.knots, curve.values
-    index = np.arange(problem.samples, dtype=np.float64)
-    if problem.cyclic:
-        ends, values = np.append(ends, ends[0] + problem.samples), np.append(values, values[0])
-        index = ends[0] + np.mod(index - ends[0], problem.samples)
-    length = np.diff(ends)
-    segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, length.size - 1)
-    squares = problem.weights * residuals(problem, curve.knots, curve.values) ** 2
-    worst = np.bincount(segment, squares, minlength=length.size)
-    shortest = math.ceil(problem.shortest) if problem.whole else problem.shortest
-    long_enough = length >= 2.0 * shortest
-    if not np.any(long_enough):
-        return None
-    split = int(np.argmax(np.where(long_enough, worst + 1e-12 * length, -1.0)))
-    share = 0.5
-    if problem.whole:
-        share = math.floor(0.5 * length[split]) / length[split]
-    knot = ends[split] + share * length[split]
-    value = values[split] + share * (values[split + 1] - values[split])
-    return Candidate(
-        np.insert(curve.knots, split + 1, knot),
-        np.insert(curve.values, split + 1, value),
-        curve.error,
-    )

@@ -88,12 +88,12 @@ def _exact(search: Search, question: Question, unit: float) -> tuple[Array, Arra
         best = proved_best(search.problem, search.curve(question.segments))
         return search.settled(best, None)
     last = search.most if question.segments is None else min(question.segments, search.most)
-    best = None
+    least = math.inf
     for segments in range(search.fewest, last + 1):
         best = proved_best(search.problem, search.curve(segments))
-        if math.sqrt(best.error / n) <= question.max_rms / unit * (1.0 + BARELY):
+        least = math.sqrt(best.error / n) * unit
+        if least <= question.max_rms * (1.0 + BARELY):
             return search.settled(best, None)
-    least = math.inf if best is None else math.sqrt(best.error / n) * unit
     raise Infeasible(
         f"max_rms and the number of segments: got {question.max_rms:.6g} rad, but {last} segments "
         f"with knots on samples reach {least:.6g} rad at best; allow more error or more segments"
@@ -165,4 +165,3 @@ def _pinned_course(problem: Problem, knots: Array) -> Array:
     pinned = np.isfinite(problem.pins)
     places, pins = problem.required[pinned], problem.pins[pinned]
     return np.interp(knots, places, pins, period=problem.samples if problem.cyclic else None)
-
