@@ -19,8 +19,11 @@ from planner.approximation.relaxation import Potentials, Relaxation
 from planner.approximation.requirements import gaps, grid_of, in_place, nodes_of
 from planner.trajectory import Array
 
-GRID = 64
+GRID_OF_PATH, GRID_OF_CYCLE = 96, 64
 """Most nodes: a chain takes their number squared, for every start of a cycle."""
+
+SHARPEST = 12
+"""Samples with the largest second differences that are nodes in any case."""
 
 STARTS = 12
 """Nodes of a cycle at which chains may begin: around its sharpest corner."""
@@ -39,7 +42,14 @@ class GuidedKnots:
         """Sum the samples between the nodes."""
         self._problem = problem
         last = problem.samples if problem.cyclic else problem.samples - 1
-        nodes = grid_of(problem, last, min(last, GRID))
+        most = GRID_OF_CYCLE if problem.cyclic else GRID_OF_PATH
+        nodes = grid_of(problem, last, min(last, most))
+        if nodes.size <= last:
+            d = problem.desired
+            bend = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1))
+            if not problem.cyclic:
+                bend[[0, -1]] = 0.0
+            nodes = np.union1d(nodes, np.argsort(-bend, kind="stable")[:SHARPEST])
         self._relaxation = Relaxation(problem, nodes[:-1] if problem.cyclic else nodes)
 
     def __call__(self, curve: Candidate, sharpest: float) -> Candidate | None:
