@@ -68,6 +68,43 @@ class Question:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
 
 
+def question_of(
+    desired: Array,
+    *,
+    v_max: float,
+    tick: float,
+    cyclic: bool,
+    segments: int | None,
+    max_error: float | None,
+    max_rms: float | None,
+    knots: npt.ArrayLike | None,
+    required: Required,
+    shortest: float,
+    weights: npt.ArrayLike | None,
+    ends: Ends,
+    on_samples: bool,
+    exact: bool,
+) -> Question:
+    """The question, every argument of :func:`planner.fit_pwl` checked on its own."""
+    places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
+    return Question(
+        desired=desired,
+        weights=checked_weights(weights, desired.size),
+        v_max=positive("v_max", v_max, "rad/s"),
+        tick=positive("tick", tick, "s"),
+        cyclic=cyclic,
+        segments=checked_segments(segments, desired, cyclic=cyclic),
+        max_error=None if max_error is None else positive("max_error", max_error, "rad"),
+        max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
+        knots=checked_all_knots(knots, desired.size, cyclic=cyclic),
+        required=places,
+        pins=pins,
+        shortest=checked_shortest(shortest),
+        on_samples=on_samples or exact,
+        exact=exact,
+    )
+
+
 def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
     """The weights with mean 1, or None where all are the same."""
     if weights is None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.approximation.choose import BARELY, automatic, within, within_rms
 from planner.approximation.exact import LARGEST_EXACT, proved_best
+from planner.approximation.feasible import check_feasible
 from planner.approximation.fixed import best_at
 from planner.approximation.objective import Problem
 from planner.approximation.question import KNOT_UNIT, Question
@@ -20,7 +21,13 @@ from planner.trajectory import Array
 
 
 def knots_and_values(question: Question) -> tuple[Array, Array]:
-    """The answer: knots [samples] and values [rad], slopes within ±v_max to the last digit."""
+    """The answer: knots [samples] and values [rad], slopes within ±v_max to the last digit.
+
+    Raises:
+        Infeasible: There is none; names the pair of requirements that contradict each other.
+        SolverFailed: A solver stopped short.
+    """
+    check_feasible(question)
     pins = question.pins[np.isfinite(question.pins)]
     given = np.concatenate([question.desired, pins])
     middle = 0.5 * (float(given.max()) + float(given.min()))
