@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from planner._version import __version__
     from planner.approximation.fit import fit_pwl
+    from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
         Infeasible,
         InvalidFile,
         InvalidInput,
         InvalidModel,
         InvalidTrajectory,
+        MissingExtra,
         NoSteadyCycle,
         OutsideEquation13,
         PlannerError,
@@ -22,7 +24,8 @@ if TYPE_CHECKING:
     from planner.gait import half_ellipse, reference_walk
     from planner.inversion.bound import lower_bound
     from planner.inversion.closed_form import invert_closed_form
-    from planner.inversion.foot import FootInversion, invert_foot
+    from planner.inversion.foot import invert_foot
+    from planner.inversion.foot_result import FootInversion
     from planner.inversion.line import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
@@ -39,11 +42,13 @@ __all__ = [
     "InvalidTrajectory",
     "Inversion",
     "JointModel",
+    "MissingExtra",
     "NoSteadyCycle",
     "OutsideEquation13",
     "PlannerError",
     "SolverFailed",
     "__version__",
+    "cross_check",
     "fit_pwl",
     "half_ellipse",
     "invert_closed_form",
@@ -59,12 +64,14 @@ __all__ = [
 _HOMES = {
     "planner._version": ("__version__",),
     "planner.approximation.fit": ("fit_pwl",),
+    "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
         "Infeasible",
         "InvalidFile",
         "InvalidInput",
         "InvalidModel",
         "InvalidTrajectory",
+        "MissingExtra",
         "NoSteadyCycle",
         "OutsideEquation13",
         "PlannerError",
@@ -73,7 +80,8 @@ _HOMES = {
     "planner.gait": ("half_ellipse", "reference_walk"),
     "planner.inversion.bound": ("lower_bound",),
     "planner.inversion.closed_form": ("invert_closed_form",),
-    "planner.inversion.foot": ("FootInversion", "invert_foot"),
+    "planner.inversion.foot": ("invert_foot",),
+    "planner.inversion.foot_result": ("FootInversion",),
     "planner.inversion.line": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),

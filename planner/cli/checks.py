@@ -8,21 +8,17 @@ import click
 
 if TYPE_CHECKING:
     from planner.inversion.result import Inversion
+    from planner.trajectory import Array
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
 
 
-def check_plan(
-    joint: str, inversion: Inversion, limits: tuple[float, float] | None, *, by_user: bool
-) -> None:
-    """Make sure that the requests keep to their limits, and that the error is not below its bound.
-
-    The closed form knows no limits: beyond those of the leg it earns a warning, beyond those that
-    the user has asked for it fails.
+def check_bound(joint: str, inversion: Inversion) -> None:
+    """Make sure that the error is not below what no requests can go below.
 
     Raises:
-        click.ClickException: A check failed.
+        click.ClickException: It is, so that one of the two is wrong.
     """
     import numpy as np
 
@@ -33,18 +29,35 @@ def check_plan(
             f"{np.degrees(inversion.lower_bound):.6g} deg; please report this with the path and "
             "the model"
         )
-    if limits is None:
-        return
+
+
+def check_limits(
+    joint: str, requests: Array, limits: tuple[float, float], *, may_exceed: bool
+) -> None:
+    """Make sure that the requests [rad] of a joint keep to its limits [rad].
+
+    Args:
+        joint: The joint, for the message.
+        requests: Its requests [rad], shape (n,).
+        limits: Smallest and largest of them that are allowed [rad].
+        may_exceed: Whether requests beyond them deserve a warning only: the closed form knows no
+            limits, so those of the leg, which the user has not asked for, do not fail it.
+
+    Raises:
+        click.ClickException: A request is beyond them.
+    """
+    import numpy as np
+
     lower, upper = limits
-    excess = np.maximum(lower - inversion.requests, inversion.requests - upper)
+    excess = np.maximum(lower - requests, requests - upper)
     worst = int(np.argmax(excess))
     if excess[worst] <= ROUNDING:
         return
     message = (
-        f"{joint}: request {worst} is {np.degrees(inversion.requests[worst]):.2f} deg, beyond the "
+        f"{joint}: request {worst} is {np.degrees(requests[worst]):.2f} deg, beyond the "
         f"limits {np.degrees(lower):.2f} to {np.degrees(upper):.2f}; "
         "--method optimal keeps to them"
     )
-    if by_user or inversion.method != "closed_form":
+    if not may_exceed:
         raise click.ClickException(message)
     click.echo(f"request-planner: warning: {message}", err=True)

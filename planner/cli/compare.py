@@ -1,22 +1,28 @@
-"""``request-planner compare``: the ways to plan, side by side."""
+"""``request-planner compare``: the ways to plan, side by side, with a verdict."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import legs, options
+from planner.cli.limits import Limits, parse_limits
 from planner.cli.limits import option as limits_option
-from planner.cli.limits import parse_limits
-from planner.cli.say import print_json, summarise
-from planner.cli.wanted import load_wanted
+from planner.cli.say import print_json, summarise, to_json
+from planner.cli.wanted import Wanted, load_wanted
 
 if TYPE_CHECKING:
-    from planner.inversion.result import Inversion
+    from kinematics import Leg
+    from planner.evaluation.cross_check import CrossCheck
+
+PICTURES = (".png", ".svg")
+"""Endings of picture files."""
 
 
-@click.command(short_help="Closed form and optimised requests, side by side.")
+@click.command(short_help="Closed form against optimised requests, with a verdict.")
 @click.argument("path")
 @legs.options
 @legs.unreachable
@@ -24,21 +30,43 @@ if TYPE_CHECKING:
 @options.joints
 @options.cyclic
 @options.segments
+@click.option(
+    "--norm",
+    type=click.Choice(["rms", "max"]),
+    default="rms",
+    show_default=True,
+    help="Error that optimised requests make small.",
+)
+@click.option(
+    "--level",
+    type=click.Choice(["slope", "envelope", "exact"]),
+    default="envelope",
+    show_default=True,
+    help="Sharpest bound to compute; 'exact' takes seconds.",
+)
 @limits_option
+@click.option("--figure", metavar="FILE", help="Write the picture; .png or .svg.")
+@click.option("--out", metavar="DIR", help="Write JSON, requests (CSV) and pictures to a folder.")
 @options.as_json
-def compare(*, path: str, segments: int | None, as_json: bool, **choices: Any) -> None:
+def compare(
+    *, path: str, figure: str | None, out: str | None, as_json: bool, **choices: Any
+) -> None:
     """Plan PATH by the closed form with both of its rules and by optimisation, and compare.
 
-    PATH is what `plan` takes. For each joint: the error of each plan, its gap over what no requests
-    whatever can go below, and how far its requests are from the optimised ones at most.
+    PATH is what `plan` takes. Says how good each plan is and how good any could be, where the
+    requests differ and why, and whether the plans agree with an independent simulation and with
+    each other. Exit status 1 if they do not.
 
     \b
-    Example, on a foot path:
-        request-planner gait | request-planner compare - --leg reference --unreachable clamp
+    Example, a foot path, with a picture:
+        request-planner gait -o foot.csv
+        request-planner compare foot.csv --leg reference --unreachable clamp --figure compare.png
     """  # noqa: D301
-    from planner.inversion.closed_form import invert_closed_form
-    from planner.inversion.optimal import invert_optimal
+    from planner.evaluation.cross_check import cross_check
+    from planner.report.comparison_text import comparison_text, verdict_line
 
+    if figure is not None and Path(figure).suffix.lower() not in PICTURES:
+        raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
     leg = legs.load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
     wanted = load_wanted(
         path,
@@ -47,69 +75,89 @@ def compare(*, path: str, segments: int | None, as_json: bool, **choices: Any) -
         leg=leg,
         unreachable=choices["unreachable"],
     )
+    wanted, leg = _in_order_of(leg, wanted)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
-    cyclic = choices["cyclic"]
-    plans: dict[str, dict[str, Inversion]] = {}
-    for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
-        desired = wanted.angles[:, j]
-        plans[name] = {
-            "closed_form_paper": invert_closed_form(
-                joint, desired, cyclic=cyclic, segments=segments, rule="paper"
-            ),
-            "closed_form_exact": invert_closed_form(
-                joint, desired, cyclic=cyclic, segments=segments, rule="exact"
-            ),
-            "optimal": invert_optimal(joint, desired, cyclic=cyclic, limits=limits.get(name)),
-        }
-    document = {
-        name: {
-            "lower_bound_deg": _degrees(methods["optimal"].lower_bound),
-            "methods": {key: _document(each, methods["optimal"]) for key, each in methods.items()},
-        }
-        for name, methods in plans.items()
-    }
+    check = cross_check(
+        wanted.models,
+        wanted.angles,
+        cyclic=choices["cyclic"],
+        limits=_by_column(limits, wanted.names),
+        segments=choices["segments"],
+        leg=leg,
+        norm=choices["norm"],
+        level=choices["level"],
+        names=wanted.names,
+    )
+    document = {**check.to_dict(), "unreachable_samples": wanted.moved}
+    if figure is not None:
+        _write_picture(Path(figure), check)
+    if out is not None:
+        _write_folder(out, check, document)
     if as_json:
-        print_json({"cyclic": cyclic, "period_s": wanted.period, "joints": document})
-        return
-    click.echo(_table(document))
-    if wanted.moved:
-        summarise(f"{wanted.moved} samples were out of the leg's reach")
+        print_json(document)
+    else:
+        click.echo(comparison_text(check))
+        if wanted.moved:
+            summarise(f"{wanted.moved} samples were out of the leg's reach")
+    if not check.passed:
+        raise click.ClickException(verdict_line(check))
+    if not as_json:
+        summarise(verdict_line(check))
 
 
-def _document(inversion: Inversion, optimal: Inversion) -> dict[str, float]:
+def _in_order_of(leg: Leg | None, wanted: Wanted) -> tuple[Wanted, Leg | None]:
+    """The joints in the order of the leg; no leg where some of its joints are not there."""
+    if leg is None or set(wanted.names) != set(leg.joint_names):
+        return wanted, None
+    columns = [wanted.names.index(name) for name in leg.joint_names]
+    models = tuple(wanted.models[column] for column in columns)
+    angles = wanted.angles[:, columns]
+    return replace(wanted, names=leg.joint_names, models=models, angles=angles), leg
+
+
+def _by_column(
+    limits: Limits, names: tuple[str, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Limits of all joints [rad]; infinite for those that have none."""
+    if not limits:
+        return None
+    free = (float("-inf"), float("inf"))
+    lower, upper = zip(*(limits.get(name, free) for name in names), strict=True)
+    return lower, upper
+
+
+def _write_picture(file: Path, check: CrossCheck) -> None:
+    from planner.files.text import write_bytes, write_text
+    from planner.report.draw_comparison import draw_comparison
+    from planner.report.render import to_png, to_svg
+
+    drawn = draw_comparison(check)
+    if file.suffix.lower() == ".svg":
+        write_text(file, to_svg(drawn))
+    else:
+        write_bytes(file, to_png(drawn))
+
+
+def _write_folder(out: str, check: CrossCheck, document: dict[str, Any]) -> None:
     import numpy as np
 
-    return {
-        "rms_deg": _degrees(inversion.rms),
-        "max_deg": _degrees(inversion.max_error),
-        "gap": inversion.gap,
-        "largest_request_difference_deg": _degrees(
-            float(np.max(np.abs(inversion.requests - optimal.requests)))
-        ),
-    }
+    from planner.files.joint_path import write_joint_path
+    from planner.files.output_folder import list_files, output_folder
+    from planner.files.text import write_text
 
-
-def _table(document: dict[str, Any]) -> str:
-    from planner.report.text_table import percent, text_table
-
-    rows = []
-    for name, joint in document.items():
-        for key, method in joint["methods"].items():
-            rows.append(
-                [
-                    f"{name}, {key.replace('_', ' ')}",
-                    f"{method['rms_deg']:.3f}",
-                    f"{method['max_deg']:.3f}",
-                    percent(method["gap"]),
-                    f"{method['largest_request_difference_deg']:.2f}",
-                ]
+    names = [joint.name for joint in check.joints]
+    with output_folder(out) as folder:
+        for method in check.joints[0].plans:
+            requests = np.column_stack([joint.plans[method].requests for joint in check.joints])
+            write_joint_path(
+                folder / f"requests_{method}.csv", names, requests, period=check.period
             )
-        rows.append([f"{name}, no plan below", f"{joint['lower_bound_deg']:.3f}", "", "", ""])
-    header = ["joint, method", "rms [deg]", "max [deg]", "gap", "requests differ by [deg]"]
-    return text_table(header, rows)
-
-
-def _degrees(angle: float) -> float:
-    import numpy as np
-
-    return float(np.degrees(angle))
+        if check.foot is not None:
+            requests = check.foot.plans["foot_optimal"].requests
+            write_joint_path(
+                folder / "requests_foot_optimal.csv", names, requests, period=check.period
+            )
+        for ending in PICTURES:
+            _write_picture(folder / f"comparison{ending}", check)
+        written = {**document, "files": list_files(folder)}
+        write_text(folder / "results.json", to_json(written))

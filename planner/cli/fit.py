@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.fit_options import add_fit_options, asked
-from planner.cli.say import deliver
+from planner.cli.say import deliver, naming
 from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
@@ -66,18 +66,18 @@ def fit(
         raise click.UsageError(
             f"--figure: got '{figure}', expected a name that ends in .svg or .png."
         )
-    wanted = load_wanted(desired, model=model, joints=joints)
+    wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False)
     if knots_file is not None and len(wanted.names) > 1:
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(wanted.names)}; choose one with --joint."
         )
-    question = asked(given, wanted.period)
-    fits = {
-        name: fit_pwl(
-            wanted.angles[:, j], v_max=joint.v_max, tick=joint.period, cyclic=cyclic, **question
-        )
-        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True))
-    }
+    question = asked({**given, "cyclic": cyclic}, wanted.period)
+    fits = {}
+    for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+        with naming(name):
+            fits[name] = fit_pwl(
+                wanted.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
+            )
     document = {
         "cyclic": cyclic,
         "period_s": wanted.period,

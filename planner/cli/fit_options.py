@@ -67,7 +67,8 @@ def asked(options: dict[str, Any], period: float) -> dict[str, Any]:
         period: Time between samples [s].
 
     Raises:
-        click.UsageError: An error or a duration is not above 0, or a required knot is unreadable.
+        click.UsageError: An error or a duration is not above 0, a required knot is unreadable, or a
+            cycle is to have ends.
     """
     for name in ("max_error", "max_rms", "shortest_s"):
         value = options[name]
@@ -76,11 +77,15 @@ def asked(options: dict[str, Any], period: float) -> dict[str, Any]:
             raise click.UsageError(
                 f"--{name.replace('_', '-')}: got {value:g}, expected more than 0 {unit}."
             )
-    ends = tuple(None if angle is None else math.radians(angle) for angle in _ends(options))
+    ends = options["start_deg"], options["end_deg"]
+    for name, angle in zip(("--start-deg", "--end-deg"), ends, strict=True):
+        if options["cyclic"] and angle is not None:
+            raise click.UsageError(f"{name}: a cycle has no ends; add --no-cyclic.")
     given: dict[str, Any] = {
+        "cyclic": options["cyclic"],
         "segments": options["segments"],
         "required": dict(_knot(text, period) for text in options["required_s"]),
-        "ends": ends,
+        "ends": tuple(None if angle is None else math.radians(angle) for angle in ends),
         "on_samples": options["on_samples"],
         "exact": options["exact"],
     }
@@ -92,10 +97,6 @@ def asked(options: dict[str, Any], period: float) -> dict[str, Any]:
     if options["knot_s"]:
         given["knots"] = [_samples(time, period) for time in options["knot_s"]]
     return given
-
-
-def _ends(options: dict[str, Any]) -> tuple[float | None, float | None]:
-    return options["start_deg"], options["end_deg"]
 
 
 def _samples(time: float, period: float) -> float:

@@ -27,7 +27,7 @@ def parse_limits(given: Sequence[str], joints: Sequence[str], from_leg: Limits) 
     limits = dict(from_leg)
     for entry in sorted(given, key=lambda entry: "=" in entry):  # single joints have the last word
         match = re.fullmatch(r"(?:(.+)=)?([^:=]+):([^:=]+)", entry)
-        low, high = (_angle(match[2]), _angle(match[3])) if match else (math.nan, math.nan)
+        low, high = (finite(match[2]), finite(match[3])) if match else (math.nan, math.nan)
         if match is None or not low < high:
             raise click.UsageError(
                 f"--limits: got '{entry}', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with "
@@ -42,7 +42,8 @@ def parse_limits(given: Sequence[str], joints: Sequence[str], from_leg: Limits) 
     return {joint: limits[joint] for joint in joints if joint in limits}
 
 
-def _angle(text: str) -> float:
+def finite(text: str) -> float:
+    """The number that a text stands for; NaN where it stands for none, or not for a finite one."""
     try:
         angle = float(text)
     except ValueError:

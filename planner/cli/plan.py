@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import legs, options
-from planner.cli.checks import check_plan
+from planner.cli import legs, options, planning, starts, tolerance
 from planner.cli.limits import option as limits_option
 from planner.cli.limits import parse_limits
 from planner.cli.say import deliver
 from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
-    from planner.inversion.result import Inversion
+    from planner.cli.planning import Plan
+    from planner.cli.wanted import Wanted
 
 
 @click.command(short_help="Plan requests for joint angles or a foot path.")
@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 @options.model
 @options.joints
 @options.cyclic
+@starts.option
 @click.option(
     "--method",
-    type=click.Choice(["closed-form", "optimal"]),
+    type=click.Choice(list(planning.IGNORED)),
     default="optimal",
     show_default=True,
-    help="The paper's inversion, or optimised requests.",
+    help="The paper's inversion, or requests optimised joint by joint, or all at once for a foot.",
 )
 @options.segments
 @click.option(
@@ -42,7 +43,15 @@ if TYPE_CHECKING:
     type=click.Choice(["rms", "max"]),
     help="Error that optimised requests make small.  [default: rms]",
 )
+@click.option(
+    "--weights",
+    type=float,
+    nargs=3,
+    metavar="X Y Z",
+    help="With --method foot-optimal: how much each axis counts.  [default: 1 1 1]",
+)
 @limits_option
+@tolerance.options
 @options.output
 @options.as_json
 def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
@@ -52,15 +61,12 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     y_m, z_m, or _cm, _mm) for a leg.
 
     \b
-    Example, requests for a foot path, inside the joints' limits:
+    Example, requests for a foot path inside the joints' limits, joint by joint and all at once:
         request-planner plan foot.csv --leg front-left -o requests.csv
+        request-planner plan foot.csv --leg front-left --method foot-optimal -o requests.csv
     """  # noqa: D301
-    import numpy as np
-
     from planner.files.joint_path import write_joint_path
-    from planner.report.text_table import percent, text_table
 
-    _check_choices(choices)
     leg = legs.load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
     wanted = load_wanted(
         path,
@@ -69,78 +75,83 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
         leg=leg,
         unreachable=choices["unreachable"],
     )
+    planning.check_choices(choices, wanted)
+    tolerance.check_choices(choices, foot=wanted.foot is not None)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
-    plans = {
-        name: _invert(choices, joint, wanted.angles[:, j], limits.get(name))
-        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True))
-    }
-    for name, inversion in plans.items():
-        check_plan(name, inversion, limits.get(name), by_user=bool(choices["limits"]))
-    document = {
+    rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
+    made = planning.make_plan(choices, wanted, limits, rest)
+    missed = tolerance.misses(choices, wanted, made)
+    deliver(
+        _document(choices, wanted, made, missed),
+        _summary(wanted, made),
+        lambda file: write_joint_path(file, wanted.names, made.requests, period=wanted.period),
+        output=output,
+        as_json=as_json,
+    )
+    if missed:
+        raise click.ClickException(f"{'; '.join(missed)}; the requests are written all the same")
+
+
+def _document(
+    choices: dict[str, Any], wanted: Wanted, made: Plan, missed: list[str]
+) -> dict[str, Any]:
+    """The plan for machines; what a plan for the foot does not have is null."""
+    import numpy as np
+
+    joints = {}
+    for j, name in enumerate(wanted.names):
+        inversion = made.inversions.get(name)
+        joints[name] = {
+            **_errors(np.degrees(np.abs(made.predicted[:, j] - wanted.angles[:, j])), "deg"),
+            "norm": inversion and inversion.norm,
+            "lower_bound_deg": inversion and float(np.degrees(inversion.lower_bound)),
+            "gap": inversion and inversion.gap,
+            "requests_deg": np.degrees(made.requests[:, j]).tolist(),
+            "predicted_deg": np.degrees(made.predicted[:, j]).tolist(),
+        }
+    foot = None
+    if wanted.foot is not None:
+        foot = {
+            **_errors(100.0 * made.foot_distances(wanted), "cm"),
+            "predicted_m": made.foot_positions(wanted).tolist(),
+        }
+    return {
         "method": choices["method"],
         "cyclic": choices["cyclic"],
         "period_s": wanted.period,
         "unreachable_samples": wanted.moved,
-        "joints": {name: _document(inversion) for name, inversion in plans.items()},
+        "joints": joints,
+        "foot": foot,
+        "within_tolerance": not missed if tolerance.asked(choices) else None,
     }
-    rows = [
-        [
-            name,
-            f"{np.degrees(each.rms):.3f}",
-            f"{np.degrees(each.max_error):.3f}",
-            f"{np.degrees(each.lower_bound):.3f}",
-            percent(each.gap),
-        ]
-        for name, each in plans.items()
-    ]
-    header = ["joint", "rms [deg]", "max [deg]", "no plan below", "gap"]
-    requests = np.column_stack([inversion.requests for inversion in plans.values()])
-    moved = f"\n{wanted.moved} samples were out of the leg's reach" if wanted.moved else ""
-    deliver(
-        document,
-        text_table(header, rows) + moved,
-        lambda file: write_joint_path(file, wanted.names, requests, period=wanted.period),
-        output=output,
-        as_json=as_json,
-    )
 
 
-def _check_choices(choices: dict[str, Any]) -> None:
-    """Refuse options that the method would silently ignore."""
-    ignored = ("norm",) if choices["method"] == "closed-form" else ("segments", "rule")
-    for name in ignored:
-        if choices[name] is not None:
-            raise click.UsageError(f"--{name} has no effect with --method {choices['method']}.")
+def _summary(wanted: Wanted, made: Plan) -> str:
+    import numpy as np
+
+    from planner.report.text_table import NOTHING, percent, text_table
+
+    rows = []
+    for j, name in enumerate(wanted.names):
+        errors = _errors(np.degrees(np.abs(made.predicted[:, j] - wanted.angles[:, j])), "deg")
+        bounded = [NOTHING, NOTHING]
+        if name in made.inversions:
+            inversion = made.inversions[name]
+            bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
+        rows.append([name, *(f"{error:.3f}" for error in errors.values()), *bounded])
+    text = text_table(["joint", "rms [deg]", "max [deg]", "no plan below", "gap"], rows)
+    if wanted.foot is not None:
+        rms, largest = _errors(100.0 * made.foot_distances(wanted), "cm").values()
+        text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
+    if wanted.moved:
+        text += f"\n{wanted.moved} samples were out of the leg's reach"
+    return text
 
 
-def _invert(
-    choices: dict[str, Any], joint: Any, desired: Any, limits: tuple[float, float] | None
-) -> Inversion:
-    from planner.inversion.closed_form import invert_closed_form
-    from planner.inversion.optimal import invert_optimal
-
-    if choices["method"] == "closed-form":
-        return invert_closed_form(
-            joint,
-            desired,
-            cyclic=choices["cyclic"],
-            segments=choices["segments"],
-            rule=choices["rule"] or "paper",
-        )
-    return invert_optimal(
-        joint, desired, cyclic=choices["cyclic"], limits=limits, norm=choices["norm"] or "rms"
-    )
-
-
-def _document(inversion: Inversion) -> dict[str, Any]:
+def _errors(errors: Any, unit: str) -> dict[str, float]:
     import numpy as np
 
     return {
-        "rms_deg": float(np.degrees(inversion.rms)),
-        "max_deg": float(np.degrees(inversion.max_error)),
-        "norm": inversion.norm,
-        "lower_bound_deg": float(np.degrees(inversion.lower_bound)),
-        "gap": inversion.gap,
-        "requests_deg": np.degrees(inversion.requests).tolist(),
-        "predicted_deg": np.degrees(inversion.predicted).tolist(),
+        f"rms_{unit}": float(np.sqrt(np.mean(errors**2))),
+        f"max_{unit}": float(np.max(errors)),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -27,8 +28,18 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it: 128 + SIGINT."""
 
+TERMINATED = 143
+"""Exit status after SIGTERM, as shells have it: 128 + SIGTERM."""
+
 PIPE_CLOSED = 141
 """Exit status when the reader of a pipe went away, as shells have it: 128 + SIGPIPE."""
+
+
+OPTIONS = {
+    "unreachable='nearest'": "--unreachable nearest",
+    "cyclic=False": "--no-cyclic",
+}
+"""Arguments that messages of the library advise, as they are called here."""
 
 
 class Commands(click.Group):
@@ -68,7 +79,9 @@ class Commands(click.Group):
             show: Any = _Warnings().show
             warnings.showwarning = show
             warnings.simplefilter("default", OutsideEquation13)
-            sys.exit(self._status(args, prog_name or "request-planner", complete_var, **extra))
+            status = self._status(args, prog_name or "request-planner", complete_var, **extra)
+            _flush(sys.stdout)
+            sys.exit(status)
 
     def _status(
         self,
@@ -88,7 +101,14 @@ class Commands(click.Group):
             return INTERRUPTED
         except (PlannerError, KinematicsError) as error:
             theirs = isinstance(error, InvalidInput | ValueError)
-            return _complain(str(error), BAD_INPUT if theirs else FAILED)
+            message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
+            for name, option in OPTIONS.items():
+                message = message.replace(name, option)
+            return _complain(message, BAD_INPUT if theirs else FAILED)
+        except OSError as error:
+            place = error.filename or "standard output"
+            reason = (error.strerror or str(error)).lower()
+            return _complain(f"{place}: {reason}; choose another place", BAD_INPUT)
         return status if isinstance(status, int) else 0
 
 
@@ -117,8 +137,14 @@ def cli(context: click.Context) -> None:
 
 def main() -> NoReturn:
     """Run the command line on the process's own arguments."""
+    signal.signal(signal.SIGTERM, _terminate)
     cli.main()
     raise AssertionError("the command line returned")
+
+
+def _terminate(*_: object) -> NoReturn:
+    """End as an exception does, so that what is half made is cleared away."""
+    sys.exit(TERMINATED)
 
 
 def _complain(message: str, status: int) -> int:
@@ -137,6 +163,15 @@ class _Warnings:
         if str(message) not in self._said:
             self._said.add(str(message))
             click.echo(f"request-planner: warning: {message}", err=True)
+
+
+def _flush(stream: TextIO | None) -> None:
+    """Write what is left, or give it up, as the failure to write it has been told before."""
+    try:
+        if stream is not None:
+            stream.flush()
+    except OSError:
+        _discard(sys.stdout)
 
 
 def _discard(stream: TextIO) -> None:

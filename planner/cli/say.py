@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -27,6 +28,16 @@ def summarise(text: str) -> None:
     """Print a summary on standard error, out of the way of the data; the first line stands out."""
     first, newline, rest = text.partition("\n")
     click.echo(click.style(first, bold=True) + newline + rest, err=True)
+
+
+@contextmanager
+def naming(joint: str) -> Iterator[None]:
+    """Note on whatever is raised within which joint it is about."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(joint)
+        raise
 
 
 def deliver(

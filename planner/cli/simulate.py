@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import options
-from planner.cli.say import deliver
+from planner.cli import options, starts
+from planner.cli.say import deliver, naming
 from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
@@ -21,12 +21,7 @@ if TYPE_CHECKING:
 @options.model
 @options.joints
 @options.cyclic
-@click.option(
-    "--start",
-    type=float,
-    metavar="DEG",
-    help="With --no-cyclic: angle of every joint before the first request.",
-)
+@starts.option
 @click.option("--desired", metavar="FILE", help="Joint path to compare the angles with.")
 @options.output
 @options.as_json
@@ -36,7 +31,7 @@ def simulate(
     model: str,
     joints: tuple[str, ...],
     cyclic: bool,
-    start: float | None,
+    start_deg: tuple[str, ...],
     desired: str | None,
     output: str,
     as_json: bool,
@@ -52,14 +47,15 @@ def simulate(
     from planner.files.joint_path import write_joint_path
     from planner.model.response import simulate as simulate_joint
 
-    given = load_wanted(requests, model=model, joints=joints)
-    rest = None if start is None else float(np.radians(start))
-    angles = np.column_stack(
-        [
-            simulate_joint(model, given.angles[:, j], cyclic=cyclic, start=rest)
-            for j, model in enumerate(given.models)
-        ]
-    )
+    given = load_wanted(requests, model=model, joints=joints, takes_leg=False)
+    rest = starts.parse_starts(start_deg, given.names, cyclic=cyclic)
+    columns = []
+    for j, (name, joint) in enumerate(zip(given.names, given.models, strict=True)):
+        with naming(name):
+            columns.append(
+                simulate_joint(joint, given.angles[:, j], cyclic=cyclic, start=rest.get(name))
+            )
+    angles = np.column_stack(columns)
     distances = {} if desired is None else _distances(desired, given.names, angles)
     document = {
         "cyclic": cyclic,

@@ -27,13 +27,18 @@ class Wanted:
         angles: Their desired angles [rad], shape (n, k).
         models: Their models.
         limits: Smallest and largest angle of each joint [rad], where a leg tells.
-        moved: Samples for which the foot was moved to what the leg can reach.
+        leg: The leg, where one was named.
+        foot: Where the foot should be [m], shape (n, 3), for a foot path. The walk's clamped joints
+            set themselves another path; positions that are out of reach otherwise remain wanted.
+        moved: Samples for which the foot is not where the leg can bring it.
     """
 
     names: tuple[str, ...]
     angles: Array
     models: tuple[JointModel, ...]
     limits: dict[str, tuple[float, float]]
+    leg: Leg | None = None
+    foot: Array | None = None
     moved: int = 0
 
     @property
@@ -49,8 +54,17 @@ def load_wanted(
     joints: tuple[str, ...] = (),
     leg: Leg | None = None,
     unreachable: Unreachable = "raise",
+    takes_leg: bool = True,
 ) -> Wanted:
     """Read a joint path, or a foot path where a leg can turn it into one.
+
+    Args:
+        path: The file, or ``-`` for standard input.
+        model: The option ``--model``.
+        joints: Joints to read from a joint path.
+        leg: The leg, where the options name one.
+        unreachable: What to do with foot positions out of the leg's reach.
+        takes_leg: Whether the command has options that name a leg.
 
     Raises:
         InvalidFile: The file is neither, or its rate is not the models'.
@@ -67,6 +81,8 @@ def load_wanted(
     if leg is None:
         raise click.UsageError(
             f"{path} is a foot path: name the leg with --leg, or with --urdf, --base and --foot."
+            if takes_leg
+            else f"{path} is a foot path, expected columns <joint>_deg or <joint>_rad."
         )
     if joints:
         raise click.UsageError("--joint chooses columns of a joint path; a foot moves all joints.")
@@ -83,7 +99,7 @@ def _from_joints(given: JointPath, model: str, leg: Leg | None) -> Wanted:
             f"joint '{strange[0]}' of {given.path} is not on the leg; its joints: "
             f"{', '.join(leg.joint_names)}."
         )
-    return Wanted(given.names, given.angles, models, limits)
+    return Wanted(given.names, given.angles, models, limits, leg)
 
 
 def _from_foot(given: FootPath, model: str, leg: Leg, unreachable: Unreachable) -> Wanted:
@@ -91,7 +107,9 @@ def _from_foot(given: FootPath, model: str, leg: Leg, unreachable: Unreachable) 
     given.check_period(models[0].period)
     solution = leg.inverse(given.positions, unreachable=unreachable)
     moved = int((~solution.reachable).sum())
-    return Wanted(leg.joint_names, solution.angles, models, _limits(leg), moved)
+    clamped = unreachable == "clamp" and moved > 0
+    foot = leg.foot_positions(solution.angles) if clamped else given.positions
+    return Wanted(leg.joint_names, solution.angles, models, _limits(leg), leg, foot, moved)
 
 
 def _limits(leg: Leg) -> dict[str, tuple[float, float]]:

@@ -15,7 +15,8 @@ from planner.evaluation.paper import SEGMENTS, STEP_AMPLITUDES
 from planner.evaluation.step_response import measure_step_response
 from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot import FootInversion, invert_foot
+from planner.inversion.foot import invert_foot
+from planner.inversion.foot_result import FootInversion
 from planner.inversion.line import Rule
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion

@@ -2,35 +2,47 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 
 from planner.exceptions import InvalidFile
+from planner.files.exchange import exchange
 
 MANIFEST = "results.json"
 """The file of a run that lists, under ``files``, every file of that run."""
+
+LEFT_BEHIND = 3600.0
+"""Age from which on a folder aside belongs to a run that was killed [s]; a run takes seconds."""
+
+MOST_FOREIGN = 1000
+"""Files of others that are counted before the search for more of them is given up."""
 
 
 @contextmanager
 def output_folder(path: Path | str) -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
-    The last run's folder stays as it is until then, and for good where the block raises. It is
-    replaced only if it is empty or holds nothing but the files that its own manifest lists: what a
-    user has put there is never removed.
+    The last run's folder stays as it is until then, and for good where the block raises or the
+    process is killed. It is replaced only if it is empty or holds nothing but the files that its
+    own manifest lists: what a user has put there is never removed.
 
     Raises:
         InvalidFile: ``path`` is a file, holds something else, or cannot be written.
     """
+    path = str(path) or "."
     target = Path(path).resolve()
     _check_replaceable(path, target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        aside = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.new-"))
+        _sweep(target)
+        aside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_prefix(target)))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InvalidFile(path, f"cannot be made ({reason}); choose another folder") from error
@@ -38,30 +50,53 @@ def output_folder(path: Path | str) -> Iterator[Path]:
         aside.chmod(0o755)
         yield aside
         _check_replaceable(path, target)
-        _swap(aside, target)
+        try:
+            _swap(aside, target)
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise InvalidFile(
+                path, f"cannot be replaced ({reason}); choose a folder inside it"
+            ) from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
 
 
 def list_files(folder: Path) -> list[str]:
     """Every file below ``folder``, as sorted paths relative to it."""
-    return sorted(
-        file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir()
-    )
+    return sorted(_files_below(folder))
+
+
+def _files_below(folder: Path) -> Iterator[str]:
+    return (file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir())
+
+
+def _prefix(target: Path) -> str:
+    return f".{target.name}.new-"
+
+
+def _sweep(target: Path) -> None:
+    """Remove what killed runs have left beside ``target``."""
+    for left in target.parent.glob(f"{glob.escape(_prefix(target))}*"):
+        with suppress(OSError):  # another run may be sweeping too
+            if time.time() - left.stat().st_mtime > LEFT_BEHIND:
+                shutil.rmtree(left, ignore_errors=True)
 
 
 def _swap(aside: Path, target: Path) -> None:
+    """Put ``aside`` in the place of ``target``, and what was there, if anything, in its own."""
     if not target.exists():
         aside.rename(target)
-        return
-    last = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.old-"))
-    target.replace(last)  # onto an empty folder: one step
-    try:
-        aside.rename(target)
-    except OSError:
-        last.rename(target)
-        raise
-    shutil.rmtree(last, ignore_errors=True)
+    elif not exchange(aside, target):
+        # Two steps, for systems that know no better: whoever is killed between them finds the last
+        # run's folder beside the place where it was.
+        last = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.old-"))
+        target.replace(last)
+        try:
+            aside.rename(target)
+        except OSError:
+            last.rename(target)
+            raise
+        last.rename(aside)
 
 
 def _check_replaceable(path: Path | str, target: Path) -> None:
@@ -69,9 +104,13 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
         return
     if not target.is_dir():
         raise InvalidFile(path, "is a file, expected a folder; choose another name")
-    foreign = sorted(set(list_files(target)) - _made_by_a_run(target))
+    ours = _made_by_a_run(target)
+    foreign = sorted(
+        islice((file for file in _files_below(target) if file not in ours), MOST_FOREIGN)
+    )
     if foreign:
-        others = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
+        least = "at least " if len(foreign) == MOST_FOREIGN else ""
+        others = f" and {least}{len(foreign) - 1} more" if len(foreign) > 1 else ""
         raise InvalidFile(
             path,
             f"holds files that no earlier run made ({foreign[0]}{others}), expected a new or empty "

@@ -28,6 +28,8 @@ def read_text(path: Path | str) -> str:
     """
     try:
         if str(path) == STANDARD_STREAM:
+            if sys.stdin is None:
+                raise InvalidFile(path, "standard input is closed; give it a file or a pipe")
             content = sys.stdin.buffer.read(MOST_BYTES + 1)
         else:
             with Path(path).open("rb") as stream:
@@ -58,11 +60,10 @@ def write_text(path: Path | str, text: str) -> None:
 
     Raises:
         InvalidFile: The folder does not exist or cannot be written to.
+        BrokenPipeError: The reader of standard output has gone away.
     """
     if str(path) == STANDARD_STREAM:
-        for start in range(0, len(text), CHUNK):
-            sys.stdout.write(text[start : start + CHUNK])
-        sys.stdout.flush()
+        _write_standard_output(text)
         return
     write_bytes(path, text.encode())
 
@@ -87,6 +88,19 @@ def write_bytes(path: Path | str, content: bytes) -> None:
         raise _cannot_write(path, error) from error
     finally:
         aside.unlink(missing_ok=True)
+
+
+def _write_standard_output(text: str) -> None:
+    if sys.stdout is None:
+        raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
+    try:
+        for start in range(0, len(text), CHUNK):
+            sys.stdout.write(text[start : start + CHUNK])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _cannot_write(STANDARD_STREAM, error) from error
 
 
 def _write_through(target: Path, content: bytes) -> None:

@@ -142,7 +142,7 @@ def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array,
     """
     import cvxpy
 
-    angles = cvxpy.Variable(reachable.matrix.shape[1])
+    angles: Any = cvxpy.Variable(reachable.matrix.shape[1])
     errors = angles[reachable.sampled] - desired
     distance: Any = cvxpy.sum_squares if norm == "rms" else cvxpy.norm_inf  # type: ignore[attr-defined]
     objective = distance(errors)

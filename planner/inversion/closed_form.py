@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -108,14 +110,20 @@ def closed_form(
     return curve, requests
 
 
-def requests_along(model: JointModel, curve: PiecewiseLinear, *, rule: Rule) -> Array:
+def requests_along(
+    model: JointModel,
+    curve: PiecewiseLinear,
+    *,
+    rule: Rule,
+    offset_of: Callable[..., float | Array] = line_offset,
+) -> Array:
     """The inverted lines of ``curve``, each until l + a/2 before the next begins [rad], (n,)."""
     samples = np.arange(curve.samples, dtype=np.float64)
     ahead = switching_time(model) / model.period  # [samples]
     slopes = curve.slope_at(samples + ahead)  # of the line that counts at each request
     slopes = np.clip(slopes, -model.v_max, model.v_max)
     lines = curve(samples + ahead) - slopes * ahead * model.period
-    requests: Array = lines + line_offset(model, slopes, rule=rule)
+    requests: Array = lines + offset_of(model, slopes, rule=rule)
     return requests
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from operator import itemgetter
 
 import numpy as np
@@ -13,104 +11,59 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
-from planner.exceptions import InvalidInput, SolverFailed
-from planner.inversion.descent import SHARPENING, improve
+from planner.exceptions import Infeasible, InvalidInput, SolverFailed
+from planner.inversion.descent import SEARCH, Stage, improve, quieten
+from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.limits import checked_limits
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.trajectory import Array
 
 RIDGE = 1e-4
 """Curvature where the foot does not see a joint, relative to the squared length of the leg."""
 
-SEARCHES = ((2.0, 1.0, 0.5, 0.2, 0.08, 0.02, 0.008), SHARPENING)
-"""Radii of the saturation's corners [theta_0] of the searches, of which the best one is kept. The
-joints must leave the plans that were best for each alone, which wide corners let them; the second
-search is for paths that the joints can follow."""
+UNMOVED = 1e-9
+"""Movement of the foot per radian, relative to the last link's length, that is none."""
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FootInversion:
-    """Requests for all joints of a leg, with what the exact models make of them.
-
-    Attributes:
-        models: The joints, in the leg's order.
-        leg: The leg.
-        wanted: Wanted foot positions in the leg's base frame [m], shape (n, 3).
-        requests: What to send to the joints [rad], shape (n, k).
-        cyclic: Whether the path repeats for ever.
-        norm: Distance that was minimised.
-        weights: Weight of each axis in that distance, shape (3,).
-        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
-        start: From rest: angles at which the joints rest before the first request [rad], (k,).
-    """
-
-    models: tuple[JointModel, ...]
-    leg: Leg
-    wanted: Array
-    requests: Array
-    cyclic: bool
-    norm: Norm
-    weights: Array
-    limits: tuple[Array, Array]
-    start: Array | None = None
-    method: str = "foot_optimal"
-
-    @cached_property
-    def predicted(self) -> Array:
-        """Angles of the exact models under the requests [rad], shape (n, k)."""
-        starts = [None] * len(self.models) if self.start is None else self.start
-        columns = zip(self.models, self.requests.T, starts, strict=True)
-        angles = np.stack(
-            [simulate(model, r, cyclic=self.cyclic, start=start) for model, r, start in columns],
-            axis=1,
-        )
-        angles.setflags(write=False)
-        return angles
-
-    @cached_property
-    def foot(self) -> Array:
-        """Where the foot then is [m], shape (n, 3)."""
-        return self.leg.foot_positions(self.predicted)
-
-    @property
-    def distances(self) -> Array:
-        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
-        distances: Array = np.linalg.norm(self.foot - self.wanted, axis=1)
-        return distances
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the distances [m]."""
-        return float(np.sqrt(np.mean(self.distances**2)))
-
-    @property
-    def max_error(self) -> float:
-        """Largest distance [m]."""
-        return float(np.max(self.distances))
+SEARCHES = (
+    (
+        Stage(2.0, 1e-3),
+        Stage(1.0, 1e-3),
+        Stage(0.5, 1e-4),
+        Stage(0.2, 1e-4),
+        Stage(0.08, 1e-4),
+        Stage(0.02, 1e-5),
+        Stage(0.008, 1e-8),
+    ),
+    SEARCH,
+)
+"""Two searches, of which the better one is kept. The joints must leave the plans that were best for
+each alone, which wide corners let them; the second is for paths that the joints can follow."""
 
 
 class FollowFoot:
-    """A foot that should follow a path."""
+    """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
 
-    def __init__(self, leg: Leg, wanted: Array, weights: Array) -> None:
-        """Compile the leg for a path as long as the wanted one, (n, 3) [m]."""
+    def __init__(self, leg: Leg, wanted: Array, scale: Array) -> None:
+        """Compile the leg for a path as long as the wanted one, (n, 3) [m].
+
+        ``scale`` turns metres along each axis into errors [rad/m], (3,).
+        """
         self.wanted = wanted
-        self._scale = np.sqrt(weights)
+        self._scale = scale
         self._foot = foot_function(leg).map(len(wanted))
         self._joints = len(leg.joint_names)
 
     def distances(self, angles: Array) -> Array:
-        """Weighted distances [m], (n,)."""
+        """Scaled distances [rad], (n,)."""
         distances: Array = np.linalg.norm(self.errors(angles).values, axis=1)
         return distances
 
     def errors(self, angles: Array) -> Errors:
-        """Foot minus wanted, each axis times the root of its weight [m]."""
+        """Foot minus wanted, each axis times its scale [rad]."""
         foot, jacobian = self._foot(angles.T)
         values = (np.asarray(foot).T - self.wanted) * self._scale
         # CasADi lays the Jacobians (3, k) side by side.
@@ -152,7 +105,8 @@ def invert_foot(
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are none.
-        Infeasible: The limits exclude each other, or the nearest angles of the path.
+        Infeasible: The limits exclude each other, or no joint moves the foot along the axes that
+            count.
         kinematics.KinematicsError: The path is none, or the leg has no inverse.
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
@@ -164,31 +118,37 @@ def invert_foot(
     wanted.setflags(write=False)
     if len(wanted) < 3:
         raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
-    start = None if cyclic else solution.angles[0].copy()
-    bounds = _each_limit(limits, leg, solution.angles, joints)
-    goal = FollowFoot(leg, wanted, importance)
+    lower, upper = _each_limit(limits, leg)
+    offsets = np.array([model.offset for model in joints])
+    nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
+    start = None if cyclic else nearest[0].copy()
+    goal = FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg))
     problem = Tracking(
         joints,
         goal,
-        solution.angles - np.array([model.offset for model in joints]),
+        nearest - offsets,
         cyclic=cyclic,
         norm=norm,
-        limits=bounds,
+        limits=(lower, upper),
         start=start,
-        ridge=RIDGE * _squared_reach(goal.errors(solution.angles)),
+        ridge=RIDGE,
     )
     singly = np.stack(
         [
             invert_optimal(model, column, cyclic=cyclic, limits=(low, high)).requests
-            for model, column, low, high in zip(joints, solution.angles.T, *bounds, strict=True)
+            for model, column, low, high in zip(joints, nearest.T, lower, upper, strict=True)
         ],
         axis=1,
     )
-    answers = [improve(problem, problem.admissible(singly), radii) for radii in SEARCHES]
+    singly = problem.admissible(singly)
+    at_most = problem.exact_error(singly)
+    answers = [improve(problem, singly, search) for search in SEARCHES]
     requests, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    requests.setflags(write=False)
+    requests = quieten(problem, requests, at_most=at_most)
+    for array in (requests, lower, upper, *([] if start is None else [start])):
+        array.setflags(write=False)
     return FootInversion(
         models=joints,
         leg=leg,
@@ -197,19 +157,29 @@ def invert_foot(
         cyclic=cyclic,
         norm=norm,
         weights=importance,
-        limits=bounds,
+        limits=(lower, upper),
         start=start,
     )
 
 
-def _squared_reach(errors: Errors) -> float:
-    """Mean squared movement of the foot per radian [m^2/rad^2]."""
-    return float(np.mean(errors.jacobians**2))
+def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
+    """Root of each axis' weight over how far a radian of a joint moves the foot [rad/m], (3,)."""
+    roots: Array = np.sqrt(importance / np.max(importance))
+    moved = float(np.sqrt(np.mean((jacobians * roots[:, np.newaxis]) ** 2)))
+    if moved <= UNMOVED * float(np.max(np.abs(leg.chain.tip), initial=UNMOVED)):
+        raise Infeasible(
+            "leg: none of its joints moves the foot along an axis that counts; choose another foot "
+            "frame, or give the axis along which it moves a weight"
+        )
+    return roots / moved
 
 
 def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
     count = len(leg.joint_names)
-    joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+    try:
+        joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+    except TypeError:
+        joints = ()
     if len(joints) != count or not all(isinstance(model, JointModel) for model in joints):
         raise InvalidInput(
             f"models: got {len(joints)} of them, expected one JointModel, or one for each of the "
@@ -218,14 +188,17 @@ def _one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[
     periods = sorted({model.period for model in joints})
     if len(periods) > 1:
         raise InvalidInput(
-            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one: "
-            "the requests of a leg are sent together"
+            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
+            "period: the requests of a leg are sent together"
         )
     return joints
 
 
 def _checked_weights(weights: npt.ArrayLike) -> Array:
-    importance = np.array(weights, dtype=np.float64)
+    try:
+        importance = np.array(weights, dtype=np.float64)
+    except (TypeError, ValueError):
+        importance = np.empty(0)
     fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
     if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
         raise InvalidInput(
@@ -236,15 +209,20 @@ def _checked_weights(weights: npt.ArrayLike) -> Array:
 
 
 def _each_limit(
-    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None,
-    leg: Leg,
-    angles: Array,
-    joints: tuple[JointModel, ...],
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg
 ) -> tuple[Array, Array]:
+    """Smallest and largest request of every joint [rad], each of shape (k,)."""
+    names = leg.joint_names
     given = leg.limits if limits is None else limits
-    lower, upper = (np.broadcast_to(np.asarray(limit, float), len(joints)) for limit in given)
-    for joint, model in enumerate(joints):
-        checked_limits(
-            (lower[joint], upper[joint]), desired=angles[:, joint], start=None, model=model
+    try:
+        lower, upper = (
+            np.broadcast_to(np.asarray(limit, dtype=np.float64), len(names)) for limit in given
         )
+    except (TypeError, ValueError):
+        raise InvalidInput(
+            f"limits: got {limits!r}, expected (lower, upper) [rad], each a number or one for each "
+            f"of the leg's joints ({', '.join(names)})"
+        ) from None
+    for name, *pair in zip(names, lower, upper, strict=True):
+        checked_limits((pair[0], pair[1]), of=f"limits of {name}")
     return lower.copy(), upper.copy()

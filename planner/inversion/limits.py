@@ -16,35 +16,32 @@ ON_THE_LIMIT = 1e-9
 """How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
 
 
-def checked_limits(
-    limits: tuple[float, float] | None,
-    *,
-    desired: Array,
-    start: float | None,
-    model: JointModel,
-) -> Limits | None:
-    """The limits as floats, or the reason why no requests within them can do.
+def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits:
+    """The limits as floats.
 
     Raises:
         InvalidInput: The limits are not two numbers.
-        Infeasible: The lower limit is above the upper one, or the start or a desired angle beyond
-            them.
+        Infeasible: The lower limit is above the upper one.
     """
-    if limits is None:
-        return None
     try:
         lower, upper = (float(limit) for limit in limits)
     except (TypeError, ValueError, OverflowError):
         lower = upper = math.nan
     if math.isnan(lower) or math.isnan(upper):
         raise InvalidInput(
-            f"limits: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
+            f"{of}: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
         )
     if lower > upper:
         raise Infeasible(
-            f"limits: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
+            f"{of}: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
             "swap them, or check their units"
         )
+    return lower, upper
+
+
+def check_within(limits: Limits, *, desired: Array, start: float | None, model: JointModel) -> None:
+    """Raise Infeasible where the start or a desired angle is one that no request can hold."""
+    lower, upper = limits
     angles = desired if start is None else np.append(desired, start)
     beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
     worst = int(np.argmax(beyond))
@@ -55,4 +52,3 @@ def checked_limits(
             f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
             "requests let the joint rest; clip the trajectory, or widen the limits"
         )
-    return lower, upper

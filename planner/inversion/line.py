@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,9 @@ AT_TOP_SPEED = 1e-12
 
 SOLVED = 1e-15
 """The exact rule is solved when the speed agrees with the slope to this, relative to v_max."""
+
+TABLE = 513
+"""Slopes from 0 to v_max at which C_m is tabulated."""
 
 MOST_EVALUATIONS = 200
 """Halving an interval of doubles more often than this changes nothing."""
@@ -69,6 +73,21 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
     lead = solve(model, per_tick.ravel()).reshape(slopes.shape)
     offsets: Array = np.sign(slopes) * lead - model.offset
     return float(offsets) if slopes.ndim == 0 else offsets
+
+
+def interpolated_offset(model: JointModel, slope: Array, *, rule: Rule) -> Array:
+    """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0."""
+    slopes, offsets = _table(model, rule)
+    interpolated: Array = np.interp(slope, slopes, offsets)
+    return interpolated
+
+
+@lru_cache(maxsize=32)
+def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
+    """Slopes [rad/s], dense towards ±v_max where C_m is steepest, and their offsets [rad]."""
+    positive = model.v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)
+    slopes = np.concatenate([-positive[:0:-1], positive])
+    return slopes, np.asarray(line_offset(model, slopes, rule=rule))
 
 
 def check_rule(rule: str) -> None:

@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
-from planner.exceptions import SolverFailed
+from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import GUIDING, improve
+from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
 from planner.inversion.goal import FollowAngles
-from planner.inversion.limits import checked_limits
+from planner.inversion.limits import check_within, checked_limits
+from planner.inversion.line import interpolated_offset
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
@@ -23,11 +24,15 @@ from planner.model.joint import JointModel
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
-NEAR_IDEAL = 1.005
-"""Error over that of the ideal up to which a second search would gain next to nothing."""
+GUIDE = Stage(0.1, 1e-4)
+"""The stage in which the requests are led along the ideal."""
 
 FAR_FROM_IDEAL = 1.03
-"""Error over that of the ideal from which on a third search, from few lines, is worth its time."""
+"""Error over that of the ideal from which on a second search is worth its time."""
+
+LITTLE_WORK = 10_000
+"""Samples simulated to refine those few lines. Where a joint overshoots its requests, and
+derivatives mislead, all that the closed form itself may take is spent instead."""
 
 NEGLIGIBLE = 1e-3
 """Error up to which another search is not worth its time [theta_0]."""
@@ -41,6 +46,7 @@ def invert_optimal(
     limits: tuple[float, float] | None = None,
     norm: Norm = "rms",
     start: float | None = None,
+    tolerance: float | None = None,
 ) -> Inversion:
     """Requests that make the joint come as close to ``desired`` as the search can find.
 
@@ -59,6 +65,7 @@ def invert_optimal(
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
         start: From rest: where the joint rests before [rad]; by default at the first desired angle.
+        tolerance: Error that the plan should keep [rad]; the plan says whether it does.
 
     Returns:
         The plan; its bound and gap say how much better any other could be.
@@ -74,11 +81,11 @@ def invert_optimal(
     start = checked_start(start, cyclic=cyclic)
     if not cyclic and start is None:
         start = float(desired[0])
-    checked = checked_limits(limits, desired=desired, start=start, model=model)
+    checked = None if limits is None else checked_limits(limits)
+    if checked is not None:
+        check_within(checked, desired=desired, start=start, model=model)
     problem = follow(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
-    column, least = search(problem, desired)
-    if not math.isfinite(least):
-        raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    column = search(problem, desired)
     best = column[:, 0].copy()
     best.setflags(write=False)
     return Inversion(
@@ -90,17 +97,25 @@ def invert_optimal(
         norm=norm,
         limits=checked,
         start=start,
+        tolerance=checked_tolerance(tolerance),
     )
 
 
-def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
-    """The best requests found for one joint, (n, 1), and their exact error [rad].
+def checked_tolerance(tolerance: float | None) -> float | None:
+    """The tolerance, if it is None or a positive number; else raise InvalidInput."""
+    if tolerance is not None and not tolerance > 0.0:
+        raise InvalidInput(f"tolerance: got {tolerance!r}, expected a number above 0")
+    return tolerance
+
+
+def search(problem: Tracking, desired: Array) -> Array:
+    """The best requests found for one joint, (n, 1).
 
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
-    requests than what it cannot. Where the result is not near the ideal's error, which no requests
-    can go below, it does so once more with wider corners; where it stays far from it, a last search
-    sets out from the closed form with few lines.
+    requests than what it cannot. Where more binds than the top speed, which is all that the ideal
+    knows of, and the plan stays far from it, a second search sets out from the closed form of few
+    lines.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -114,16 +129,19 @@ def search(problem: Tracking, desired: Array) -> tuple[Array, float]:
         tick=model.period,
         cyclic=problem.cyclic,
     )
-    first = problem.admissible(requests_along(model, lines, rule="exact")[:, np.newaxis])
-    best, least = first, problem.exact_error(first)
-    bound = problem.error(ideal[:, np.newaxis])
-    negligible = NEGLIGIBLE * model.theta_0
-    for radii in GUIDING:
-        guided, _ = improve(problem.toward(FollowAngles(ideal)), first, radii)
-        best, least = min((best, least), improve(problem, guided), key=itemgetter(1))
-        if least <= NEAR_IDEAL * bound + negligible:
-            return best, least
-    if least > FAR_FROM_IDEAL * bound + negligible:
-        _, few_lines = closed_form(problem, desired, rule="exact", refining=MOST_WORK)
-        best, least = min((best, least), improve(problem, few_lines), key=itemgetter(1))
-    return best, least
+    inverse = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
+    first = problem.admissible(inverse[:, np.newaxis])
+    guided, _ = descend(problem.toward(FollowAngles(ideal)), first, GUIDE, DAMPING[1])
+    answers = [(first, problem.exact_error(first)), improve(problem, guided)]
+    short = len(desired) <= 2 * problem.reach.oldest
+    far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
+    if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
+        overshoots = model.v_max_per_tick > model.theta_0
+        work = MOST_WORK if overshoots else LITTLE_WORK
+        _, few_lines = closed_form(problem, desired, rule="exact", refining=work)
+        answers += [(few_lines, problem.exact_error(few_lines)), improve(problem, few_lines)]
+    best, least = min(answers, key=itemgetter(1))
+    if not math.isfinite(least):
+        raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
+    at_most = min(error for _, error in answers[::2])  # the closed forms' errors
+    return quieten(problem, best, at_most=at_most)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.line import AT_TOP_SPEED, Rule, line_offset
+from planner.inversion.line import AT_TOP_SPEED, Rule, interpolated_offset
 from planner.inversion.tracking import Tracking
 from planner.trajectory import Array
 
@@ -28,9 +28,6 @@ MOST_WORK = 80_000
 ENOUGH = 1e-4
 """Fraction by which a move must lower the squared error to be kept."""
 
-TABLE = 513
-"""Slopes at which C_m is tabulated for the search; the result is judged without the table."""
-
 
 class Move(NamedTuple):
     """A change of knots and values, for a size of one sample."""
@@ -43,17 +40,13 @@ class Evaluation:
     """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
 
     def __init__(self, problem: Tracking, curve: PiecewiseLinear, rule: Rule, ahead: float) -> None:
-        """Tabulate C_m and take what stays the same for every move."""
+        """Take what stays the same for every move."""
         self.problem = problem
         self.curve = curve
         self.ahead = ahead
         self.samples = np.arange(curve.samples, dtype=np.float64)
         (self.model,) = problem.models
-        v_max = self.model.v_max
-        grid = v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)  # dense towards v_max
-        table = np.asarray(line_offset(self.model, grid, rule=rule)) + self.model.offset
-        self._slopes = np.concatenate([-grid[:0:-1], grid])
-        self._offsets = np.concatenate([-table[:0:-1], table]) - self.model.offset
+        self.rule = rule
         self.work = 0
 
     def __call__(self, knots: Array, values: Array) -> float:
@@ -72,7 +65,7 @@ class Evaluation:
         segment = np.searchsorted(knots - knots[0], since, side="right") - 1
         segment = np.clip(segment, 0, len(slopes) - 1)
         past = (since - (knots[segment] - knots[0]) - self.ahead) * curve.tick
-        offsets = np.interp(slopes, self._slopes, self._offsets)
+        offsets = interpolated_offset(self.model, slopes, rule=self.rule)
         requests = heights[segment] + slopes[segment] * past + offsets[segment]
         self.work += curve.samples
         response = self.problem.respond(

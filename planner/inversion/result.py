@@ -35,6 +35,7 @@ class Inversion:
         limits: Smallest and largest request allowed [rad]; None where there was no limit.
         start: From rest: angle at which the joint rests before the first request [rad].
         approximation: The piecewise linear trajectory behind a closed form, else None.
+        tolerance: Error that was asked for, in the plan's norm [rad]; None where none was.
     """
 
     model: JointModel
@@ -46,6 +47,7 @@ class Inversion:
     limits: tuple[float, float] | None = None
     start: float | None = None
     approximation: PiecewiseLinear | None = None
+    tolerance: float | None = None
 
     @cached_property
     def predicted(self) -> Array:
@@ -69,6 +71,11 @@ class Inversion:
         """Largest error [rad]."""
         return float(np.max(np.abs(self.errors)))
 
+    @property
+    def error(self) -> float:
+        """The error in the plan's norm [rad]."""
+        return self.rms if self.norm == "rms" else self.max_error
+
     @cached_property
     def lower_bound(self) -> float:
         """What no requests can go below, in the plan's norm [rad]: the ``envelope`` bound."""
@@ -79,10 +86,14 @@ class Inversion:
     @property
     def gap(self) -> float:
         """Relative distance from the lower bound; inf where only the bound is zero."""
-        error = self.rms if self.norm == "rms" else self.max_error
         if self.lower_bound > 0.0:
-            return error / self.lower_bound - 1.0
-        return math.inf if error > 0.0 else 0.0
+            return self.error / self.lower_bound - 1.0
+        return math.inf if self.error > 0.0 else 0.0
+
+    @property
+    def within_tolerance(self) -> bool:
+        """Whether the plan keeps the tolerance that was asked for, if one was."""
+        return self.tolerance is None or self.error <= self.tolerance
 
     @property
     def largest_step(self) -> float:

@@ -9,21 +9,26 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import NoSteadyCycle
 from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
 from planner.inversion.norm import Norm
-from planner.inversion.step import Response, Stencil, stencil
+from planner.inversion.stencil import Stencil, stencil
+from planner.inversion.step import Response
 from planner.model.joint import JointModel
-from planner.model.response import simulate
 from planner.model.transition import Linearised, Reach, reach, transitions
 from planner.trajectory import Array
 
-CLOSED = 1e-11
+CLOSED = 1e-8
 """Ends of a smoothed cycle that agree to this [rad] are close enough for a derivative."""
 
-MOST_CYCLES = 30
-"""Cycles after which smoothed requests that do not close count as unusable."""
+EXACTLY_CLOSED = 1e-11
+"""Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
+
+PATIENCE = 3
+"""Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
+
+MOST_CYCLES = 60
+"""Cycles after which requests that do not close count as unusable."""
 
 
 class Tracking:
@@ -70,6 +75,11 @@ class Tracking:
         if not cyclic:
             self.movable[0] = False
 
+    @property
+    def limited(self) -> bool:
+        """Whether any request has a limit."""
+        return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
+
     @cached_property
     def reach(self) -> Reach:
         """The requests that act on any of the joints between two samples."""
@@ -90,6 +100,7 @@ class Tracking:
             cyclic=self.cyclic,
             limits=(self.lower, self.upper),
             start=self.start,
+            ridge=self.ridge,
         )
 
     def admissible(self, requests: Array) -> Array:
@@ -99,15 +110,6 @@ class Tracking:
             nearest[0] = self.start - self.offsets
         return np.clip(nearest, self.lower, self.upper)
 
-    def simulate(self, requests: Array) -> Array:
-        """Angles of the exact models [rad], (n, joints)."""
-        starts = [None] * len(self.models) if self.start is None else self.start
-        columns = [
-            simulate(model, column, cyclic=self.cyclic, start=start)
-            for model, column, start in zip(self.models, requests.T, starts, strict=True)
-        ]
-        return np.stack(columns, axis=1)
-
     def error(self, angles: Array) -> float:
         """What is to be made small."""
         distances = self.goal.distances(angles)
@@ -115,10 +117,8 @@ class Tracking:
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf for requests under which a joint finds no cycle."""
-        try:
-            return self.error(self.simulate(requests))
-        except NoSteadyCycle:
-            return math.inf
+        response = self.respond(requests, smoothing=0.0, seam=self.resting[-1] + self.offsets)
+        return math.inf if response is None else self.error(response.angles)
 
     def respond(self, requests: Array, *, smoothing: float, seam: Array) -> Response | None:
         """Angles of the smoothed models and their derivatives; None where there is no cycle.
@@ -162,15 +162,17 @@ class Tracking:
             return run
         low = float(np.min(windows)) + model.offset - model.theta_0
         high = float(np.max(windows)) + model.offset + model.theta_0
-        for _ in range(MOST_CYCLES):
+        tolerance = CLOSED if smoothing else EXACTLY_CLOSED
+        for cycle in range(MOST_CYCLES):
             run = compiled.run(seam, windows, smoothing)
-            mismatch = float(run.angles[-1]) - seam
-            if abs(mismatch) <= CLOSED * max(1.0, abs(seam)):
+            end = float(run.angles[-1])
+            if abs(end - seam) <= tolerance * max(1.0, abs(seam)):
                 return run
+            low, high = (seam, max(high, seam)) if end > seam else (min(low, seam), seam)
             contraction = float(np.prod(run.by_angle))
-            if contraction < 1.0:
-                mismatch /= 1.0 - contraction
-            seam = min(max(seam + mismatch, low), high)
+            newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
+            waited = end if cycle < PATIENCE else (low + high) / 2.0
+            seam = newton if low < newton < high else waited
         return None
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+FOR_THE_FOOT = ("plan", "foot.csv", "--leg", "front-left", "--method", "foot-optimal")
+
 WRONG = {
     "no such command": (
         ["bogus"],
@@ -73,8 +75,56 @@ WRONG = {
         "rate; plan them one by one with --joint",
     ),
     "a start for a cycle": (
-        ["simulate", "desired.csv", "--start", "3"],
-        "start: a cycle has none; leave it out, or say cyclic=False",
+        ["simulate", "desired.csv", "--start-deg", "3"],
+        "--start-deg: a cycle has no start; add --no-cyclic. "
+        "See 'request-planner simulate --help'.",
+    ),
+    "a start of nobody": (
+        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "ankle=3"],
+        "--start-deg: no joint 'ankle' in the path; joints: hip, knee. "
+        "See 'request-planner plan --help'.",
+    ),
+    "a start that is no angle": (
+        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=high"],
+        "--start-deg: got 'knee=high', expected DEG or JOINT=DEG, such as knee=30. "
+        "See 'request-planner plan --help'.",
+    ),
+    "a start beyond the limits": (
+        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=90", "--limits", "-60:60"],
+        "knee: start: it is 1.5708 rad, 0.524 rad beyond the angles -1.0472 to 1.0472 rad where "
+        "the limits on the requests let the joint rest; clip the trajectory, or widen the limits",
+    ),
+    "a plan for the foot of a joint path": (
+        ["plan", "desired.csv", "--method", "foot-optimal"],
+        "--method foot-optimal plans for a foot path: give columns x_m, y_m, z_m and a leg. "
+        "See 'request-planner plan --help'.",
+    ),
+    "weights of axes for joints": (
+        ["plan", "desired.csv", "--weights", "1", "1", "2"],
+        "--weights has no effect with --method optimal. See 'request-planner plan --help'.",
+    ),
+    "weights that are none": (
+        [*FOR_THE_FOOT, "--weights", "1", "-1", "2"],
+        "weights: got (1.0, -1.0, 2.0), expected three numbers, 0 or more and not all 0",
+    ),
+    "a tolerance of nothing": (
+        ["plan", "desired.csv", "--tolerance-deg", "0"],
+        "--tolerance-deg: got 0, expected more than 0 degrees. See 'request-planner plan --help'.",
+    ),
+    "a tolerance of the foot for joints": (
+        ["plan", "desired.csv", "--tolerance-cm", "1"],
+        "--tolerance-cm is for a foot path: use --tolerance-deg. "
+        "See 'request-planner plan --help'.",
+    ),
+    "a tolerance of the joints for the foot": (
+        [*FOR_THE_FOOT, "--tolerance-deg", "1"],
+        "--tolerance-deg is for joints, which --method foot-optimal lets err for the foot's sake: "
+        "use --tolerance-cm. See 'request-planner plan --help'.",
+    ),
+    "a foot path where there are no legs": (
+        ["simulate", "foot.csv"],
+        "foot.csv is a foot path, expected columns <joint>_deg or <joint>_rad. "
+        "See 'request-planner simulate --help'.",
     ),
     "another length": (
         ["simulate", "desired.csv", "--desired", "short.csv"],
@@ -133,6 +183,7 @@ def test_an_unreachable_foot_lists_the_points(run, command):
     assert result.exit_code == 2
     assert result.stdout == ""
     assert result.stderr.startswith("request-planner: 15 of 88 foot positions are out of reach")
+    assert result.stderr.endswith("or ask for --unreachable nearest\n")
     assert result.stderr.count("\n") == 1
 
 

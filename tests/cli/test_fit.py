@@ -75,7 +75,7 @@ def test_fit_draws_its_lines(run, desired, tmp_path, name, start):
         (["--required-s", "0.1=up"], "--required-s: got '0.1=up'"),
         (["--figure", "fit.pdf"], "--figure: got 'fit.pdf', expected a name that ends in"),
         (["--knots", "k.csv"], "--knots writes one joint, got hip, knee"),
-        (["--start-deg", "3"], "ends: a cycle has none"),
+        (["--start-deg", "3"], "--start-deg: a cycle has no ends; add --no-cyclic"),
         (["--required-s", "0=0", "--required-s", "0.016=90"], "got a slope of"),
         (["--exact"], "exact: expected segments or max_rms"),
     ],

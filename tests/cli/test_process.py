@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -61,6 +63,43 @@ def test_a_reader_that_leaves_early_gets_no_complaint(unbuffered, form):
         complaint = process.stderr.read()
         assert process.wait() == 141
     assert complaint == b""
+
+
+@pytest.mark.parametrize("form", [["gait"], ["gait", "--json"], ["--help"]])
+def test_a_full_disk_behind_standard_output_is_one_line_and_status_2(form):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        done = subprocess.run(
+            [*RUN, *form], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert "no space left on device" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("redirection", "message"),
+    [
+        ("gait >&-", "standard output is closed; name a file for the output"),
+        ("simulate - <&-", "standard input is closed; give it a file or a pipe"),
+    ],
+)
+def test_a_closed_stream_is_one_line_and_status_2(redirection, message):
+    command = f"{shlex.join(RUN)} {redirection}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"request-planner: -: {message}\n"
+
+
+def test_a_terminated_run_clears_its_half_made_folder_away(tmp_path):
+    out = tmp_path / "out"
+    with subprocess.Popen([*RUN, "reproduce", "--out", out], stderr=subprocess.PIPE) as process:
+        while process.poll() is None and not list(tmp_path.iterdir()):
+            time.sleep(0.01)
+        process.terminate()
+        complaint = process.stderr.read()
+    assert process.returncode == 143
+    assert complaint == b""
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_ends_quietly_with_status_130(tmp_path):

@@ -30,7 +30,7 @@ def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch)
     assert result.exit_code == 1
     assert result.stdout == ""
     assert result.stderr == (
-        "request-planner: the requests: the solver stopped with status 'no progress'; "
+        "request-planner: hip: the requests: the solver stopped with status 'no progress'; "
         "worst constraint violated by 0.25\n"
     )
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+import threading
 
 import pytest
 
 from planner.exceptions import InvalidFile
+from planner.files import output_folder as output_folder_module
 from planner.files import text
+from planner.files.exchange import exchange
 from planner.files.output_folder import list_files, output_folder
 from planner.files.text import write_text
 
@@ -102,6 +107,86 @@ def test_files_that_appear_during_a_run_are_kept(tmp_path):
     with pytest.raises(InvalidFile, match=r"late\.txt"), output_folder(out):
         (out / "late.txt").write_text("mine")
     assert list_files(out) == ["a.csv", "late.txt", "results.json"]
+
+
+def test_a_killed_run_leaves_the_last_good_one(tmp_path):
+    out = tmp_path / "out"
+    _run(out)
+    code = (
+        "import sys; from planner.files.output_folder import output_folder\n"
+        f"with output_folder({str(out)!r}) as aside:\n"
+        "    (aside / 'half.csv').write_text('half')\n"
+        "    print('half', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        process.stdout.readline()
+        process.kill()
+    assert list_files(out) == ["a.csv", "results.json"]
+    (left,) = set(tmp_path.iterdir()) - {out}
+    _run(out, "b.csv")
+    assert left.is_dir()  # it could be that of a run beside this one
+    os.utime(left, (0.0, 0.0))
+    _run(out, "c.csv")
+    assert list_files(tmp_path) == ["out/c.csv", "out/results.json"]
+
+
+def test_a_folder_is_there_all_the_time_that_it_is_replaced(tmp_path):
+    out = tmp_path / "out"
+    _run(out)
+    if not exchange(out, out):
+        pytest.skip("this system cannot exchange folders")
+    missing, stop = [], threading.Event()
+
+    def watch():
+        while not stop.is_set():
+            if not out.is_dir():
+                missing.append(1)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    for content in range(200):
+        _run(out, "a.csv", str(content))
+    stop.set()
+    watcher.join()
+    assert not missing
+
+
+def test_a_folder_is_replaced_where_folders_cannot_be_exchanged(tmp_path, monkeypatch):
+    monkeypatch.setattr(output_folder_module, "exchange", lambda *_: False)
+    out = tmp_path / "out"
+    _run(out, "a.csv")
+    _run(out, "b.csv")
+    assert list_files(tmp_path) == ["out/b.csv", "out/results.json"]
+
+
+def test_exchanged_paths_change_places_and_what_is_missing_is_not_exchanged(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_text("1")
+    other.mkdir()
+    if not exchange(one, other):
+        pytest.skip("this system cannot exchange paths")
+    assert one.is_dir()
+    assert other.read_text() == "1"
+    assert not exchange(one, tmp_path / "missing")
+    assert one.is_dir()
+
+
+def test_the_search_for_files_of_others_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr(output_folder_module, "MOST_FOREIGN", 3)
+    for name in "abcdef":
+        (tmp_path / name).touch()
+    with pytest.raises(InvalidFile, match=r"no earlier run made \(\w and at least 2 more\)"):
+        _run(tmp_path)
+
+
+def test_no_path_is_the_working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(InvalidFile, match=r"^\.: holds files"):
+        _run("")
 
 
 def test_an_empty_folder_is_filled_and_a_file_is_refused(tmp_path):

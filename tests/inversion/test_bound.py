@@ -12,15 +12,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
-from planner.inversion.bound import (
-    LEVELS,
-    NORMS,
-    Reachable,
-    certified_error,
-    envelope,
-    lower_bound,
-    reachable_set,
-)
+from planner.inversion.bound import certified_error, lower_bound
+from planner.inversion.norm import NORMS
+from planner.inversion.reachable import Reachable, envelope, reachable_set
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import from_rest
@@ -31,6 +25,9 @@ ERS210A = JointModel.ers210a()
 
 ROUNDING = 1e-9
 """Rounding of a bound on angles of a few radians, and the 1e-12 of the steady cycle [rad]."""
+
+LINEAR_LEVELS = ("slope", "envelope")
+"""The levels that are proved by multipliers."""
 
 OPTIMAL = 1e-6
 """How close the solver's multipliers come to the best ones [relative to the range]."""
@@ -76,7 +73,7 @@ def test_every_response_meets_the_conditions_of_every_level(cyclic, model, reque
     if rng.random() < 0.5:
         requests = np.sign(requests) * 2.0 * model.theta_0 + rng.normal(size=len(requests)) * 0.01
     every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
-    for level in LEVELS:
+    for level in LINEAR_LEVELS:
         reachable = reachable_set(model, len(requests), cyclic=cyclic, level=level)
         stride = model.hold if level == "slope" else 1
         angles = every_tick[::stride][: reachable.matrix.shape[1]]
@@ -90,7 +87,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests):
     every_tick = simulate(
         replace(model, hold=1), np.repeat(requests, model.hold), cyclic=False, start=start
     )
-    for level in LEVELS:
+    for level in LINEAR_LEVELS:
         reachable = reachable_set(model, len(requests), cyclic=False, level=level, start=start)
         stride = model.hold if level == "slope" else 1
         angles = every_tick[::stride][: reachable.matrix.shape[1]]
@@ -119,7 +116,7 @@ def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, 
     model = random_model(rng, whole=False, hold=hold, offset=True)
     desired = saturating(rng, model, samples=24)
     start = float(desired[0] + 0.3)
-    for level in LEVELS:
+    for level in LINEAR_LEVELS:
         free = lower_bound(model, desired, cyclic=False, norm=norm, level=level)
         bound = lower_bound(model, desired, cyclic=False, norm=norm, level=level, start=start)
         assert bound > free
@@ -131,7 +128,7 @@ def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, 
 
 
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=15)
 @given(
@@ -215,7 +212,7 @@ def least_largest_error(reachable: Reachable, desired):
     return float(linprog(cost, A_ub=A, b_ub=b, bounds=(None, None)).fun)
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
@@ -228,7 +225,7 @@ def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
     assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("hold", [1, 4])
 def test_the_bound_on_the_largest_error_is_that_of_a_linear_program(hold, cyclic, level):
@@ -268,7 +265,7 @@ def test_the_slope_bound_does_not_know_the_direction_of_time(cyclic):
 
 
 @pytest.mark.parametrize("norm", NORMS)
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
 def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
     rng = np.random.default_rng(6)
     model = random_model(rng)

@@ -2,117 +2,242 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
-from planner.inversion.step import Stencil, gauss_newton_step
-from planner.model.transition import Linearised, reach
+from planner.inversion.stencil import Stencil, stencil
+from planner.inversion.step import (
+    Pull,
+    Quadratic,
+    Response,
+    gauss_newton_step,
+)
+from planner.model.transition import Reach, reach
+from planner.trajectory import Array
 from tests.instances import random_model
 
 AGREEMENT = 1e-8
 """Two routes through a matrix of condition 1e6 or so [relative]."""
 
+ROUNDING = 1e-11
+"""Sums of a few hundred products, taken in two orders [relative]."""
 
-def dense_step(stencil, run, residuals, *, weights, pull, toward, damping, free):
+
+@dataclass(frozen=True)
+class Problem:
+    """One random step, its arguments by name."""
+
+    reach: Reach
+    stencil: Stencil
+    response: Response
+    cost: Quadratic
+    pull: Pull
+    damping: float
+    free: np.ndarray
+
+    def solve(self):
+        return gauss_newton_step(
+            self.stencil,
+            self.response,
+            self.cost,
+            pull=self.pull,
+            damping=self.damping,
+            free=self.free,
+        )
+
+    def value(self, requests: Array, angles: Array) -> float:
+        """The cost after a change, without the damping: term by term."""
+        total = self.cost.value
+        for k, change in enumerate(angles):
+            total += 2.0 * self.cost.gradient[k] @ change
+            total += change @ self.cost.curvature[k] @ change
+        return float(total + self.pull.weight * np.sum((self.pull.away + requests) ** 2))
+
+
+def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
+    """A step for joints of different reaches: zeros where a joint does not feel a request."""
+    models = [
+        random_model(rng, whole=bool(rng.integers(2)), hold=1 + (hold - 1) * (joint == 0))
+        for joint in range(joints)
+    ]
+    reaches = [reach(model) for model in models]
+    union = Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+    by_angle = rng.uniform(-0.2, 1.0, size=(samples, joints))
+    by_request = np.zeros((samples, union.width, joints))
+    for joint, own in enumerate(reaches):
+        felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
+        by_request[:, felt, joint] = rng.uniform(0.0, 1.0 / own.width, (samples, own.width))
+    free = rng.random((samples, joints)) < 0.8
+    free[-1] = True
+    if not cyclic:
+        by_angle[0] = 0.0  # nothing before the first sample can change
+        free[0] = False
+    roots = rng.normal(size=(samples, joints, joints))
+    definite = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(joints)
+    return Problem(
+        reach=union,
+        stencil=Stencil(union, samples, joints, cyclic=cyclic),
+        response=Response(rng.normal(size=(samples, joints)), by_angle, by_request),
+        cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
+        pull=Pull(float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints))),
+        damping=float(10.0 ** rng.uniform(-4, 0)),
+        free=free,
+    )
+
+
+def dense_matrices(problem):
+    """B and H of ``B d angles = H d requests``, the joints of one sample side by side."""
+    samples, width, joints = problem.response.by_request.shape
+    B, H = np.eye(samples * joints), np.zeros((samples * joints, samples * joints))
+    for k in range(samples):
+        for i in range(joints):
+            row = k * joints + i
+            if k > 0 or problem.stencil.cyclic:
+                B[row, (k - 1) % samples * joints + i] -= problem.response.by_angle[k, i]
+            for j in range(width):
+                request = problem.stencil.acting[k, j]
+                if request >= 0:
+                    H[row, request * joints + i] += problem.response.by_request[k, j, i]
+    return B, H
+
+
+def dense_step(problem):
     """Normal equations of the step, with d angles = J d requests spelled out."""
-    n = len(residuals)
-    B, H = np.eye(n), np.zeros((n, n))
-    for k in range(n):
-        if k > 0 or stencil.cyclic:
-            B[k, k - 1] -= run.by_angle[k]
-        for j, request in enumerate(stencil.acting[k]):
-            if request >= 0:
-                H[k, request] += run.by_request[k, j]
+    B, H = dense_matrices(problem)
+    free = problem.free.ravel()
     J = np.linalg.solve(B, H)[:, free]
-    quadratic = J.T @ (weights[:, None] * J) + np.diag((pull + damping)[free])
-    right = -J.T @ (weights * residuals) + (pull * toward)[free]
-    change = np.zeros(n)
+    C = block_diag(*problem.cost.curvature)
+    weight, away = problem.pull
+    quadratic = J.T @ C @ J + (weight + problem.damping) * np.eye(J.shape[1])
+    right = -J.T @ problem.cost.gradient.ravel() - weight * away.ravel()[free]
+    change = np.zeros(len(free))
     change[free] = np.linalg.solve(quadratic, right)
-    return change, J @ change[free]
+    return change.reshape(away.shape), (J @ change[free]).reshape(away.shape)
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("hold", [1, 2, 3, 4])
-@pytest.mark.parametrize("samples", [2, 3, 4, 5, 8, 13, 30, 90])
-def test_the_step_is_the_dense_solution(samples, hold, cyclic):
-    rng = np.random.default_rng([samples, hold, cyclic])
-    for _ in range(4):
-        problem = _random_problem(rng, samples, hold, cyclic)
-        stencil, run, residuals, options = problem
-        step = gauss_newton_step(stencil, run, residuals, **options)
-        requests, angles = dense_step(stencil, run, residuals, **options)
+@pytest.mark.parametrize("joints", [1, 2, 3])
+@pytest.mark.parametrize("samples", [2, 3, 4, 5, 8, 13, 30, 60])
+def test_the_step_is_the_dense_solution(samples, joints, hold, cyclic):
+    rng = np.random.default_rng([samples, joints, hold, cyclic])
+    for _ in range(2):
+        problem = random_problem(rng, samples, joints, hold=hold, cyclic=cyclic)
+        step = problem.solve()
+        requests, angles = dense_step(problem)
         scale = max(1.0, float(np.max(np.abs(requests))))
         np.testing.assert_allclose(step.requests, requests, rtol=0.0, atol=AGREEMENT * scale)
         np.testing.assert_allclose(step.angles, angles, rtol=0.0, atol=AGREEMENT * scale)
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("joints", [1, 3])
+@pytest.mark.parametrize("samples", [2, 5, 40])
+def test_the_expected_cost_is_that_of_the_proposed_change(samples, joints, cyclic):
+    rng = np.random.default_rng([samples, joints, cyclic])
+    problem = random_problem(rng, samples, joints, cyclic=cyclic)
+    step = problem.solve()
+    assert step.expected == pytest.approx(problem.value(step.requests, step.angles), rel=1e-12)
+    nothing = np.zeros((samples, joints))
+    assert step.expected < problem.value(nothing, nothing)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3])
+def test_no_shorter_or_longer_step_is_better(joints):
+    problem = random_problem(np.random.default_rng(joints), 40, joints, hold=2)
+    step = problem.solve()
+
+    def damped(share):
+        moved = share * step.requests
+        return problem.value(moved, share * step.angles) + problem.damping * np.sum(moved**2)
+
+    assert damped(1.0) < min(damped(0.9), damped(1.1), damped(0.0))
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 def test_a_request_that_is_not_free_does_not_move(cyclic):
-    rng = np.random.default_rng(3)
-    stencil, run, residuals, options = _random_problem(rng, 30, 1, cyclic)
-    step = gauss_newton_step(stencil, run, residuals, **options)
-    assert not options["free"].all()
-    assert np.all(step.requests[~options["free"]] == 0.0)
+    problem = random_problem(np.random.default_rng(3), 30, 3, cyclic=cyclic)
+    assert not problem.free.all()
+    assert np.all(problem.solve().requests[~problem.free] == 0.0)
 
 
-def test_the_step_lowers_the_cost_that_it_was_made_for():
-    rng = np.random.default_rng(5)
-    stencil, run, residuals, options = _random_problem(rng, 40, 2, True)
-    step = gauss_newton_step(stencil, run, residuals, **options)
-
-    def cost(change, angles):
-        away = change - options["toward"]
-        return (
-            options["weights"] @ (residuals + angles) ** 2
-            + options["pull"] @ away**2
-            + options["damping"] * change @ change
-        )
-
-    nothing = cost(np.zeros(40), np.zeros(40))
-    least = cost(step.requests, step.angles)
-    assert least < nothing
-    assert cost(0.9 * step.requests, 0.9 * step.angles) > least
-    assert cost(1.1 * step.requests, 1.1 * step.angles) > least
+def test_a_step_with_nothing_free_goes_nowhere():
+    problem = random_problem(np.random.default_rng(4), 12, 2)
+    problem.free[:] = False
+    step = problem.solve()
+    assert np.all(step.requests == 0.0)
+    np.testing.assert_allclose(step.angles, 0.0, rtol=0.0, atol=ROUNDING)
 
 
-def test_the_band_of_a_long_cycle_is_no_wider_than_twice_the_reach():
-    model = random_model(np.random.default_rng(1))
-    stencil = Stencil(reach(model), 500, cyclic=True)
-    assert stencil.bandwidth <= 2 * max(reach(model).width, 2)
-    assert Stencil(reach(model), 500, cyclic=False).bandwidth < max(reach(model).width, 2)
+def test_joints_that_the_cost_does_not_couple_are_solved_one_by_one():
+    problem = random_problem(np.random.default_rng(6), 25, 3)
+    for own, other in ((0, 1), (0, 2), (1, 2)):
+        problem.cost.curvature[:, [own, other], [other, own]] = 0.0
+    together = problem.solve()
+    for joint in range(3):
+        only = slice(joint, joint + 1)
+        response, cost = problem.response, problem.cost
+        alone = Problem(
+            reach=problem.reach,
+            stencil=Stencil(problem.reach, 25, 1, cyclic=True),
+            response=Response(
+                response.angles[:, only], response.by_angle[:, only], response.by_request[..., only]
+            ),
+            cost=Quadratic(0.0, cost.gradient[:, only], cost.curvature[:, only, only]),
+            pull=problem.pull._replace(away=problem.pull.away[:, only]),
+            damping=problem.damping,
+            free=problem.free[:, only],
+        ).solve()
+        np.testing.assert_allclose(together.requests[:, only], alone.requests, atol=AGREEMENT)
 
 
-def test_backward_is_the_transpose_of_forward():
-    rng = np.random.default_rng(8)
-    for cyclic in (True, False):
-        for samples in (2, 5, 40):
-            stencil, run, residuals, _ = _random_problem(rng, samples, 1, cyclic)
-            change = rng.normal(size=samples)
-            there = residuals @ stencil.forward(run.by_request, change)
-            back = stencil.backward(run.by_request, residuals) @ change
-            assert there == pytest.approx(back, rel=1e-9, abs=1e-12)
+def test_a_cost_that_curves_downward_is_refused():
+    problem = random_problem(np.random.default_rng(7), 20, 2)
+    problem.cost.curvature[:] *= -1.0
+    with pytest.raises(np.linalg.LinAlgError, match="definite"):
+        problem.solve()
 
 
-def _random_problem(rng, samples, hold, cyclic):
-    model = random_model(rng, whole=bool(rng.integers(2)), hold=hold)
-    stencil = Stencil(reach(model), samples, cyclic=cyclic)
-    width = reach(model).width
-    run = Linearised(
-        angles=rng.normal(size=samples),
-        by_angle=rng.uniform(-0.2, 1.0, size=samples),
-        by_request=rng.uniform(0.0, 1.0 / width, size=(samples, width)),
-    )
-    free = rng.random(samples) < 0.8
-    if not cyclic:
-        run.by_angle[0] = 0.0  # nothing before the first sample can change
-        run.by_request[stencil.acting < 0] = 0.0
-        free[0] = False
-    free[-1] = True
-    options = {
-        "weights": rng.uniform(0.1, 3.0, size=samples),
-        "pull": rng.uniform(0.0, 1e-2, size=samples),
-        "toward": rng.normal(size=samples),
-        "damping": float(10.0 ** rng.uniform(-4, 0)),
-        "free": free,
-    }
-    return stencil, run, rng.normal(size=samples), options
+@pytest.mark.parametrize("joints", [1, 3])
+def test_the_band_of_a_cycle_is_no_wider_than_twice_that_from_rest(joints):
+    at = reach(random_model(np.random.default_rng(1)))
+    assert at.width > 2
+    straight = Stencil(at, 500, joints, cyclic=False).bandwidth
+    assert straight == (at.width - 1) * joints
+    assert straight < Stencil(at, 500, joints, cyclic=True).bandwidth < 2 * at.width * joints
+    # Angles follow one another even where only one request acts.
+    assert Stencil(Reach(3, 3), 500, joints, cyclic=False).bandwidth == 2 * joints - 1
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("samples", [2, 5, 40])
+def test_backward_is_the_transpose_of_forward(samples, cyclic):
+    rng = np.random.default_rng([8, samples, cyclic])
+    for joints in (1, 2, 3):
+        problem = random_problem(rng, samples, joints, cyclic=cyclic)
+        _, H = dense_matrices(problem)
+        change, multipliers = rng.normal(size=(2, samples, joints))
+        by_request = problem.response.by_request
+        forward = problem.stencil.forward(by_request, change)
+        columns = problem.stencil.columns(by_request)
+        backward = problem.stencil.backward(columns, multipliers)
+        np.testing.assert_allclose(forward.ravel(), H @ change.ravel(), atol=ROUNDING)
+        np.testing.assert_allclose(backward.ravel(), H.T @ multipliers.ravel(), atol=ROUNDING)
+
+
+def test_windows_hold_the_requests_that_act_youngest_first():
+    requests = np.arange(12.0).reshape(6, 2)
+    cycle = Stencil(Reach(1, 3), 6, 2, cyclic=True).windows(requests)
+    np.testing.assert_array_equal(cycle[0, :, 0], requests[[5, 4, 3], 0])
+    np.testing.assert_array_equal(cycle[4, :, 1], requests[[3, 2, 1], 1])
+    resting = Stencil(Reach(1, 3), 6, 2, cyclic=False).windows(requests)
+    np.testing.assert_array_equal(resting[1, :, 0], requests[[0, 0, 0], 0])
+    np.testing.assert_array_equal(resting[4, :, 1], requests[[3, 2, 1], 1])
+
+
+def test_a_stencil_is_worked_out_once():
+    assert stencil(Reach(2, 5), 30, 3, cyclic=True) is stencil(Reach(2, 5), 30, 3, cyclic=True)
+    assert stencil(Reach(2, 5), 30, 3, cyclic=True) is not stencil(Reach(2, 5), 30, 3, cyclic=False)

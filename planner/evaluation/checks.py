@@ -1,0 +1,188 @@
+"""What a plan must meet to be believed: each claim held against a tolerance with its reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.evaluation.independent import independent_angles, next_cycle
+from planner.exceptions import NoSteadyCycle
+from planner.inversion.descent import AS_WELL
+from planner.inversion.reachable import Level
+from planner.inversion.result import Inversion
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+
+class Tolerance(NamedTuple):
+    """How much is allowed, and why."""
+
+    value: float
+    unit: str
+    reason: str
+
+
+AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
+CLOSURE = Tolerance(
+    1e-9, "rad", "rounding of the first tick, or of one more cycle, run independently"
+)
+WITHIN_LIMITS = Tolerance(1e-12, "rad", "rounding of one subtraction; limits are kept by clipping")
+ORDERED = Tolerance(1e-6, "rad", "solvers stop near the best proof: a relative 1e-8 to 1e-5")
+ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")
+NO_WORSE = Tolerance(
+    1e-6, "rad", f"a step of the Aibo's requests; and {AS_WELL:g} of the error, for quieter ones"
+)
+FOOT_NO_WORSE = Tolerance(
+    1e-6, "m", f"a thousandth of a millimetre; and {AS_WELL:g} of the error, for quieter requests"
+)
+
+AGREES = "predicted angles agree with the independent simulation"
+CLOSES = "the cycle closes"
+RESTS = "the joint starts from rest"
+ABOVE = "error not below any bound"
+INSIDE = "requests within limits"
+
+
+@dataclass(frozen=True)
+class Check:
+    """A claim, the figure that it rests on, and how large that may be.
+
+    Attributes:
+        subject: The joint that it is about, or the foot.
+        plan: The plan that it is about; empty where it is about none.
+        name: The claim.
+        value: What should not exceed the tolerance; negative where there is room.
+        tolerance: How much is allowed.
+        unit: Unit of both.
+        reason: Why that much.
+    """
+
+    subject: str
+    plan: str
+    name: str
+    value: float
+    tolerance: float
+    unit: str
+    reason: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the claim holds; what is not a number does not."""
+        return self.value <= self.tolerance
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; a value that is not finite becomes None."""
+        return {
+            "subject": self.subject,
+            "plan": self.plan,
+            "name": self.name,
+            "value": self.value if math.isfinite(self.value) else None,
+            "tolerance": self.tolerance,
+            "unit": self.unit,
+            "reason": self.reason,
+            "passed": self.passed,
+        }
+
+
+def check(
+    subject: str, plan: str, name: str, value: float, allowed: Tolerance, *, more: float = 0.0
+) -> Check:
+    """A check against a tolerance, or ``more`` than that in its unit."""
+    return Check(subject, plan, name, value, allowed.value + more, allowed.unit, allowed.reason)
+
+
+class Answer(NamedTuple):
+    """What one joint does under one plan, simulated independently.
+
+    Attributes:
+        agreement: Largest distance from the predicted angles [rad].
+        closure: Cyclic: distance between the ends of the predicted cycle; from rest: between the
+            first angle and the one it rests at [rad].
+        elsewhere: How far off another steady cycle is into which the joint may settle, depending on
+            where it comes from [rad]; 0 where there is only one.
+    """
+
+    agreement: float
+    closure: float
+    elsewhere: float
+
+
+def second_answer(
+    model: JointModel, requests: Array, predicted: Array, *, cyclic: bool, start: float | None
+) -> Answer:
+    """Simulate a plan independently and hold the predicted angles against it.
+
+    Requests that saturate the joint throughout a cycle leave it where it is, so that several cycles
+    are steady. Then the predicted one agrees if it is among them.
+    """
+    settled = independent_angles(model, requests, cyclic=cyclic, start=start)
+    apart = float(np.max(np.abs(predicted - settled)))
+    if not cyclic:
+        rest = float(requests[0]) + model.offset if start is None else start
+        return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
+    following = next_cycle(model, requests, float(predicted[-1]))
+    closure = abs(float(following[-1] - predicted[-1]))
+    repeated = float(np.max(np.abs(predicted - following)))
+    if apart <= AGREEMENT.value or max(repeated, closure) > AGREEMENT.value:
+        return Answer(apart, closure, 0.0)
+    return Answer(repeated, closure, apart)
+
+
+def answer_checks(subject: str, plan: str, answer: Answer, *, cyclic: bool) -> list[Check]:
+    """That the predicted angles agree with the second answer, and begin as they should."""
+    return [
+        check(subject, plan, AGREES, answer.agreement, AGREEMENT),
+        check(subject, plan, CLOSES if cyclic else RESTS, answer.closure, CLOSURE),
+    ]
+
+
+def bound_checks(
+    subject: str, bounds: Mapping[Level, float], errors: Mapping[str, float]
+) -> list[Check]:
+    """That each bound is at least the one before it, and no plan is below any [rad]."""
+    values = list(bounds.values())
+    found = []
+    if len(values) > 1:
+        worst = max(low - high for low, high in pairwise(values))
+        found.append(check(subject, "", f"bounds ordered, {' ≤ '.join(bounds)}", worst, ORDERED))
+    return found + [
+        check(subject, plan, ABOVE, max(values) - error, ABOVE_BOUND)
+        for plan, error in errors.items()
+    ]
+
+
+def beyond_limits(requests: Array, limits: tuple[Any, Any]) -> float:
+    """How far the farthest request is beyond the limits [rad]; negative where all are inside."""
+    lower, upper = limits
+    return float(np.max(np.maximum(lower - requests, requests - upper)))
+
+
+def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversion | None:
+    """The plan with its requests clipped to the limits; None where that leads to no cycle.
+
+    The closed form knows no limits, so what it gains beyond them is not held against a plan that
+    keeps them.
+    """
+    if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
+        return plan
+    clipped = replace(plan, requests=np.clip(plan.requests, *limits))
+    try:
+        _ = clipped.predicted
+    except NoSteadyCycle:
+        return None
+    return clipped
+
+
+def no_worse_checks(
+    subject: str, plan: str, error: float, others: Mapping[str, float], allowed: Tolerance
+) -> list[Check]:
+    """That a plan's error is no larger than that of each other one, in the tolerance's unit."""
+    return [
+        check(subject, plan, f"no worse than {other}", error - least, allowed, more=AS_WELL * least)
+        for other, least in others.items()
+    ]

@@ -1,0 +1,183 @@
+"""The cross-check in the foot's space: the plans for single joints beside the plan for all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinematics.leg import Leg
+from planner.evaluation.checks import (
+    FOOT_NO_WORSE,
+    INSIDE,
+    WITHIN_LIMITS,
+    Check,
+    answer_checks,
+    beyond_limits,
+    check,
+    kept_within,
+    no_worse_checks,
+    second_answer,
+)
+from planner.evaluation.joint_comparison import METHODS, JointComparison
+from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
+from planner.evaluation.outcome import FootOutcome
+from planner.inversion.foot import invert_foot
+from planner.inversion.foot_result import FootInversion
+from planner.inversion.norm import Norm
+from planner.inversion.result import Inversion
+from planner.trajectory import Array
+
+FOOT = "foot"
+"""What checks are about that are about no single joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class FootPlan:
+    """All joints of a leg under one method.
+
+    Attributes:
+        requests: Their requests [rad], shape (n, k).
+        predicted: Their angles [rad], shape (n, k).
+        outcome: Where the foot then is.
+    """
+
+    requests: Array
+    predicted: Array
+    outcome: FootOutcome
+
+    def error(self, norm: Norm) -> float:
+        """How far the foot is from where it should be [m]."""
+        distance = self.outcome.distance
+        return distance.rms if norm == "rms" else distance.max
+
+
+@dataclass(frozen=True, eq=False)
+class FootComparison:
+    """The plans for a leg, by where they bring its foot.
+
+    Attributes:
+        desired: Where the desired angles bring the foot [m], shape (n, 3).
+        plans: Plan by method, one more than for a joint.
+        differences: How far each method's requests are from those for the foot, all joints [rad].
+        checks: Every claim about the foot, held against its tolerance.
+    """
+
+    desired: Array
+    plans: Mapping[str, FootPlan]
+    differences: Mapping[str, Distance]
+    checks: tuple[Check, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, lengths in centimetres and angles in degrees."""
+        best = self.plans["foot_optimal"]
+        return {
+            "desired_cm": (100.0 * self.desired).tolist(),
+            "requests_deg": np.degrees(best.requests).tolist(),
+            "methods": {
+                method: {
+                    "rms_cm": 100.0 * plan.outcome.distance.rms,
+                    "max_cm": 100.0 * plan.outcome.distance.max,
+                    "request_difference_rms_deg": math.degrees(self.differences[method].rms),
+                    "largest_request_difference_deg": math.degrees(self.differences[method].max),
+                    "positions_cm": (100.0 * plan.outcome.positions).tolist(),
+                }
+                for method, plan in self.plans.items()
+            },
+        }
+
+
+def compare_foot(
+    leg: Leg,
+    joints: Sequence[JointComparison],
+    *,
+    cyclic: bool,
+    norm: Norm,
+    limits: tuple[Array, Array],
+) -> FootComparison:
+    """Plan for the foot, and compare with the plans that were made joint by joint.
+
+    The foot should be where the desired angles bring it.
+
+    Args:
+        leg: The leg.
+        joints: Its joints, compared one by one.
+        cyclic: Whether the trajectory repeats for ever.
+        norm: The error to minimise.
+        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+    """
+    desired = leg.foot_positions(np.column_stack([joint.desired for joint in joints]))
+    together = invert_foot(
+        [joint.model for joint in joints], leg, desired, cyclic=cyclic, limits=limits, norm=norm
+    )
+    return judge_foot(leg, joints, together)
+
+
+def judge_foot(
+    leg: Leg, joints: Sequence[JointComparison], together: FootInversion
+) -> FootComparison:
+    """Compare a plan for the foot with the plans for its joints, whoever made them."""
+    desired = together.wanted
+    plans = {
+        method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
+        for method in joints[0].plans
+    }
+    best = FootPlan(
+        together.requests, together.predicted, _outcome(leg, desired, together.predicted)
+    )
+    return FootComparison(
+        desired=desired,
+        plans={**plans, "foot_optimal": best},
+        differences={
+            method: angle_distance(plan.requests.ravel(), best.requests.ravel())
+            for method, plan in {**plans, "foot_optimal": best}.items()
+        },
+        checks=tuple(_checks(leg, joints, together, best)),
+    )
+
+
+def _checks(
+    leg: Leg, joints: Sequence[JointComparison], together: FootInversion, best: FootPlan
+) -> list[Check]:
+    label = METHODS["foot_optimal"]
+    norm, cyclic = together.norm, together.cyclic
+    found = []
+    for column, joint in enumerate(joints):
+        answer = second_answer(
+            joint.model,
+            together.requests[:, column],
+            together.predicted[:, column],
+            cyclic=cyclic,
+            start=None if together.start is None else float(together.start[column]),
+        )
+        found += answer_checks(joint.name, label, answer, cyclic=cyclic)
+    excess = beyond_limits(together.requests, together.limits)
+    found.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    others = {}
+    for method in joints[0].plans:
+        kept = [
+            kept_within(joint.plans[method], (low, high))
+            for joint, low, high in zip(joints, *together.limits, strict=True)
+        ]
+        usable = [plan for plan in kept if plan is not None]
+        if len(usable) == len(joints):
+            others[METHODS[method]] = _foot_plan(leg, together.wanted, usable).error(norm)
+    return found + no_worse_checks(FOOT, label, best.error(norm), others, FOOT_NO_WORSE)
+
+
+def _foot_plan(leg: Leg, desired: Array, plans: Sequence[Inversion]) -> FootPlan:
+    requests = np.column_stack([plan.requests for plan in plans])
+    predicted = np.column_stack([plan.predicted for plan in plans])
+    return FootPlan(requests, predicted, _outcome(leg, desired, predicted))
+
+
+def _outcome(leg: Leg, desired: Array, angles: Array) -> FootOutcome:
+    positions = leg.foot_positions(angles)
+    return FootOutcome(
+        positions=positions,
+        distances=foot_distances(positions, desired),
+        distance=foot_distance(positions, desired),
+    )

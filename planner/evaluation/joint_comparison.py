@@ -1,0 +1,179 @@
+"""The plans for one joint side by side, and what is to be said about them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planner.evaluation.checks import (
+    INSIDE,
+    NO_WORSE,
+    WITHIN_LIMITS,
+    Answer,
+    Check,
+    answer_checks,
+    beyond_limits,
+    bound_checks,
+    check,
+    kept_within,
+    no_worse_checks,
+    second_answer,
+)
+from planner.evaluation.differences import Difference, difference
+from planner.inversion.bound import LEVELS, lower_bound
+from planner.inversion.reachable import Level
+from planner.inversion.result import Inversion
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+METHODS: Mapping[str, str] = {
+    "closed_form_paper": "closed form, paper's rule",
+    "closed_form_exact": "closed form, exact rule",
+    "optimal": "optimised",
+    "foot_optimal": "optimised for the foot",
+}
+"""The plans that are compared, by key, and what to call them."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointComparison:
+    """The plans for one joint, side by side.
+
+    Attributes:
+        name: The joint.
+        plans: Plan by method; all share the model and the desired angles.
+        bounds: What no requests can go below in the plans' norm, by level [rad].
+        answers: What an independent simulation says, by method.
+        differences: How the requests of each closed form differ from the optimised ones.
+        checks: Every claim about these plans, held against its tolerance.
+    """
+
+    name: str
+    plans: Mapping[str, Inversion]
+    bounds: Mapping[Level, float]
+    answers: Mapping[str, Answer]
+    differences: Mapping[str, Difference]
+    checks: tuple[Check, ...]
+
+    @property
+    def model(self) -> JointModel:
+        """The joint's model."""
+        return self.plans["optimal"].model
+
+    @property
+    def desired(self) -> Array:
+        """The desired angles [rad], shape (n,)."""
+        return self.plans["optimal"].desired
+
+    @property
+    def bound(self) -> float:
+        """The sharpest bound [rad]."""
+        return max(self.bounds.values())
+
+    def gap(self, method: str) -> float:
+        """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
+        error = self.plans[method].error
+        if self.bound > 0.0:
+            return error / self.bound - 1.0
+        return math.inf if error > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, angles in degrees."""
+        finest = max(self.bounds, key=lambda level: self.bounds[level])
+        return {
+            "model": dataclasses.asdict(self.model),
+            "limits_deg": _limits(self.plans["optimal"].limits),
+            "desired_deg": _degrees(self.desired),
+            "lower_bound_deg": math.degrees(self.bounds[finest]),
+            "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
+            "methods": {method: self._plan(method) for method in self.plans},
+            "differences": {method: each.to_dict() for method, each in self.differences.items()},
+        }
+
+    def _plan(self, method: str) -> dict[str, Any]:
+        plan, answer = self.plans[method], self.answers[method]
+        apart = np.abs(plan.requests - self.plans["optimal"].requests)
+        return {
+            "rms_deg": math.degrees(plan.rms),
+            "max_deg": math.degrees(plan.max_error),
+            "gap": _finite(self.gap(method)),
+            "largest_request_difference_deg": math.degrees(float(np.max(apart))),
+            "largest_step_deg": math.degrees(plan.largest_step),
+            "beyond_desired_deg": math.degrees(plan.excess),
+            "agreement_rad": answer.agreement,
+            "other_cycle_deg": math.degrees(answer.elsewhere),
+            "requests_deg": _degrees(plan.requests),
+            "predicted_deg": _degrees(plan.predicted),
+        }
+
+
+def compare_joint(
+    name: str, plans: Mapping[str, Inversion], *, levels: Sequence[Level] = LEVELS[:2]
+) -> JointComparison:
+    """Compare plans for one joint and judge them, whoever made them.
+
+    Args:
+        name: The joint.
+        plans: A plan for each method of one joint, all for the same desired angles.
+        levels: The bounds to compute.
+    """
+    optimal = plans["optimal"]
+    cyclic, limits = optimal.cyclic, optimal.limits
+    bounds = {
+        level: lower_bound(
+            optimal.model,
+            optimal.desired,
+            cyclic=cyclic,
+            norm=optimal.norm,
+            level=level,
+            start=optimal.start,
+        )
+        for level in levels
+    }
+    answers = {
+        method: second_answer(
+            plan.model, plan.requests, plan.predicted, cyclic=cyclic, start=plan.start
+        )
+        for method, plan in plans.items()
+    }
+    closed_forms = {method: plan for method, plan in plans.items() if method != "optimal"}
+    checks: list[Check] = []
+    for method, answer in answers.items():
+        checks += answer_checks(name, METHODS[method], answer, cyclic=cyclic)
+    others = {}
+    for method, plan in closed_forms.items():
+        kept = kept_within(plan, limits)
+        if kept is not None:
+            others[METHODS[method]] = kept.error
+    checks += no_worse_checks(name, METHODS["optimal"], optimal.error, others, NO_WORSE)
+    errors = {METHODS[method]: plan.error for method, plan in plans.items()}
+    checks += bound_checks(name, bounds, errors)
+    if limits is not None:
+        excess = beyond_limits(optimal.requests, limits)
+        checks.append(check(name, METHODS["optimal"], INSIDE, excess, WITHIN_LIMITS))
+    return JointComparison(
+        name=name,
+        plans=plans,
+        bounds=bounds,
+        answers=answers,
+        differences={method: difference(plan, optimal) for method, plan in closed_forms.items()},
+        checks=tuple(checks),
+    )
+
+
+def _degrees(angles: Array) -> list[float]:
+    degrees: list[float] = np.degrees(angles).tolist()
+    return degrees
+
+
+def _limits(limits: tuple[float, float] | None) -> list[float | None] | None:
+    return None if limits is None else [_finite(math.degrees(limit)) for limit in limits]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,75 @@
+"""The answer of an inversion in the foot's space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kinematics.leg import Leg
+from planner.inversion.norm import Norm
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FootInversion:
+    """Requests for all joints of a leg, with what the exact models make of them.
+
+    Attributes:
+        models: The joints, in the leg's order.
+        leg: The leg.
+        wanted: Wanted foot positions in the leg's base frame [m], shape (n, 3).
+        requests: What to send to the joints [rad], shape (n, k).
+        cyclic: Whether the path repeats for ever.
+        norm: Distance that was minimised.
+        weights: Weight of each axis in that distance, shape (3,).
+        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+        start: From rest: angles at which the joints rest before the first request [rad], (k,).
+    """
+
+    models: tuple[JointModel, ...]
+    leg: Leg
+    wanted: Array
+    requests: Array
+    cyclic: bool
+    norm: Norm
+    weights: Array
+    limits: tuple[Array, Array]
+    start: Array | None = None
+    method: str = "foot_optimal"
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact models under the requests [rad], shape (n, k)."""
+        starts = [None] * len(self.models) if self.start is None else self.start
+        columns = zip(self.models, self.requests.T, starts, strict=True)
+        angles = np.stack(
+            [simulate(model, r, cyclic=self.cyclic, start=start) for model, r, start in columns],
+            axis=1,
+        )
+        angles.setflags(write=False)
+        return angles
+
+    @cached_property
+    def foot(self) -> Array:
+        """Where the foot then is [m], shape (n, 3)."""
+        return self.leg.foot_positions(self.predicted)
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        distances: Array = np.linalg.norm(self.foot - self.wanted, axis=1)
+        return distances
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the distances [m]."""
+        return float(np.sqrt(np.mean(self.distances**2)))
+
+    @property
+    def max_error(self) -> float:
+        """Largest distance [m]."""
+        return float(np.max(self.distances))

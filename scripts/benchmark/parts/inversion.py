@@ -1,0 +1,162 @@
+"""Side by side with what else one could write, on the same instances from the same start."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+import planner
+from benchmark.instances import Array, Instance, random_saturating, reference
+from benchmark.parts import Options
+from benchmark.rivals import fatrop_stages, opti_ipopt, scipy_least_squares
+from benchmark.rivals.problem import Solve, best_of, exact_rms
+from benchmark.table import Table
+from benchmark.timing import median_time, timed
+
+
+def build_ours(model: planner.JointModel, samples: int) -> Solve:
+    """The optimised inversion, which builds what it needs at its first solve."""
+    del samples
+
+    def solve(desired: Array, limits: tuple[float, float], start: Array) -> Array:
+        del start  # it finds its own, in its own time
+        return planner.invert_optimal(model, desired, limits=limits).requests
+
+    return solve
+
+
+OURS = "invert_optimal"
+METHODS = {
+    "IPOPT": opti_ipopt.build,
+    "fatrop": fatrop_stages.build,
+    "least_squares": scipy_least_squares.build,
+    OURS: build_ours,
+}
+
+
+class Result(NamedTuple):
+    """What a method made of an instance."""
+
+    rms: float  # of the exact model [rad]
+    first: float  # time of construction and first solve [s]
+    again: float  # time of the same solve once more, median [s]
+
+
+def measure(options: Options) -> list[Table]:
+    """Time and exact rms of every method on every instance."""
+    instances = [
+        *reference(),
+        *(random_saturating(seed, samples=options.samples) for seed in range(options.instances)),
+        *(
+            random_saturating(seed, samples=options.samples, limited=True)
+            for seed in range((options.instances + 1) // 2)
+        ),
+    ]
+    warm_up = random_saturating(10**6, samples=options.samples)
+    compare(warm_up, 0, repeats=1)
+    results = [
+        compare(instance, number, repeats=options.repeats)
+        for number, instance in enumerate(instances, 1)
+    ]
+    return [summary(results), each(instances, results)]
+
+
+def compare(instance: Instance, number: int, *, repeats: int) -> dict[str, Result]:
+    """Every method on one instance, the ``number``-th."""
+    # A joint that nobody has seen, so that the first solve of each method is one.
+    model = replace(instance.model, v_max=instance.model.v_max * (1.0 + number * 2.0**-48))
+    start = closed_form(model, instance)
+    results = {}
+    for name, build in METHODS.items():
+        arguments = instance.desired, instance.limits, start
+        built, construction = timed(partial(build, model, len(instance.desired)))
+        requests, solution = timed(partial(built, *arguments))
+        if np.any(requests < instance.limits[0]) or np.any(requests > instance.limits[1]):
+            raise RuntimeError(f"{name} leaves the limits on {instance.name}")
+        results[name] = Result(
+            exact_rms(model, instance.desired, requests),
+            construction + solution,
+            median_time(partial(built, *arguments), repeats),
+        )
+    return results
+
+
+def closed_form(model: planner.JointModel, instance: Instance) -> Array:
+    """The better of the two rules, within the limits: where the rivals set out."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", planner.OutsideEquation13)
+        plans = [
+            planner.invert_closed_form(model, instance.desired, rule=rule)
+            for rule in ("paper", "exact")
+        ]
+    return best_of(model, instance.desired, instance.limits, [plan.requests for plan in plans])
+
+
+def summary(results: Sequence[dict[str, Result]]) -> Table:
+    """One row for each method, ours last."""
+    table = Table(
+        "Inversion, summary",
+        (
+            "first solve, ms",
+            "second, ms",
+            "second over ours",
+            "least",
+            "rms over the best, median %",
+            "worst %",
+        ),
+        note=(
+            f"Medians over {len(results)} instances of one cycle: the reference walk's joints, and "
+            "random ones that cannot follow, without limits and with. "
+            "The first solve includes construction. The rivals set out from the better closed "
+            "form, whose time is not counted; ours finds its own start. The best is the lowest "
+            "exact rms of any other method."
+        ),
+        stub="method",
+    )
+    for name in METHODS:
+        own = [result[name] for result in results]
+        ratios = [result[name].again / result[OURS].again for result in results]
+        others = [
+            min(other.rms for method, other in result.items() if method != name)
+            for result in results
+        ]
+        excess = [100.0 * (r.rms / best - 1.0) for r, best in zip(own, others, strict=True)]
+        table.add(
+            name,
+            1e3 * float(np.median([result.first for result in own])),
+            1e3 * float(np.median([result.again for result in own])),
+            float(np.median(ratios)),
+            min(ratios),
+            float(np.median(excess)),
+            max(excess),
+        )
+    return table
+
+
+def each(instances: Sequence[Instance], results: Sequence[dict[str, Result]]) -> Table:
+    """One row for each instance."""
+    table = Table(
+        "Inversion, instance by instance",
+        (
+            *(f"{name}, deg" for name in METHODS),
+            *(f"{name}, ms" for name in METHODS),
+            "ours over the best rival, %",
+        ),
+        note="Exact rms error, and time of the second solve.",
+        stub="instance",
+    )
+    for instance, result in zip(instances, results, strict=True):
+        best = min(other.rms for name, other in result.items() if name != OURS)
+        table.add(
+            instance.name,
+            *(math.degrees(result[name].rms) for name in METHODS),
+            *(1e3 * result[name].again for name in METHODS),
+            100.0 * (result[OURS].rms / best - 1.0),
+        )
+    return table

@@ -1,0 +1,76 @@
+"""CasADi Opti with IPOPT over all angles and requests: what most users would write."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import casadi
+import numpy as np
+
+import planner
+
+from .problem import DEGREE, PULL, RADII, Array, Limits, Solve, best_of, smoothed
+
+OPTIONS: dict[str, Any] = {
+    "expand": True,
+    "print_time": False,
+    "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 300},
+}
+
+NO_LIMIT = 1e20
+"""IPOPT's infinity."""
+
+
+def build(model: planner.JointModel, samples: int) -> Solve:
+    """The cycle as a nonlinear programme, with everything that may change a parameter."""
+    v_max, theta_0 = model.v_max_per_tick / DEGREE, model.theta_0 / DEGREE
+    window = model.window
+    opti = casadi.Opti()
+
+    # unknowns
+    angles = opti.variable(samples)
+    requests = opti.variable(samples)
+
+    # data
+    desired = opti.parameter(samples)
+    lower, upper = opti.parameter(), opti.parameter()
+    radius = opti.parameter()
+
+    # objective
+    resting = desired - model.offset / DEGREE
+    opti.minimize(casadi.sumsqr(angles - desired) + PULL * casadi.sumsqr(requests - resting))
+
+    # dynamics, closed to a cycle
+    before = casadi.vertcat(angles[-1], angles[:-1])
+    moved = before
+    for age, weight in enumerate(window.weights.tolist(), window.first):
+        aged = requests[[(tick - age) % samples for tick in range(samples)]]
+        error = aged + model.offset / DEGREE - before
+        moved = moved + weight * smoothed(error, radius, v_max=v_max, theta_0=theta_0)
+    opti.subject_to(angles == moved)
+
+    # limits
+    opti.subject_to(opti.bounded(lower, requests, upper))
+    opti.solver("ipopt", OPTIONS)
+
+    def solve(wanted: Array, limits: Limits, start: Array) -> Array:
+        opti.set_value(desired, wanted / DEGREE)
+        opti.set_value(lower, max(limits[0] / DEGREE, -NO_LIMIT))
+        opti.set_value(upper, min(limits[1] / DEGREE, NO_LIMIT))
+        opti.set_initial(requests, start / DEGREE)
+        opti.set_initial(angles, planner.simulate(model, start) / DEGREE)
+        candidates = [start]
+        for share in RADII:
+            opti.set_value(radius, share * theta_0)
+            # Opti's word for every failure; the last iterate may still do.
+            with contextlib.suppress(RuntimeError):
+                opti.solve()
+            found = np.asarray(opti.debug.value(requests), dtype=np.float64)
+            if not np.all(np.isfinite(found)):
+                break
+            candidates.append(found * DEGREE)
+            opti.set_initial(opti.x, opti.debug.value(opti.x))
+        return best_of(model, wanted, limits, candidates)
+
+    return solve

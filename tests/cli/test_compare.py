@@ -1,0 +1,204 @@
+"""`compare`: the tables, JSON and pictures of a cross-check, and its verdict as exit status."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import planner
+from planner.evaluation import cross_check as cross_check_module
+from planner.evaluation.joint_comparison import METHODS
+from planner.files.joint_path import read_joint_path
+from planner.model.joint import JointModel
+
+JOINT = JointModel.ers210a()
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture
+def sabotage(monkeypatch):
+    """The optimised requests come three samples late."""
+    honest = cross_check_module.invert_optimal
+
+    def late(*arguments, **options):
+        plan = honest(*arguments, **options)
+        return replace(plan, requests=np.roll(plan.requests, 3))
+
+    monkeypatch.setattr(cross_check_module, "invert_optimal", late)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        ["--joint", "hip"],
+        ["--no-cyclic"],
+        ["--segments", "6"],
+        ["--limits", "-60:60", "--limits", "knee=0:40"],
+        ["--norm", "max"],
+        ["--level", "slope"],
+    ],
+    ids=" ".join,
+)
+def test_json_is_the_library_s_own_answer(run, desired, options):
+    result = run("compare", desired, *options, "--json")
+    assert result.exit_code == 0, result.stderr
+    assert result.stderr == ""
+    document = json.loads(result.stdout)
+    assert document["passed"]
+    limits = ([-60.0, 0.0], [60.0, 40.0]) if "--limits" in options else None
+    names = ("hip",) if "--joint" in options else ("hip", "knee")
+    check = planner.cross_check(
+        JOINT,
+        read_joint_path(desired, joints=names).angles,
+        names=names,
+        cyclic="--no-cyclic" not in options,
+        segments=6 if "--segments" in options else None,
+        limits=None if limits is None else np.radians(limits),
+        norm="max" if "--norm" in options else "rms",
+        level="slope" if "--level" in options else "envelope",
+    )
+    assert document == {**json.loads(json.dumps(check.to_dict())), "unreachable_samples": 0}
+
+
+def test_the_table_has_every_plan_every_bound_and_the_verdict(run, desired):
+    result = run("compare", desired, "--joint", "hip")
+    assert result.exit_code == 0
+    check = planner.cross_check(JOINT, read_joint_path(desired).angles[:, 0], names=["hip"])
+    for method, plan in check.joints[0].plans.items():
+        row = next(
+            line
+            for line in result.stdout.splitlines()
+            if line.startswith(f"hip, {METHODS[method]}")
+        )
+        assert f"{np.degrees(plan.rms):.3f}" in row
+        assert f"{np.degrees(plan.max_error):.3f}" in row
+    assert "hip, no plan below (envelope)" in result.stdout
+    assert "predicted angles agree with the independent simulation" in result.stdout
+    assert "1.0e-09 rad" in result.stdout
+    assert result.stderr == f"passed: {len(check.checks)} of {len(check.checks)} checks hold\n"
+
+
+def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run):
+    path = run("gait").stdout
+    arguments = ("compare", "-", "--leg", "reference", "--unreachable", "clamp")
+    result = run(*arguments, stdin=path)
+    assert result.exit_code == 0
+    assert "foot, optimised for the foot" in result.stdout
+    assert "15 samples were out of the leg's reach" in result.stderr
+    document = json.loads(run(*arguments, "--json", stdin=path).stdout)
+    assert document["unreachable_samples"] == 15
+    assert set(document["foot"]["methods"]) == set(METHODS)
+    assert document["foot"]["methods"]["foot_optimal"]["rms_cm"] <= 0.62
+
+
+def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_path):
+    walk = planner.reference_walk()
+    names = ["knee", "rotator", "abductor"]
+    rows = [",".join(f"{name}_rad" for name in names)]
+    rows += [",".join(map(str, sample)) for sample in walk.desired[:, [2, 0, 1]]]
+    (tmp_path / "path.csv").write_text("\n".join(rows))
+    arguments = ("compare", "path.csv", "--leg", "reference", "--json")
+    document = json.loads(run(*arguments).stdout)
+    assert list(document["joints"]) == list(walk.joint_names)
+    assert document["foot"]["methods"]["foot_optimal"]["rms_cm"] <= 0.62
+    alone = json.loads(run(*arguments, "--joint", "knee").stdout)
+    assert alone["foot"] is None
+    assert alone["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
+
+
+@pytest.mark.usefixtures("sabotage")
+@pytest.mark.parametrize("as_json", [False, True])
+def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desired, as_json):
+    result = run("compare", desired, "--figure", "late.png", *(["--json"] if as_json else []))
+    assert result.exit_code == 1
+    assert result.stderr.startswith(
+        "request-planner: failed: 20 of 24 checks hold; hip, optimised: no worse than closed form"
+    )
+    assert result.stderr.count("\n") == 1
+    if as_json:
+        document = json.loads(result.stdout)
+        assert not document["passed"]
+        failed = {check["name"] for check in document["checks"] if not check["passed"]}
+        assert failed == {f"no worse than closed form, {r} rule" for r in ("paper's", "exact")}
+    else:
+        assert sum(" NO " in line for line in result.stdout.splitlines()) == 4
+
+
+@pytest.mark.parametrize("name", ["compare.png", "compare.svg", "COMPARE.PNG"])
+def test_the_picture_is_what_its_name_says(run, desired, tmp_path, name):
+    result = run("compare", desired, "--figure", name)
+    assert result.exit_code == 0
+    content = (tmp_path / name).read_bytes()
+    if name.endswith("svg"):
+        root = ET.fromstring(content)
+        texts = {"".join(each.itertext()).strip() for each in root.iter(f"{SVG}text")}
+        assert {"hip", "knee", "desired", "closed form", "optimised"} <= texts
+        assert {"angle [deg]", "request [deg]", "difference [deg]"} <= texts
+        assert "time [samples of 8 ms]; it repeats" in texts
+    else:
+        assert content.startswith(b"\x89PNG")
+
+
+def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desired, tmp_path):
+    for _ in range(2):
+        assert run("compare", desired, "--out", "found").exit_code == 0
+    folder = tmp_path / "found"
+    document = json.loads((folder / "results.json").read_text())
+    assert sorted(document["files"]) == sorted(
+        file.name for file in folder.iterdir() if file.name != "results.json"
+    )
+    for method, plan in document["joints"]["knee"]["methods"].items():
+        written = read_joint_path(folder / f"requests_{method}.csv", joints=["knee"]).angles[:, 0]
+        assert np.degrees(written) == pytest.approx(plan["requests_deg"], abs=1e-9)
+    assert {"comparison.png", "comparison.svg"} <= set(document["files"])
+
+
+WRONG = {
+    "a picture of no kind": (
+        ["--figure", "compare.gif"],
+        "--figure: got 'compare.gif', expected a name in .png or .svg. "
+        "See 'request-planner compare --help'.",
+    ),
+    "a picture in no folder": (
+        ["--figure", "nowhere/compare.png"],
+        "nowhere/compare.png: cannot be written (no such file or directory); "
+        "choose another place for the output",
+    ),
+    "a folder that is not ours": (
+        ["--out", "."],
+        ".: holds files that no earlier run made (desired.csv), expected a new or empty "
+        "folder or an earlier run's; choose another folder or move them away",
+    ),
+    "a level that there is not": (
+        ["--level", "sharp"],
+        "Invalid value for '--level': 'sharp' is not one of 'slope', 'envelope', 'exact'. "
+        "See 'request-planner compare --help'.",
+    ),
+    "limits that exclude the path": (
+        ["--joint", "hip", "--limits", "-10:10"],
+        "desired: sample 22 is 0.4 rad, 0.225 rad beyond the angles -0.174533 to 0.174533 rad "
+        "where the limits on the requests let the joint rest; clip the trajectory, or widen the "
+        "limits",
+    ),
+}
+
+
+@pytest.mark.parametrize(("options", "message"), WRONG.values(), ids=WRONG)
+def test_bad_input_is_one_line_and_status_2(run, desired, options, message):
+    result = run("compare", desired, *options)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr == f"request-planner: {message}\n"
+
+
+def test_help_has_an_example_that_works(run):
+    lines = run("compare", "--help").stdout.splitlines()
+    examples = [line.split()[1:] for line in lines if line.lstrip().startswith("request-planner ")]
+    assert [example[0] for example in examples] == ["gait", "compare"]
+    for example in examples:
+        assert run(*example).exit_code == 0

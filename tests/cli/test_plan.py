@@ -1,0 +1,131 @@
+"""`plan` for the foot, from where a joint rests, and against a tolerance."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import planner
+from planner.files.joint_path import read_joint_path
+
+JOINT = planner.JointModel.ers210a()
+REFERENCE = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
+LIMITS = {"rotator": (-117.0, 117.0), "abductor": (-11.0, 89.0), "knee": (-27.0, 147.0)}
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return planner.reference_walk()
+
+
+@pytest.fixture(scope="module")
+def library(walk):
+    """The plan of the library for the foot of the reference walk."""
+    return planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
+
+
+def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(run, library, tmp_path):
+    path = run("gait").stdout
+    result = run("plan", "-", *REFERENCE, "-o", "requests.csv", "--json", stdin=path)
+    document = json.loads(result.stdout)
+    assert document["method"] == "foot-optimal"
+    assert document["foot"]["rms_cm"] == pytest.approx(100.0 * library.rms, rel=1e-6)
+    assert document["foot"]["max_cm"] == pytest.approx(100.0 * library.max_error, rel=1e-6)
+    assert document["joints"]["knee"]["gap"] is None
+    written = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
+    for j, (name, (low, high)) in enumerate(LIMITS.items()):
+        assert written[:, j] == pytest.approx(document["joints"][name]["requests_deg"], abs=1e-9)
+        assert np.min(written[:, j]) >= low - 1e-9
+        assert np.max(written[:, j]) <= high + 1e-9
+
+
+def test_the_stated_path_of_the_foot_follows_from_the_written_requests(run, walk):
+    document = json.loads(run("plan", "-", *REFERENCE, "--json", stdin=run("gait").stdout).stdout)
+    requests = [np.radians(document["joints"][name]["requests_deg"]) for name in walk.joint_names]
+    angles = np.column_stack([planner.simulate(JOINT, each) for each in requests])
+    positions = walk.leg.foot_positions(angles)
+    assert np.array(document["foot"]["predicted_m"]) == pytest.approx(positions, abs=1e-9)
+    errors = 100.0 * np.linalg.norm(positions - walk.desired_foot, axis=1)
+    assert document["foot"]["max_cm"] == pytest.approx(np.max(errors), abs=1e-7)
+
+
+def test_an_axis_that_counts_more_is_followed_more_closely(run, walk):
+    path = run("gait").stdout
+    heights = []
+    for more in ((), ("--weights", "1", "1", "100")):
+        document = json.loads(run("plan", "-", *REFERENCE, *more, "--json", stdin=path).stdout)
+        errors = np.array(document["foot"]["predicted_m"]) - walk.desired_foot
+        heights.append(np.sqrt(np.mean(errors[:, 2] ** 2)))
+    assert heights[1] < 0.8 * heights[0]
+
+
+def test_positions_out_of_reach_stay_wanted_and_count(run, walk):
+    path = run("gait").stdout
+    nearest = ("--leg", "reference", "--unreachable", "nearest", "--method", "foot-optimal")
+    document = json.loads(run("plan", "-", *nearest, "--json", stdin=path).stdout)
+    errors = np.array(document["foot"]["predicted_m"]) - walk.wanted_foot
+    assert document["unreachable_samples"] == 15
+    assert document["foot"]["rms_cm"] == pytest.approx(
+        100.0 * np.sqrt(np.mean(np.sum(errors**2, axis=1))), abs=1e-7
+    )
+
+
+@pytest.mark.parametrize("method", ["closed-form", "optimal"])
+def test_joints_planned_one_by_one_say_where_the_foot_is_too(run, foot, method):
+    result = run("plan", foot, "--leg", "front-left", "--method", method)
+    assert result.exit_code == 0
+    assert "\nfoot: 0.0" in result.stderr
+
+
+def test_a_joint_path_has_no_foot(run, desired):
+    assert json.loads(run("plan", desired, "--json").stdout)["foot"] is None
+
+
+def test_a_plan_from_rest_begins_where_the_joints_rest(run, desired):
+    start = ("--no-cyclic", "--start-deg", "5", "--start-deg", "knee=-20")
+    planned = run("plan", desired, *start)
+    requests = [float(cell) for cell in planned.stdout.splitlines()[1].split(",")[1:]]
+    assert requests == pytest.approx([5.0, -20.0])
+    angles = run("simulate", "-", *start, stdin=planned.stdout).stdout.splitlines()[1]
+    assert [float(cell) for cell in angles.split(",")[1:]] == pytest.approx([5.0, -20.0])
+
+
+def test_a_plan_within_its_tolerance_is_status_0(run, desired):
+    result = run("plan", desired, "--tolerance-deg", "1", "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["within_tolerance"] is True
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
+def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run, form):
+    path = run("gait").stdout
+    complete = run("plan", "-", *REFERENCE, *form, stdin=path)
+    missed = run("plan", "-", *REFERENCE, "--tolerance-cm", "0.5", *form, stdin=path)
+    assert missed.exit_code == 1
+    assert re.fullmatch(
+        r"request-planner: the foot is off by 0\.6\d+ cm \(rms\), expected at most 0\.5; "
+        "the requests are written all the same",
+        missed.stderr.splitlines()[-1],
+    )
+    if form:
+        expected = json.loads(complete.stdout) | {"within_tolerance": False}
+        assert json.loads(missed.stdout) == expected
+    else:
+        assert missed.stdout == complete.stdout
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_a_missed_tolerance_of_a_joint_is_told_in_the_plans_norm_with_its_bound(run, walk, norm):
+    knee = "\n".join(["knee_rad", *map(repr, walk.desired[:, 2].tolist())])
+    ask = ("plan", "-", "--norm", norm)
+    told = json.loads(run(*ask, "--json", stdin=knee).stdout)["joints"]["knee"]
+    result = run(*ask, "--tolerance-deg", "6", stdin=knee)
+    assert result.exit_code == 1
+    assert result.stderr.splitlines()[-1] == (
+        f"request-planner: knee is off by {told[f'{norm}_deg']:.4g} deg ({norm}), expected at most "
+        f"6, where no requests reach less than {told['lower_bound_deg']:.4g}; "
+        "the requests are written all the same"
+    )

@@ -1,0 +1,294 @@
+"""The cross-check: sound plans pass, sabotaged ones fail the check that is meant for them."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from planner.evaluation.checks import ABOVE, AGREES, CLOSES, INSIDE, RESTS, bound_checks
+from planner.evaluation.cross_check import cross_check
+from planner.evaluation.foot_comparison import judge_foot
+from planner.evaluation.joint_comparison import METHODS, compare_joint
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.inversion.bound import LEVELS
+from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.foot import invert_foot
+from planner.inversion.optimal import invert_optimal
+from planner.model.joint import JointModel
+from tests.instances import attainable, random_model, saturating
+
+JOINT = JointModel.ers210a()
+PHASE = 2.0 * np.pi * np.arange(88) / 88
+DESIRED = 0.6 * np.sin(PHASE) + 0.25 * np.cos(2.0 * PHASE)
+PAPER, EXACT, OPTIMAL = (METHODS[m] for m in ("closed_form_paper", "closed_form_exact", "optimal"))
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return planner.reference_walk()
+
+
+@pytest.fixture(scope="module")
+def of_walk(walk):
+    return cross_check(JOINT, walk.desired, leg=walk.leg, segments=6)
+
+
+def _plans(*, cyclic=True, limits=(-1.0, 1.0)):
+    closed = {
+        f"closed_form_{rule}": invert_closed_form(JOINT, DESIRED, cyclic=cyclic, rule=rule)
+        for rule in ("paper", "exact")
+    }
+    return {**closed, "optimal": invert_optimal(JOINT, DESIRED, cyclic=cyclic, limits=limits)}
+
+
+def _broken(comparison):
+    return {(check.plan, check.name) for check in comparison.checks if not check.passed}
+
+
+def _claiming(plan, predicted):
+    """The plan, saying that its angles are others than they are."""
+    liar = replace(plan)
+    liar.__dict__["predicted"] = predicted
+    return liar
+
+
+def test_the_reference_walk_passes_in_the_joints_and_in_the_foot(of_walk, walk):
+    assert of_walk.passed
+    assert not of_walk.failures
+    assert [joint.name for joint in of_walk.joints] == list(walk.joint_names)
+    assert {check.subject for check in of_walk.checks} == {*walk.joint_names, "foot"}
+
+
+def test_the_figures_are_those_of_the_plans_that_the_library_makes(of_walk, walk):
+    for j, joint in enumerate(of_walk.joints):
+        closed_form = planner.invert_closed_form(JOINT, walk.desired[:, j], segments=6)
+        assert np.array_equal(joint.plans["closed_form_paper"].requests, closed_form.requests)
+        for level, bound in joint.bounds.items():
+            assert bound == planner.lower_bound(JOINT, walk.desired[:, j], level=level)
+        assert joint.gap("optimal") == pytest.approx(joint.plans["optimal"].rms / joint.bound - 1.0)
+        assert list(joint.bounds) == ["slope", "envelope"]
+    foot = planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
+    of_foot = of_walk.foot.plans["foot_optimal"].outcome.distance
+    assert (of_foot.rms, of_foot.max) == pytest.approx((foot.rms, foot.max_error))
+
+
+def test_in_the_foot_the_plan_for_all_joints_is_the_best(of_walk):
+    rms = {method: plan.outcome.distance.rms for method, plan in of_walk.foot.plans.items()}
+    assert list(rms) == list(METHODS)
+    assert min(rms, key=rms.get) == "foot_optimal"
+    assert of_walk.foot.differences["foot_optimal"] == (0.0, 0.0)
+    assert of_walk.foot.differences["optimal"].max > 0.0
+
+
+@pytest.mark.filterwarnings("ignore::planner.OutsideEquation13")
+@pytest.mark.parametrize("seed", range(6))
+def test_random_joints_pass(seed):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=seed % 2 == 0, hold=1 + seed % 3, offset=True)
+    desired = (saturating if seed % 2 else attainable)(rng, model)
+    check = cross_check(model, desired, cyclic=seed % 3 > 0, norm="max" if seed == 5 else "rms")
+    assert check.passed, check.failures
+
+
+def test_joints_may_differ_and_one_may_come_alone():
+    slow = replace(JOINT, v_max=0.5 * JOINT.v_max)
+    both = cross_check([JOINT, slow], np.column_stack([DESIRED, DESIRED]), names=["hip", "knee"])
+    alone = cross_check(slow, DESIRED)
+    assert [joint.name for joint in both.joints] == ["hip", "knee"]
+    assert both.joints[1].plans["optimal"].rms == alone.joints[0].plans["optimal"].rms
+    assert both.joints[0].plans["optimal"].rms < both.joints[1].plans["optimal"].rms
+    assert both.foot is None
+
+
+def test_limits_hold_for_all_joints_or_one_by_one():
+    desired = np.where(np.arange(20) < 10, 0.0, 20 * JOINT.v_max_per_tick / 3)
+    check = cross_check(JOINT, np.column_stack([desired] * 2), limits=([0.0, -1.0], [0.3, 1.0]))
+    assert [joint.plans["optimal"].limits for joint in check.joints] == [(0.0, 0.3), (-1.0, 1.0)]
+    assert check.passed
+    closed_form, optimal = (
+        check.joints[0].plans[method] for method in ("closed_form_paper", "optimal")
+    )
+    assert np.min(optimal.requests) >= 0.0
+    assert np.max(optimal.requests) <= 0.3
+    # The closed form knows no limits: being better beyond them fails no plan that keeps them.
+    assert np.max(closed_form.requests) > 0.3
+    assert closed_form.rms < optimal.rms
+
+
+def test_sound_plans_are_judged_sound_from_rest_too():
+    for cyclic, begins in ((True, CLOSES), (False, RESTS)):
+        comparison = compare_joint("hip", _plans(cyclic=cyclic))
+        assert not _broken(comparison)
+        names = {check.name for check in comparison.checks}
+        assert {AGREES, begins, ABOVE, INSIDE, f"no worse than {PAPER}"} <= names
+
+
+def test_predicted_angles_that_are_not_what_the_joint_does_fail_the_agreement():
+    plans = _plans()
+    wrong = plans["optimal"].predicted.copy()
+    wrong[40] += 1e-8
+    plans["optimal"] = _claiming(plans["optimal"], wrong)
+    comparison = compare_joint("hip", plans)
+    assert _broken(comparison) == {(OPTIMAL, AGREES)}
+    assert comparison.answers["optimal"].elsewhere == 0.0  # it is no other cycle, but none
+
+
+def test_a_cycle_that_does_not_close_is_noticed():
+    plans = _plans()
+    drifting = plans["closed_form_exact"].predicted + 1e-3
+    plans["closed_form_exact"] = _claiming(plans["closed_form_exact"], drifting)
+    assert {(EXACT, AGREES), (EXACT, CLOSES)} <= _broken(compare_joint("hip", plans))
+
+
+def test_a_joint_that_does_not_start_where_it_rests_is_noticed():
+    plans = _plans(cyclic=False)
+    plans["optimal"] = _claiming(plans["optimal"], np.roll(plans["optimal"].predicted, 1))
+    assert {(OPTIMAL, AGREES), (OPTIMAL, RESTS)} <= _broken(compare_joint("hip", plans))
+
+
+def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
+    plans = _plans()
+    late = np.roll(plans["optimal"].requests, 3)
+    plans["optimal"] = replace(plans["optimal"], requests=late)
+    assert _broken(compare_joint("hip", plans)) == {
+        (OPTIMAL, f"no worse than {PAPER}"),
+        (OPTIMAL, f"no worse than {EXACT}"),
+    }
+
+
+def test_requests_beyond_the_limits_are_noticed():
+    plans = _plans(limits=(-1.0, 1.0))
+    lower, upper = float(np.min(plans["optimal"].requests)), 1.0
+    for shift, broken in ((0.0, set()), (1e-11, {(OPTIMAL, INSIDE)})):
+        plans["optimal"] = replace(plans["optimal"], limits=(lower + shift, upper))
+        assert _broken(compare_joint("hip", plans)) == broken
+
+
+def test_angles_too_good_to_be_true_are_below_the_bound():
+    model = replace(JOINT, v_max=0.3 * JOINT.v_max)
+    plans = {
+        "closed_form_exact": invert_closed_form(model, DESIRED, rule="exact"),
+        "optimal": invert_optimal(model, DESIRED),
+    }
+    plans["optimal"] = _claiming(plans["optimal"], plans["optimal"].desired)
+    assert (OPTIMAL, ABOVE) in _broken(compare_joint("hip", plans))
+
+
+def test_bounds_out_of_order_are_noticed():
+    ordered, *plans = bound_checks("hip", {"slope": 0.2, "envelope": 0.1}, {"optimised": 0.15})
+    assert not ordered.passed
+    assert ordered.name == "bounds ordered, slope ≤ envelope"
+    assert [check.passed for check in plans] == [False]
+    assert all(
+        check.passed for check in bound_checks("hip", {"slope": 0.1, "envelope": 0.1}, {"o": 0.1})
+    )
+
+
+def test_a_check_of_what_is_not_a_number_fails():
+    (check,) = bound_checks("hip", {"slope": 0.1}, {"optimised": math.nan})
+    assert not check.passed
+    assert check.to_dict()["value"] is None
+
+
+def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
+    plan = invert_foot(JOINT, walk.leg, walk.desired_foot)
+    assert not _broken(judge_foot(walk.leg, of_walk.joints, plan))
+    late = replace(plan, requests=np.roll(plan.requests, 8, axis=0))
+    broken = {name for _, name in _broken(judge_foot(walk.leg, of_walk.joints, late))}
+    assert broken == {f"no worse than {label}" for label in (PAPER, EXACT, OPTIMAL)}
+    lower, upper = plan.limits
+    tight = replace(plan, limits=(lower, upper - 1.0))
+    broken = _broken(judge_foot(walk.leg, of_walk.joints, tight))
+    assert (METHODS["foot_optimal"], INSIDE) in broken
+
+
+def test_requests_that_leave_the_angle_open_are_said_to_and_pass():
+    # A triangle steeper than the joint is fast: the paper's rule saturates it all the time.
+    desired = 2.0 * JOINT.v_max_per_tick * np.abs(np.arange(40.0) - 20.0)
+    joint = cross_check(JOINT, desired).joints[0]
+    assert joint.answers["closed_form_paper"].elsewhere > math.radians(1.0)
+    assert not {check.name for check in joint.checks if not check.passed} & {AGREES, CLOSES}
+    assert joint.answers["optimal"].elsewhere == 0.0
+
+
+def test_json_carries_all_that_is_needed_to_compute_the_figures_again(of_walk):
+    document = json.loads(json.dumps(of_walk.to_dict(), allow_nan=False))
+    assert document == of_walk.to_dict()
+    for joint in document["joints"].values():
+        model = JointModel(**joint["model"])
+        for plan in joint["methods"].values():
+            errors = planner.simulate(model, np.radians(plan["requests_deg"])) - np.radians(
+                joint["desired_deg"]
+            )
+            assert math.degrees(np.sqrt(np.mean(errors**2))) == pytest.approx(plan["rms_deg"])
+    assert {check["passed"] for check in document["checks"]} == {True}
+    assert all(check["reason"] and check["unit"] in ("rad", "m") for check in document["checks"])
+    assert document["foot"]["methods"]["foot_optimal"]["largest_request_difference_deg"] == 0.0
+
+
+def test_json_has_no_infinities():
+    check = cross_check(JOINT, np.zeros(20), limits=(-math.inf, math.inf))
+    document = check.to_dict()
+    json.dumps(document, allow_nan=False)
+    assert document["joints"]["joint"]["limits_deg"] == [None, None]
+
+
+def test_what_comes_back_cannot_be_changed(of_walk):
+    with pytest.raises(AttributeError):
+        of_walk.cyclic = False
+    with pytest.raises(AttributeError):
+        of_walk.joints[0].name = "hip"
+
+
+@pytest.mark.parametrize("level", LEVELS[:2])
+def test_the_bounds_go_up_to_the_level_that_was_asked_for(level):
+    bounds = cross_check(JOINT, DESIRED, level=level).joints[0].bounds
+    assert list(bounds) == list(LEVELS[: LEVELS.index(level) + 1])
+
+
+WRONG = {
+    "cube": ({"desired": np.zeros((3, 3, 3))}, InvalidTrajectory, "expected (n,), or (n, k)"),
+    "ragged": ({"desired": [[1.0], [1.0, 2.0]]}, InvalidTrajectory, "rows of different lengths"),
+    "nan": ({"desired": [0.0, math.nan, 0.0]}, InvalidTrajectory, "not finite"),
+    "models": ({"model": [JOINT] * 3}, InvalidInput, "got 3 of them for 1 joints"),
+    "rates": (
+        {"model": [JOINT, replace(JOINT, hold=2)], "desired": np.zeros((9, 2))},
+        InvalidInput,
+        "different rates",
+    ),
+    "norm": ({"norm": "mean"}, InvalidInput, "norm: got 'mean'"),
+    "level": ({"level": "sharp"}, InvalidInput, "level: got 'sharp'"),
+    "names": ({"names": ["hip", "knee"]}, InvalidInput, "expected 1 different ones"),
+    "limits": ({"limits": (1.0, 2.0, 3.0)}, InvalidInput, "expected (lower, upper)"),
+    "limits crossed": ({"limits": (2.0, -2.0)}, Infeasible, "above the upper one"),
+    "desired beyond the limits": ({"limits": (-0.1, 0.1)}, Infeasible, "beyond the angles"),
+}
+
+
+@pytest.mark.parametrize(("change", "error", "message"), WRONG.values(), ids=WRONG)
+def test_what_cannot_be_compared_is_refused(change, error, message):
+    given = {"model": JOINT, "desired": DESIRED, **change}
+    model, desired = given.pop("model"), given.pop("desired")
+    with pytest.raises(error) as raised:
+        cross_check(model, desired, **given)
+    assert message in str(raised.value)
+
+
+def test_of_several_joints_the_one_at_fault_is_named():
+    with pytest.raises(Infeasible, match=r"^knee: desired: sample \d+ is"):
+        cross_check(
+            JOINT,
+            np.column_stack([DESIRED] * 2),
+            limits=(-1.0, [1.0, 0.1]),
+            names=["hip", "knee"],
+        )
+
+
+def test_a_leg_has_a_column_for_each_joint(walk):
+    with pytest.raises(InvalidInput, match="got 1 columns, expected 3, one for each joint"):
+        cross_check(JOINT, DESIRED, leg=walk.leg)

@@ -1,0 +1,108 @@
+"""The exact bound: every response of the joint meets its conditions, and no plan goes below it."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner import invert_optimal
+from planner.exceptions import MissingExtra
+from planner.inversion.bound import certify, lower_bound
+from planner.inversion.exact import contributions
+from planner.inversion.norm import NORMS
+from planner.model.joint import JointModel, saturation
+from planner.model.response import simulate
+from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.strategies import models, trajectories
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-9
+"""Sums of a window's terms against the simulation's, in units of v_max a tick."""
+
+
+@given(models(), st.integers(3, 12), st.booleans())
+def test_every_tick_is_driven_by_weights_that_sum_to_one(model, samples, cyclic):
+    ticks = samples * model.hold if cyclic else (samples - 1) * model.hold + 1
+    acting = contributions(model, ticks, cyclic=cyclic)
+    sums = np.bincount(acting.tick, weights=acting.weight, minlength=ticks)
+    np.testing.assert_allclose(sums, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@given(model=models(offsets=False), requests=trajectories(most=12))
+def test_every_response_meets_the_conditions(cyclic, model, requests):
+    # With one request held over many ticks the response is known at the requests alone, so the
+    # joint is asked again as one whose requests come every tick.
+    every_tick = JointModel(
+        v_max=model.v_max,
+        theta_0=model.theta_0,
+        lag=model.lag,
+        acceleration_time=model.acceleration_time,
+        tick=model.tick,
+    )
+    held = np.repeat(requests, model.hold)
+    if not cyclic:
+        held = held[: (len(requests) - 1) * model.hold + 1]
+    angles = simulate(every_tick, held, cyclic=cyclic)
+    acting = contributions(model, len(held), cyclic=cyclic)
+    before = np.roll(angles, 1)
+    if not cyclic:
+        before[0] = held[0]
+    speeds = (angles - before) / model.v_max_per_tick
+    errors = np.asarray(requests)[acting.request] - before[acting.tick]
+    calls = saturation(errors, v_max=1.0, theta_0=model.theta_0)
+    driven = np.bincount(acting.tick, weights=acting.weight * calls, minlength=len(held))
+    np.testing.assert_allclose(driven, speeds, rtol=0.0, atol=ROUNDING)
+    pairs = np.flatnonzero(acting.following >= 0)
+    change = calls[acting.following[pairs]] - calls[pairs]
+    speed = speeds[acting.tick[pairs]] * model.v_max_per_tick / model.theta_0
+    assert np.all(change <= np.maximum(-speed, 0.0) + ROUNDING)
+    assert np.all(change >= -np.maximum(speed, 0.0) - ROUNDING)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize(("hold", "samples"), [(1, 16), (2, 8)])
+def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cyclic, norm):
+    rng = np.random.default_rng([samples, hold, cyclic])
+    for _ in range(2):
+        model = random_model(rng, whole=False, hold=hold)
+        desired = saturating(rng, model, samples=samples)
+        plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm)
+        for start in {None, plan.start}:
+            options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 5.0}
+            bounds = [
+                lower_bound(model, desired, level=level, **options)
+                for level in ("slope", "envelope", "exact")
+            ]
+            assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
+            assert bounds[1] <= bounds[2] <= plan.error
+
+
+def test_the_plan_for_the_reference_rotator_is_within_a_thousandth_of_the_best():
+    joint = REFERENCE_JOINTS[0]
+    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=30.0)
+    assert math.degrees(certificate.bound) >= joint.exact_bound_deg
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
+    assert 0.0 <= plan.rms / certificate.bound - 1.0 <= 1e-3
+
+
+def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
+    model = random_model(np.random.default_rng(3))
+    desired = saturating(np.random.default_rng(4), model, samples=120)
+    certificate = certify(model, desired, level="exact", time_limit=0.3)
+    assert certificate.solver_gap > 0.0
+    assert certificate.bound >= lower_bound(model, desired)
+
+
+def test_the_exact_level_says_which_extra_it_needs(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyscipopt", None)
+    with pytest.raises(MissingExtra, match="needs the extra 'exact'") as caught:
+        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact")
+    assert caught.value.extra == "exact"

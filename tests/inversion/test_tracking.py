@@ -1,0 +1,223 @@
+"""Stacked joints: their angles against simulation, their derivatives against differences."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.inversion.goal import FollowAngles
+from planner.inversion.tracking import Tracking, follow
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from tests.instances import TICK, random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+SAME = 1e-9
+"""Agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]."""
+
+STEP = 1e-5
+"""Step of the central differences [rad]."""
+
+SLOPES = 1e-5
+"""Central differences on corners of radius 0.2 theta_0 are right to this."""
+
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+HELD = pytest.mark.parametrize("hold", [1, 3])
+
+
+class Nothing:
+    """A goal that nobody asks."""
+
+
+def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
+    """Joints of different reach, sag and tick, but of one period, and requests for them."""
+    rng = np.random.default_rng([seed, joints, hold, cyclic])
+    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
+    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
+    resting = np.stack([saturating(rng, model, samples=samples) for model in models], axis=1)
+    offsets = np.array([model.offset for model in models])
+    problem = Tracking(
+        models,
+        Nothing(),
+        resting,
+        cyclic=cyclic,
+        limits=limits,
+        start=None if cyclic else resting[0] + offsets,
+    )
+    requests = problem.admissible(resting + rng.uniform(-0.1, 0.1, resting.shape))
+    return problem, requests, requests[-1] + offsets
+
+
+def reach_of(problem, joint):
+    single = follow(problem.models[joint], np.zeros(9), cyclic=True)
+    return single.reach
+
+
+@CYCLIC
+@HELD
+@pytest.mark.parametrize("joints", [1, 2, 3])
+def test_without_smoothing_the_response_is_the_simulation(joints, hold, cyclic):
+    problem, requests, seam = stacked(1, joints, hold=hold, cyclic=cyclic)
+    response = problem.respond(requests, smoothing=0.0, seam=seam)
+    for joint, model in enumerate(problem.models):
+        start = None if cyclic else float(problem.start[joint])
+        alone = simulate(model, requests[:, joint], cyclic=cyclic, start=start)
+        np.testing.assert_allclose(response.angles[:, joint], alone, rtol=0.0, atol=SAME)
+
+
+@CYCLIC
+@HELD
+def test_the_linearised_response_is_the_slope_of_the_response(hold, cyclic, monkeypatch):
+    monkeypatch.setattr("planner.inversion.tracking.CLOSED", 1e-13)  # differences show the seam
+    problem, requests, seam = stacked(2, 3, samples=20, hold=hold, cyclic=cyclic)
+    response = problem.respond(requests, smoothing=0.2, seam=seam)
+    # From rest the first request is not movable: it stands in for those before it too.
+    for index in range(0 if cyclic else 1, len(requests)):
+        push = np.zeros_like(requests)
+        push[index] = STEP
+        above, below = (
+            problem.respond(requests + sign * push, smoothing=0.2, seam=seam).angles
+            for sign in (1.0, -1.0)
+        )
+        expected = linearised(problem, response, index)
+        np.testing.assert_allclose((above - below) / (2.0 * STEP), expected, rtol=0.0, atol=SLOPES)
+
+
+def linearised(problem, response, request):
+    """Slope of every angle by one request of each joint: Equation 3 of the page, run in a loop."""
+    by_request, by_angle = response.by_request, response.by_angle
+    direct = np.einsum("kj,kji->ki", problem.stencil.acting == request, by_request)
+    slopes = np.zeros_like(direct)
+    for k in range(len(slopes) * (20 if problem.cyclic else 1)):
+        k %= len(slopes)
+        slopes[k] = by_angle[k] * slopes[k - 1] + direct[k]
+    return slopes
+
+
+def test_smoothing_is_measured_in_each_joints_own_errors():
+    small = replace(ERS210A, v_max=ERS210A.v_max / 4.0, theta_0=ERS210A.theta_0 / 4.0)
+    problem = Tracking([ERS210A, small], Nothing(), np.zeros((30, 2)), cyclic=True)
+    column = saturating(np.random.default_rng(10), ERS210A, samples=30)
+    requests = np.stack([column, column / 4.0], axis=1)
+    angles = problem.respond(requests, smoothing=0.5, seam=requests[-1]).angles
+    np.testing.assert_allclose(angles[:, 1], angles[:, 0] / 4.0, rtol=0.0, atol=SAME)
+
+
+@CYCLIC
+def test_a_joint_does_not_feel_requests_beyond_its_own_reach(cyclic):
+    problem, requests, seam = stacked(3, 3, cyclic=cyclic)
+    response = problem.respond(requests, smoothing=0.1, seam=seam)
+    reaches = [reach_of(problem, joint) for joint in range(3)]
+    assert len(set(reaches)) == 3
+    assert problem.reach.youngest == min(own.youngest for own in reaches)
+    assert problem.reach.oldest == max(own.oldest for own in reaches)
+    ages = problem.reach.youngest + np.arange(problem.reach.width)
+    for joint, own in enumerate(reaches):
+        felt = (ages >= own.youngest) & (ages <= own.oldest)
+        assert np.all(response.by_request[:, ~felt, joint] == 0.0)
+        assert np.all(np.any(response.by_request[:, felt, joint] != 0.0, axis=0))
+
+
+@CYCLIC
+def test_joints_answer_together_as_they_do_alone(cyclic):
+    problem, requests, seam = stacked(4, 3, cyclic=cyclic)
+    together = problem.respond(requests, smoothing=0.1, seam=seam)
+    for joint, model in enumerate(problem.models):
+        start = None if cyclic else float(problem.start[joint])
+        single = follow(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
+        column = requests[:, joint : joint + 1]
+        alone = single.respond(column, smoothing=0.1, seam=seam[joint : joint + 1])
+        np.testing.assert_array_equal(together.angles[:, joint], alone.angles[:, 0])
+        np.testing.assert_array_equal(together.by_angle[:, joint], alone.by_angle[:, 0])
+
+
+def test_the_seam_of_a_cycle_is_found_from_anywhere(monkeypatch):
+    monkeypatch.setattr("planner.inversion.tracking.CLOSED", 1e-12)
+    problem, requests, seam = stacked(5, 3)
+    near = problem.respond(requests, smoothing=0.05, seam=seam)
+    far = problem.respond(requests, smoothing=0.05, seam=seam + np.array([2.0, -9.0, 0.5]))
+    np.testing.assert_allclose(near.angles, far.angles, rtol=0.0, atol=SAME)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.008, 0.1, 0.5])
+@pytest.mark.parametrize("seam", np.linspace(-2.0, 2.0, 9))
+def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam, smoothing):
+    # Far from the seam every tick is saturated: the end of the cycle moves with its start.
+    knots, degrees = [0, 13, 15, 17, 25, 36, 38, 43], [-102, -117, -41, 54, 93, 57, -51, -97]
+    requests = np.radians(np.interp(np.arange(44), knots, degrees))
+    problem = follow(ERS210A, np.zeros(44), cyclic=True)
+    response = problem.respond(requests[:, np.newaxis], smoothing=smoothing, seam=np.array([seam]))
+    assert response is not None
+    if smoothing == 0.0:
+        angles = simulate(ERS210A, requests)
+        np.testing.assert_allclose(response.angles[:, 0], angles, rtol=0.0, atol=SAME)
+
+
+def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_a_response(monkeypatch):
+    monkeypatch.setattr("planner.inversion.tracking.MOST_CYCLES", 2)
+    goal = FollowAngles(np.zeros(88))
+    problem = Tracking([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
+    requests = np.zeros((88, 2))
+    assert problem.respond(requests, smoothing=0.1, seam=np.zeros(2)) is not None
+    requests[:, 1] = np.repeat([-1e3, 1e3], [43, 45])  # at v_max throughout, and up for longer
+    assert problem.respond(requests, smoothing=0.0, seam=np.zeros(2)) is None
+    assert problem.exact_error(requests) == math.inf
+
+
+@CYCLIC
+@HELD
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_the_exact_error_is_that_of_the_simulated_angles(norm, hold, cyclic):
+    rng = np.random.default_rng([9, hold, cyclic])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=30)
+    start = None if cyclic else 0.7
+    problem = follow(model, desired, cyclic=cyclic, norm=norm, start=start)
+    requests = problem.admissible(rng.uniform(-1.0, 1.0, (30, 1)))
+    angles = simulate(model, requests[:, 0], cyclic=cyclic, start=start)
+    errors = np.abs(angles - desired)
+    expected = np.max(errors) if norm == "max" else math.sqrt(np.mean(errors**2))
+    assert problem.exact_error(requests) == pytest.approx(expected, abs=SAME)
+
+
+def test_from_rest_the_first_requests_hold_the_joints_at_their_starts():
+    problem, requests, _ = stacked(6, 2, cyclic=False)
+    free = np.full_like(requests, 7.0)
+    held = problem.admissible(free)
+    offsets = [model.offset for model in problem.models]
+    np.testing.assert_array_equal(held[0], problem.start - offsets)
+    np.testing.assert_array_equal(held[1:], 7.0)
+    assert not problem.movable[0].any()
+    assert problem.movable[1:].all()
+    assert stacked(6, 2)[0].movable.all()
+
+
+@CYCLIC
+def test_each_joint_has_limits_of_its_own(cyclic):
+    limits = (np.array([-0.1, -0.2]), np.array([0.3, math.inf]))
+    problem, _, _ = stacked(7, 2, cyclic=cyclic, limits=limits)
+    for requests in (problem.resting, problem.admissible(np.full((30, 2), 5.0))):
+        assert np.all((requests >= limits[0]) & (requests <= limits[1]))
+    np.testing.assert_array_equal(problem.admissible(np.full((30, 2), 5.0))[1:], [[0.3, 5.0]] * 29)
+
+
+def test_the_error_is_that_of_the_norm():
+    desired = np.array([1.0, 2.0, 3.0])
+    angles = np.array([[1.0], [2.5], [1.0]])
+    for norm, expected in (("rms", math.sqrt((0.25 + 4.0) / 3.0)), ("max", 2.0)):
+        problem = follow(ERS210A, desired, cyclic=True, norm=norm)
+        assert problem.error(angles) == pytest.approx(expected, rel=1e-15)
+
+
+def test_the_same_problem_toward_another_goal_differs_in_the_goal_alone():
+    problem, _, _ = stacked(8, 2, cyclic=False, limits=(-0.5, 0.5))
+    goal = FollowAngles(np.zeros(30))
+    other = problem.toward(goal)
+    assert other.goal is goal
+    assert (other.models, other.cyclic, other.norm) == (problem.models, False, "rms")
+    for name in ("resting", "lower", "upper", "start", "movable"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(problem, name))

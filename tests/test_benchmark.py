@@ -1,0 +1,167 @@
+"""The benchmark runs, measures exactly what it says, and reads its own runs."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner
+from tests.instances import REFERENCE_JOINTS
+
+SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
+
+SAME_CYCLE = math.radians(1e-6)
+"""Difference between two simulations of a cycle [rad]: where they stop closing it."""
+
+SAME_SEARCH = math.radians(0.2)
+"""Difference between requests of two searches that stop at the same error to 1e-4 [rad]."""
+
+BARELY_ROUNDED = 1e-9
+"""Radius of corners that no angle feels [degrees]."""
+
+
+@pytest.fixture(autouse=True)
+def _importable(monkeypatch):
+    monkeypatch.syspath_prepend(str(SCRIPTS))
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "benchmark", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(SCRIPTS), "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+
+
+def test_a_run_is_kept_compared_and_written_down(tmp_path):
+    kept, page = tmp_path / "run.json", tmp_path / "page.md"
+    arguments = ["quality", "--quick", "--instances", "1", "--samples", "30"]
+    first = run(*arguments, "--save", str(kept), "--markdown", str(page))
+    assert first.returncode == 0, first.stderr
+    tables = json.loads(kept.read_text())["tables"]
+    assert tables["Gaps, rms error"]["rotator"]["over envelope, %"] > 0.0
+    assert all(f"## {title}\n" in page.read_text() for title in tables)
+    second = run(*arguments, "--compare", str(kept))
+    assert second.returncode == 0, second.stderr
+    ratios = second.stdout.partition("Gaps, rms error: new over old")[2].splitlines()
+    assert next(line for line in ratios if line.startswith("rotator")).split()[1:] == ["1"] * 5
+
+
+def test_the_short_way_from_rest_is_measured_in_a_process_of_its_own():
+    from benchmark.parts.length import in_child
+
+    answer = in_child(40, cyclic=False)
+    assert 0.0 < answer["again"] < answer["first"] + 60.0
+    assert answer["memory"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["speed"], "no part speed"),
+        (["fit", "--compare", "nowhere.json"], "nowhere.json: not a run kept by --save"),
+    ],
+)
+def test_what_cannot_be_measured_is_said_in_a_line(arguments, message):
+    answer = run(*arguments)
+    assert answer.returncode == 2
+    assert message in answer.stderr.splitlines()[-1]
+
+
+def test_every_method_stays_within_limits_and_improves_on_the_closed_form():
+    from benchmark.instances import random_saturating
+    from benchmark.parts.inversion import METHODS, OURS, closed_form, compare
+    from benchmark.rivals.problem import exact_rms
+
+    instance = random_saturating(
+        3, samples=30, limited=True
+    )  # compare raises where one leaves them
+    results = compare(instance, 0, repeats=1)
+    start = exact_rms(instance.model, instance.desired, closed_form(instance.model, instance))
+    assert list(results) == list(METHODS)
+    for name, result in results.items():
+        assert result.rms < start
+        assert result.rms <= 1.1 * results[OURS].rms, name
+
+
+def test_an_offset_shifts_the_requests_of_every_rival():
+    from benchmark.instances import random_saturating
+    from benchmark.parts.inversion import METHODS, OURS
+
+    instance = random_saturating(3, samples=20)
+    offset = math.radians(5.0)
+    sagging = replace(instance.model, offset=offset)
+    for name in METHODS.keys() - {OURS}:
+        level, lower = (
+            METHODS[name](model, 20)(
+                instance.desired, instance.limits, instance.desired - model.offset
+            )
+            for model in (instance.model, sagging)
+        )
+        assert np.max(np.abs(level - offset - lower)) <= SAME_SEARCH, name
+
+
+@pytest.mark.parametrize("offset", [0.0, 5.0])
+def test_the_rivals_simulate_the_same_joint(offset):
+    from benchmark.rivals.problem import DEGREE
+    from benchmark.rivals.scipy_least_squares import Simulation
+
+    joint = REFERENCE_JOINTS[0]
+    aibo = planner.JointModel.ers210a()
+    model = planner.JointModel(
+        v_max=aibo.v_max,
+        theta_0=aibo.theta_0,
+        lag=0.0353,
+        acceleration_time=0.0421,
+        offset=offset * DEGREE,
+    )
+    angles, *_ = Simulation(model, 88).cycle(joint.desired / DEGREE, BARELY_ROUNDED, 0.0)
+    exact = planner.simulate(model, joint.desired)
+    assert np.max(np.abs(angles * DEGREE - exact)) <= SAME_CYCLE
+
+
+def test_the_derivatives_of_a_rival_are_slopes():
+    from benchmark.rivals.scipy_least_squares import Simulation
+
+    rng = np.random.default_rng(0)
+    simulation = Simulation(planner.JointModel.ers210a(), 40)
+    requests = np.cumsum(rng.normal(size=40))
+    radius = 1.0
+    jacobian = simulation.jacobian(*simulation.cycle(requests, radius, 0.0)[1:])
+    direction, step = rng.normal(size=40), 1e-5
+    ahead, _, _ = simulation.cycle(requests + step * direction, radius, 0.0)
+    behind, _, _ = simulation.cycle(requests - step * direction, radius, 0.0)
+    # Cycles close to 1e-9 degrees, so the difference quotient is good to 1e-4.
+    assert np.max(np.abs((ahead - behind) / (2.0 * step) - jacobian @ direction)) <= 1e-4
+
+
+def test_a_long_walk_repeats_nothing_and_closes():
+    from benchmark.instances import long_walk
+
+    desired = long_walk(8800).desired.reshape(100, 88)
+    assert np.min(np.ptp(desired, axis=1)) < 0.95 * np.max(np.ptp(desired, axis=1))
+    jumps = np.abs(np.diff(np.append(desired.ravel(), desired[0, 0])))
+    assert jumps[-1] <= np.max(jumps[:-1])
+    assert np.max(np.abs(long_walk(88).desired - REFERENCE_JOINTS[0].desired)) <= 1e-15
+
+
+def test_numbers_are_written_short():
+    from benchmark.table import Table, written
+
+    assert [written(x) for x in (0.0, 12345.6, 12.3456, 0.0123456, 1.5e-5)] == [
+        "0",
+        "12346",
+        "12.35",
+        "0.0123",
+        "1.5e-05",
+    ]
+    table = Table("t", ("a", "b"), rows={"r": (2.0, math.nan)})
+    assert table.as_json() == {"r": {"a": 2.0, "b": None}}
+    assert table.against({"r": {"a": 1.0, "b": 3.0}}).rows["r"][0] == 2.0
+    assert not table.against({"other": {"a": 1.0}}).rows
