@@ -101,7 +101,7 @@ class _BranchAndBound:
                     if self._relaxation.possible(chain):
                         self._try(chain)
                 continue
-            for half in _halves(tightened.levels):
+            for half in halves_of(tightened.levels):
                 number += 1
                 if number > MOST_BRANCHES:
                     gap = 1.0 - branch.bound / self.best.error
@@ -150,7 +150,7 @@ class _BranchAndBound:
             self.best = curve
 
 
-def _halves(levels: Levels) -> list[Levels]:
+def halves_of(levels: Levels) -> list[Levels]:
     """The widest level cut in two, and what of the others that leaves possible."""
     widest = int(np.argmax([level.size for level in levels]))
     middle = levels[widest].size // 2

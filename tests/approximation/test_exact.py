@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.exact import PROVED, proved_best
+from planner.approximation.exact import PROVED, halves_of, proved_best
 from planner.approximation.fit import fit_pwl
 from planner.approximation.objective import Candidate, Problem
 from planner.approximation.potentials import first_potentials
@@ -41,7 +42,7 @@ def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     assert fit.rms == pytest.approx(least, rel=2.0 * PROVED, abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(0, 63, 9))
+@pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
 def test_the_stored_oracle_is_what_is_proved_today(seed):
     each = oracle_instance(seed)
     fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
@@ -119,6 +120,37 @@ def test_no_potentials_lift_the_bound_above_the_optimum(kind):
         moved[1] = moved[0]
         bound = relaxation.bound(levels, type(at_best)(*moved)).error
         assert bound <= best.error * (1.0 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("step", [0.05, 5.0])
+def test_the_bound_of_one_set_of_knots_is_attained_by_its_own_potentials(cyclic, step):
+    rng = np.random.default_rng(6)
+    problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=cyclic)
+    knots = [2, 11, 20] if cyclic else [0, 9, 17, 29]
+    curve = WholeKnots(problem).curve(np.array(knots, dtype=float))
+    relaxation = Relaxation(problem)
+    potentials = first_potentials(problem, curve, relaxation.nodes)
+    found = relaxation.bound([np.array([knot]) for knot in knots], potentials)
+    assert found.chain == knots
+    assert found.error == pytest.approx(curve.error, rel=1e-6)
+
+
+def test_every_chain_is_in_one_half():
+    levels = [np.arange(0, 5), np.arange(2, 9), np.arange(3, 11)]
+    halves = halves_of(levels)
+
+    def chains(sets):
+        return [chain for chain in product(*map(list, sets)) if chain[0] < chain[1] < chain[2]]
+
+    assert sorted(chains(levels)) == sorted(chain for half in halves for chain in chains(half))
+
+
+def test_knots_that_must_all_move_at_once_are_found():
+    # Descents and grids of chords and lines end 15 % above this.
+    desired = samples_of("sines", 88, np.random.default_rng(1))
+    asked = {"v_max": np.ptp(desired), "tick": 1.0, "cyclic": False, "segments": 3}
+    assert fit_pwl(desired, **asked).rms <= CLOSE * fit_pwl(desired, **asked, exact=True).rms
 
 
 def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():

@@ -111,6 +111,19 @@ def test_fixed_knots_are_kept_and_their_values_are_best():
             assert np.mean(other**2) >= fit.rms**2
 
 
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_other_values_are_best_for_what_is_required_of_one(whole):
+    place = 17.0 if whole else 17.5
+    asked = {"v_max": 5.0, "tick": 1.0, "on_samples": whole, "segments": 5}
+    fit = fit_pwl(SINE, required={place: 0.5}, **asked)
+    (pin,) = np.flatnonzero(fit.knots == place)
+    for k in set(range(5)) - {int(pin)}:
+        for nudge in (1e-3, -1e-3):
+            values = fit.values + nudge * (np.arange(5) == k)
+            other = np.interp(np.arange(60), fit.knots, values, period=60) - SINE
+            assert np.mean(other**2) >= fit.rms**2
+
+
 def test_fixed_knots_flatten_until_they_keep_a_largest_error():
     knots = np.array([3.0, 17.5, 30.0, 44.25])
     plain = fit_pwl(SINE, v_max=0.2, tick=1.0, knots=knots)

@@ -18,6 +18,7 @@ def test_json_gives_a_curve_back_to_the_last_digit(tmp_path):
     write_curve(tmp_path / "curve.json", CURVE)
     again = read_curve(tmp_path / "curve.json")
     assert again.to_dict() == CURVE.to_dict()
+    assert (again.tick, again.samples, again.cyclic) == (0.008, 10, True)
 
 
 def test_csv_gives_the_knots_back_in_seconds_and_degrees(tmp_path):
