@@ -28,7 +28,7 @@ SHARPEST = 12
 STARTS = 12
 """Nodes of a cycle at which chains may begin: around its sharpest corner."""
 
-STEPS = 8
+STEPS = 5
 """Chains that are looked at."""
 
 WIDTH = 4

@@ -43,7 +43,7 @@ DESCENTS = 2
 WORTH_GUIDING = 1.01
 """Squared error over the ideal from which on knots are sought with potentials."""
 
-WORTH_A_DESCENT = 1.3
+WORTH_A_DESCENT = 1.1
 """Squared error over the best so far up to which a curve on a grid is descended from."""
 
 MOST_PROPOSED = 32
@@ -177,8 +177,9 @@ class Search:
         if self.problem.cyclic:
             anchor = sharpest_knot(self.problem, best)
         around = rechained(self.problem, self.ideal, best, anchor=anchor)
-        if around is not None:
-            best = min(best, self._best_of([self.valued(around)]), key=_error)
+        chained = None if around is None else self.valued(around)
+        if chained is not None and chained.error < WORTH_A_DESCENT * best.error:
+            best = min(best, self._best_of([chained]), key=_error)
         return best
 
     @property
