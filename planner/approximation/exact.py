@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from planner.approximation.ideal import ideal_of
 from planner.approximation.objective import Candidate, Problem
 from planner.approximation.potentials import climb, first_potentials
 from planner.approximation.relaxation import Levels, Potentials, Relaxation
@@ -78,7 +79,9 @@ class _BranchAndBound:
         if problem.cyclic:
             knots = np.sort(np.mod(self.best.knots, problem.samples))
             self.best = self._curves.curve(knots)
-        self._search()
+        ideal = ideal_of(problem)
+        if float(problem.weights @ (ideal - problem.desired) ** 2) < self._enough:
+            self._search()
 
     @property
     def _enough(self) -> float:

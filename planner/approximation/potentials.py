@@ -57,14 +57,15 @@ def climb(
 
 
 def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
-    """What to add to the potentials of a cycle, from the segments whose slopes are free."""
+    """What to add to the potentials of a cycle, from the segments whose slopes are free if any."""
     n = problem.samples
     ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
     values = np.append(curve.values, curve.values[0])
     found = []
     for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
-        if abs(rise) >= problem.step * (j - i) * (1.0 - 1e-6):
+        if j == i:  # knots between samples, a hair less than one apart
             continue
+        free = abs(rise) < problem.step * (j - i) * (1.0 - 1e-6)
         inside = np.arange(i, j + 1)
         share = np.full(inside.size, 2.0)
         share[[0, -1]] = 1.0
@@ -72,5 +73,6 @@ def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: 
         start = along[i % n]
         end = start - float(share @ residual[inside % n])
         # d/dm about the start: turn + end (j - i) = 0 at rest, with both raised by the answer.
-        found.append(-(turn + end * (j - i)) / (j - i))
-    return float(np.mean(found)) if found else 0.0
+        found.append((free, -(turn + end * (j - i)) / (j - i)))
+    any_free = any(free for free, _ in found)
+    return float(np.mean([first for free, first in found if free or not any_free] or [0.0]))

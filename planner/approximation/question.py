@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.trajectory import Array, as_trajectory
 
 Required = Iterable[float] | Mapping[float, float | None]
@@ -141,7 +141,14 @@ def checked_knots(
             continue
         if cyclic:
             raise InvalidInput("ends: a cycle has none; leave them away, or say cyclic=False")
-        found[place] = _number("ends", angle)
+        pin = _number("ends", angle)
+        other = found.get(place, math.nan)
+        if not math.isnan(other) and other != pin:
+            raise Infeasible(
+                f"required and ends: got {other:.6g} rad and {pin:.6g} rad at sample {place:g}; "
+                "leave one of them away"
+            )
+        found[place] = pin
     places = np.array(sorted(found))
     return places, np.array([found[place] for place in places.tolist()])
 

@@ -106,7 +106,8 @@ def allowed(
     problem: Problem, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.bool_]:
     """Whether a segment may lead from one node to another, by length and required knots."""
-    possible = end - start >= max(problem.shortest - 0.5 * (problem.required.size > 0), 1.0)
+    moves = bool(np.any(problem.required != np.floor(problem.required)))  # by half a sample or less
+    possible = end - start >= max(problem.shortest - 0.5 * moves, 1.0)
     for node in nodes_of(problem.required):
         turns = range(-1, 4) if problem.cyclic else (0,)
         for turn in turns:

@@ -172,3 +172,18 @@ def test_a_start_that_is_best_already_is_proved_so():
     knots = np.array([0.0, 5.0, 11.0])
     best = proved_best(problem, Candidate(knots, np.zeros(3), 6.0))
     assert best.error <= WholeKnots(problem).curve(knots).error
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("steepness", [1e-5, 0.1])
+def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
+    desired = samples_of("noise", 40, np.random.default_rng(0))
+    fit = fit_pwl(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5, exact=True)
+    assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
+
+
+def test_the_proof_keeps_a_fractional_shortest_length_between_clamped_ends():
+    desired = samples_of("noise", 40, np.random.default_rng(4))
+    asked = {"cyclic": False, "segments": 2, "shortest": 1.49, "ends": (0.1, None)}
+    fit = fit_pwl(desired, v_max=1e-4, tick=1.0, exact=True, **asked)
+    assert np.min(fit.lengths) >= 1.49

@@ -187,6 +187,10 @@ def test_hundreds_of_segments_keep_the_shortest_length_and_the_required_knots(sh
 
 REFUSED = [
     ({"ends": (0.0, 30.0), "cyclic": False}, "at sample 0 and 30 rad at sample 59: got a slope"),
+    (
+        {"ends": (1.0, None), "required": {0: 0.0}, "cyclic": False},
+        "required and ends: got 0 rad and 1 rad at sample 0",
+    ),
     ({"required": {5: 0.0, 8: 2.0}}, "at sample 5 and 2 rad at sample 8: got a slope of 0.666"),
     ({"required": {2: 1.0, 58: 0.0}}, "at sample 58 and 1 rad at sample 2: got a slope of 0.25"),
     ({"required": [5, 7], "shortest": 3.0}, "knots at samples 5 and 7: 2 samples apart"),
