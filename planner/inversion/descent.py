@@ -15,8 +15,8 @@ from planner.trajectory import Array
 POWERS = (4.0, 8.0, 16.0, 32.0, 64.0)
 """The largest error is approached through sums of these powers of the errors, one by one."""
 
-QUIETING = (1e-4, 1e-3)
-"""Pulls that the plan's requests are put under at the end."""
+QUIETING = (1e-3, 1e-4)
+"""Pulls that the plan's requests are put under at the end, the first that they bear."""
 
 AS_WELL = 1e-4
 """Relative error that quieter requests may cost."""
@@ -111,7 +111,7 @@ def improve(
 def quieten(problem: Tracking, requests: Array, *, at_most: float) -> Array:
     """Requests that track as well as the given ones, to a part in 10,000, and stray less.
 
-    Their pull towards the desired angles is made stronger as long as the error allows it.
+    They are put under the strongest pull towards the desired angles that the error allows.
 
     Args:
         problem: What to reach, and within which limits.
@@ -126,9 +126,8 @@ def quieten(problem: Tracking, requests: Array, *, at_most: float) -> Array:
     for pull in QUIETING:
         quieter, _ = descend(problem, requests, last._replace(pull=pull), DAMPING[1])
         reached = problem.exact_error(quieter)
-        if not reached <= min(least * (1.0 + AS_WELL), at_most):
-            break
-        requests, least = quieter, min(least, reached)
+        if reached <= min(least * (1.0 + AS_WELL), at_most):
+            return quieter
     return requests
 
 

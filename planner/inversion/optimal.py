@@ -11,13 +11,12 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import InvalidInput, SolverFailed
-from planner.inversion.closed_form import closed_form, requests_along
+from planner.inversion.closed_form import requests_along, switching_time
 from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import check_within, checked_limits
 from planner.inversion.line import interpolated_offset
 from planner.inversion.norm import Norm, check_norm
-from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.tracking import Tracking, follow, in_reach
 from planner.model.joint import JointModel
@@ -28,11 +27,7 @@ GUIDE = Stage(0.1, 1e-4)
 """The stage in which the requests are led along the ideal."""
 
 FAR_FROM_IDEAL = 1.03
-"""Error over that of the ideal from which on a second search is worth its time."""
-
-LITTLE_WORK = 10_000
-"""Samples simulated to refine those few lines. Where a joint overshoots its requests, and
-derivatives mislead, all that the closed form itself may take is spent instead."""
+"""Error over that of the ideal from which on further searches are worth their time."""
 
 NEGLIGIBLE = 1e-3
 """Error up to which another search is not worth its time [theta_0]."""
@@ -114,34 +109,47 @@ def search(problem: Tracking, desired: Array) -> Array:
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
     requests than what it cannot. Where more binds than the top speed, which is all that the ideal
-    knows of, and the plan stays far from it, a second search sets out from the closed form of few
-    lines.
+    knows of, and the plan stays far from it, further searches set out from that closed form itself,
+    from the desired angles, and from the desired angles as early as the joint is late.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
     ideal = in_reach(
         model, slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic), start
     )
-    lines = PiecewiseLinear(
-        knots=np.arange(len(desired), dtype=np.float64),
-        values=ideal,
-        samples=len(desired),
-        tick=model.period,
-        cyclic=problem.cyclic,
-    )
-    inverse = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
-    first = problem.admissible(inverse[:, np.newaxis])
+    first = problem.admissible(_line_per_sample(model, ideal, cyclic=problem.cyclic))
     guided, _ = descend(problem.toward(FollowAngles(ideal)), first, GUIDE, DAMPING[1])
-    answers = [(first, problem.exact_error(first)), improve(problem, guided)]
+    at_most = problem.exact_error(first)
+    answers = [(first, at_most), improve(problem, guided)]
     short = len(desired) <= 2 * problem.reach.oldest
     far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
     if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
-        overshoots = model.v_max_per_tick > model.theta_0
-        work = MOST_WORK if overshoots else LITTLE_WORK
-        _, few_lines = closed_form(problem, desired, rule="exact", refining=work)
-        answers += [(few_lines, problem.exact_error(few_lines)), improve(problem, few_lines)]
+        early = problem.admissible(_earlier(problem, switching_time(model) / model.period))
+        answers += [improve(problem, other) for other in (first, problem.resting, early)]
     best, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    at_most = min(error for _, error in answers[::2])  # the closed forms' errors
     return quieten(problem, best, at_most=at_most)
+
+
+def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array:
+    """The closed form of a trajectory whose every sample is a knot: requests (n, 1) [rad]."""
+    lines = PiecewiseLinear(
+        knots=np.arange(len(angles), dtype=np.float64),
+        values=angles,
+        samples=len(angles),
+        tick=model.period,
+        cyclic=cyclic,
+    )
+    requests = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
+    return requests[:, np.newaxis]
+
+
+def _earlier(problem: Tracking, samples: float) -> Array:
+    """The requests that would hold the desired angles, so many samples early [rad], (n, 1)."""
+    later = np.arange(len(problem.resting)) + round(samples)
+    count = len(problem.resting)
+    shifted: Array = problem.resting[
+        later % count if problem.cyclic else np.minimum(later, count - 1)
+    ]
+    return shifted

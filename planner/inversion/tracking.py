@@ -24,6 +24,9 @@ CLOSED = 1e-8
 EXACTLY_CLOSED = 1e-11
 """Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
+NEARBY = 0.01
+"""Change of the seam, relative to the corners' radius, that need not be run: its effect is linear."""
+
 PATIENCE = 3
 """Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
 
@@ -169,8 +172,12 @@ class Tracking:
             if abs(end - seam) <= tolerance * max(1.0, abs(seam)):
                 return run
             low, high = (seam, max(high, seam)) if end > seam else (min(low, seam), seam)
-            contraction = float(np.prod(run.by_angle))
+            since_seam = np.cumprod(run.by_angle)  # d angles / d seam
+            contraction = float(since_seam[-1])
             newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
+            if abs(newton - seam) <= NEARBY * smoothing:
+                run.angles[:] += since_seam * (newton - seam)
+                return run
             waited = end if cycle < PATIENCE else (low + high) / 2.0
             seam = newton if low < newton < high else waited
         return None

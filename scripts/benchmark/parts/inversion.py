@@ -126,7 +126,7 @@ def summary(results: Sequence[dict[str, Result]]) -> Table:
             min(other.rms for method, other in result.items() if method != name)
             for result in results
         ]
-        excess = [100.0 * (r.rms / best - 1.0) for r, best in zip(own, others, strict=True)]
+        excess = [over(r.rms, best) for r, best in zip(own, others, strict=True)]
         table.add(
             name,
             1e3 * float(np.median([result.first for result in own])),
@@ -157,6 +157,11 @@ def each(instances: Sequence[Instance], results: Sequence[dict[str, Result]]) ->
             instance.name,
             *(math.degrees(result[name].rms) for name in METHODS),
             *(1e3 * result[name].again for name in METHODS),
-            100.0 * (result[OURS].rms / best - 1.0),
+            over(result[OURS].rms, best),
         )
     return table
+
+
+def over(rms: float, best: float) -> float:
+    """Excess over the best [%], to the digit that says something."""
+    return round(100.0 * (rms / best - 1.0), 3) + 0.0
