@@ -24,7 +24,7 @@ LARGEST_EXACT = 400
 """Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
 at the first bound."""
 
-MOST_BRANCHES = 20_000
+MOST_BRANCHES = 4_000
 """Halves that are looked at before the search gives up."""
 
 FEW = 16
@@ -108,7 +108,9 @@ class _BranchAndBound:
                 number += 1
                 if number > MOST_BRANCHES:
                     gap = 1.0 - branch.bound / self.best.error
-                    raise SolverFailed("exact piecewise-linear fit", "too many", violation=gap)
+                    raise SolverFailed(
+                        "exact piecewise-linear fit", f"{number} halvings", violation=gap
+                    )
                 heapq.heappush(queue, replace(tightened, number=number, levels=half))
 
     def _all_levels(self) -> Levels:
