@@ -33,6 +33,12 @@ FLATTENINGS = 12
 BARELY = 1e-9
 """Relative distance from a bound on the error that rounding cannot cross."""
 
+ROUNDING = 1e-24
+"""Mean squared error of samples of size one that is left to rounding."""
+
+NEARLY = 1.001
+"""Squared error over its bound up to which the values at a curve's knots are sought anew."""
+
 HOPEFUL = 3.0
 """Largest error over its bound beyond which raising weights is not tried."""
 
@@ -57,6 +63,47 @@ def noise(desired: Array) -> float:
     """Standard deviation of white noise on smooth samples, from their median second difference."""
     bend = np.abs(np.diff(desired, n=2))
     return float(np.median(bend)) / (0.6745 * math.sqrt(6.0))  # of a normal variable: median, Δ²
+
+
+def within_rms(search: Search, bound: float, most: int | None, unit: float) -> Candidate:
+    """The fewest segments whose rms error is within ``bound``.
+
+    Args:
+        search: Curves through the samples.
+        bound: Largest rms error [unit of the search].
+        most: Most segments; None for any number.
+        unit: Unit of the search [rad], for the message.
+
+    Raises:
+        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
+    """
+    n = search.problem.samples
+    ideal = math.sqrt(search.ideal_error / n)
+    if bound < ideal * (1.0 - BARELY):
+        raise Infeasible(
+            f"max_rms and v_max: got {bound * unit:.6g} rad, but with slopes within ±v_max no "
+            f"curve comes closer than {ideal * unit:.6g} rad rms; allow that much or a larger v_max"
+        )
+    enough = n * (bound * (1.0 + BARELY)) ** 2 + ROUNDING * n
+    if most is None and search.exact is not None and search.exact.error <= enough:
+        return search.exact
+    last = search.most if most is None else min(most, search.most)
+
+    def close_enough(segments: int) -> Candidate | None:
+        curve = search.curve(segments)
+        if enough < curve.error <= NEARLY * enough:  # with values a little short of the best
+            curve = search.valued(curve.knots)
+        return curve if curve.error <= enough else None
+
+    found = _fewest(close_enough, search.fewest, last)
+    if found is None:
+        least = math.sqrt(search.curve(last).error / n)
+        raise Infeasible(
+            f"max_rms and the number of segments: got {bound * unit:.6g} rad, but with at most "
+            f"{last} segments the smallest found is {least * unit:.6g} rad; allow more error or "
+            "more segments"
+        )
+    return found
 
 
 def within(search: Search, bound: float, most: int | None, unit: float) -> Candidate:
@@ -91,7 +138,7 @@ def within(search: Search, bound: float, most: int | None, unit: float) -> Candi
         closest = min(closest, worst)
         return curve if worst <= bound else None
 
-    last = search.most if most is None else most
+    last = search.most if most is None else min(most, search.most)
     found = _fewest(close_enough, search.fewest, last)
     if found is None and last == search.most:
         found = search.closest_everywhere()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import operator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +33,8 @@ class PiecewiseLinear:
         cyclic: Whether the curve repeats itself after ``samples``.
 
     Raises:
-        InvalidInput: The knots do not increase, or number and shape do not fit together.
+        InvalidInput: The knots do not increase, a value or the tick is of no use, or number and
+            shape do not fit together.
     """
 
     knots: Array
@@ -49,6 +54,10 @@ class PiecewiseLinear:
             raise InvalidInput(f"knots: got shape {self.knots.shape}, expected ({fewest} or more,)")
         if self.values.shape != self.knots.shape:
             raise InvalidInput(f"values: got {self.values.size} for {self.knots.size} knots")
+        if not np.all(np.isfinite(self.values)):
+            raise InvalidInput("values: expected finite angles [rad]")
+        if not (math.isfinite(self.tick) and self.tick > 0.0):
+            raise InvalidInput(f"tick: got {self.tick!r}, expected a finite number above 0 [s]")
         if not np.all(self.lengths > 0.0):
             raise InvalidInput("knots: they must increase, and a cyclic curve's fit into one cycle")
 
@@ -96,6 +105,73 @@ class PiecewiseLinear:
             after - (1.0 - share) * (after - before),
         )
         return angles
+
+    def shifted(self, time: float = 0.0, *, angle: float = 0.0) -> PiecewiseLinear:
+        """The curve ``time`` later [samples] and ``angle`` higher [rad]; a path keeps its samples.
+
+        A cycle's knots come in order from the first in [0, samples) on; a path's end lines continue
+        to wherever it has been shifted from.
+        """
+        knots, values = self.knots + time, self.values + angle
+        return self._with(knots, values)
+
+    def scaled(self, factor: float) -> PiecewiseLinear:
+        """The curve with all angles, and so all slopes, times ``factor``."""
+        return self._with(self.knots, self.values * factor)
+
+    def mirrored(self, about: float = 0.0) -> PiecewiseLinear:
+        """The mirror image at the angle ``about`` [rad]."""
+        return self._with(self.knots, about - (self.values - about))
+
+    def reversed_in_time(self) -> PiecewiseLinear:
+        """The curve backwards: sample k becomes sample -k of a cycle, n - 1 - k of a path."""
+        last = 0.0 if self.cyclic else self.samples - 1.0
+        return self._with(last - self.knots[::-1], self.values[::-1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, for JSON: knots [samples], values [rad], samples, tick [s], cyclic."""
+        return {
+            "knots": self.knots.tolist(),
+            "values": self.values.tolist(),
+            "samples": self.samples,
+            "tick": self.tick,
+            "cyclic": self.cyclic,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> PiecewiseLinear:
+        """The curve that :meth:`to_dict` wrote, to the last digit.
+
+        Raises:
+            InvalidInput: A key is missing, or its value is of no use.
+        """
+        expected = ("knots", "values", "samples", "tick", "cyclic")
+        missing = [key for key in expected if key not in data]
+        if missing:
+            raise InvalidInput(f"curve: no '{missing[0]}'; expected {', '.join(expected)}")
+        try:
+            return PiecewiseLinear(
+                knots=np.array(data["knots"], dtype=np.float64),
+                values=np.array(data["values"], dtype=np.float64),
+                samples=operator.index(data["samples"]),
+                tick=float(data["tick"]),
+                cyclic=bool(data["cyclic"]),
+            )
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InvalidInput):
+                raise
+            raise InvalidInput(f"curve: {error}; expected what to_dict gives") from error
+
+    def _with(self, knots: Array, values: Array) -> PiecewiseLinear:
+        """A curve over the same samples with other knots and values, a cycle's put in order."""
+        if self.cyclic:
+            knots = np.mod(knots, self.samples)
+            knots = np.where(knots >= self.samples, 0.0, knots)  # a hair below 0, rounded up
+            order = np.argsort(knots, kind="stable")
+            knots, values = knots[order], values[order]
+        return PiecewiseLinear(
+            knots=knots, values=values, samples=self.samples, tick=self.tick, cyclic=self.cyclic
+        )
 
     def _locate(self, index: Array) -> tuple[npt.NDArray[np.intp], Array]:
         """Segment of each index, and how far into it the index lies [samples]."""

@@ -20,6 +20,7 @@ from planner.approximation.objective import (
     evaluate,
     slacks,
 )
+from planner.approximation.requirements import at_rest, held
 from planner.approximation.small_qp import minimize_quadratic
 from planner.trajectory import Array
 
@@ -44,20 +45,22 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
         The curve; a constant if the QP was not solved.
     """
     size = knots.size
-    mean = float(np.average(problem.desired, weights=problem.weights))
-    here = evaluate(problem, knots, np.full(size, mean))
-    hessian = here.hessian[size:, size:]
-    hessian = hessian + 1e-10 * np.max(hessian.diagonal()) * np.eye(size)
+    here = evaluate(problem, knots, at_rest(problem, knots))
+    free = ~held(problem, knots)[1]
+    variable = np.flatnonzero(free) + size
+    hessian = here.hessian[np.ix_(variable, variable)]
+    hessian = hessian + 1e-10 * np.max(hessian.diagonal(), initial=0.0) * np.eye(variable.size)
     slopes = slacks(problem, knots, here.values)
     slopes = slopes[: slopes.size * 2 // 3]
-    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)[: slopes.size, size:]
-    step = minimize_quadratic(hessian, here.gradient[size:], rows, np.maximum(slopes, 0.0))
+    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)[: slopes.size, variable]
+    gradient = here.gradient[variable]
+    step = minimize_quadratic(hessian, gradient, rows, np.maximum(slopes, 0.0))
     if step is None:
         return Candidate(knots, here.values, here.error)
-    change = 2.0 * float(here.gradient[size:] @ step) + float(
-        step @ here.hessian[size:, size:] @ step
-    )
-    return Candidate(knots, here.values + step, max(here.error + change, 0.0))
+    values = here.values.copy()
+    values[free] += step
+    change = float((2.0 * gradient + here.hessian[np.ix_(variable, variable)] @ step) @ step)
+    return Candidate(knots, values, max(here.error + change, 0.0))
 
 
 def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
@@ -71,16 +74,18 @@ def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
     Returns:
         The best curve found; never worse than the start.
     """
-    size = start.knots.size
-    if size > LARGEST_WINDOW:
-        return _sweep(problem, start, rounds=rounds)
-    free = np.ones(2 * size, dtype=bool)
-    if not problem.cyclic:
-        free[[0, size - 1]] = False
+    fixed = np.concatenate(held(problem, start.knots))
+    if start.knots.size > LARGEST_WINDOW:
+        return _sweep(problem, start, fixed=fixed, rounds=rounds)
+    free = ~fixed
+    if not np.any(free):
+        return start
     return _descend(problem, start, free=free, rounds=rounds)
 
 
-def _sweep(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
+def _sweep(
+    problem: Problem, start: Candidate, *, fixed: npt.NDArray[np.bool_], rounds: int
+) -> Candidate:
     """Move one window of knots after the other, each between knots that stay."""
     size, n = start.knots.size, problem.samples
     knots, values = start.knots.copy(), start.values.copy()
@@ -98,7 +103,7 @@ def _sweep(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
             weights=problem.weights[inside],
             cyclic=False,
         )
-        free = np.ones(2 * number.size, dtype=bool)
+        free = ~np.concatenate([fixed[number % size], fixed[size + number % size]])
         free[[0, number.size - 1]] = False
         if problem.cyclic or first > 0:
             free[number.size] = False

@@ -16,7 +16,30 @@ LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
 
 
-def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
+PULL = 1e5
+"""Weight, in units of the mean, of a sample at which the curve's value is required."""
+
+
+def ideal_of(problem: Problem) -> Array:
+    """The ideal of a problem; pins on samples pull so strongly that it nearly keeps them.
+
+    Its squared error is no more than that of any curve within the slopes that keeps the pins.
+    """
+    desired, weights = problem.desired, problem.weights
+    pinned = np.isfinite(problem.pins) & (problem.required == np.floor(problem.required))
+    if np.any(pinned):
+        at = problem.required[pinned].astype(np.intp)
+        desired, weights = desired.copy(), weights.copy()
+        desired[at], weights[at] = problem.pins[pinned], PULL
+    even = bool(np.all(weights == weights[0]))
+    return slope_bounded(
+        desired, problem.step, cyclic=problem.cyclic, weights=None if even else weights
+    )
+
+
+def slope_bounded(
+    desired: Array, step: float, *, cyclic: bool, weights: Array | None = None
+) -> Array:
     """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme.
 
     The cost of the best sequence that ends in x is convex and piecewise quadratic; its derivative
@@ -28,25 +51,29 @@ def slope_bounded(desired: Array, step: float, *, cyclic: bool) -> Array:
         desired: What to come close to [any unit], shape (n,).
         step: Largest change from one sample to the next, > 0 [same unit].
         cyclic: Whether the first sample follows the last.
+        weights: Weight of every sample's squared error, shape (n,); by default all the same.
 
     Returns:
         The sequence, shape (n,). Cost O(n) in practice, a microsecond or two per sample.
     """
+    weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:
-        return _open_ended(desired, step)
+        return _open_ended(desired, weights, step)
     n = desired.size
-    three = _open_ended(np.tile(desired, 3), step)
+    three = _open_ended(np.tile(desired, 3), np.tile(weights, 3), step)
     cycle = three[n : 2 * n]
     if abs(three[n] - three[2 * n]) <= CLOSED * np.ptp(desired) or n > LONGEST_QP:
         return cycle
-    return _closed(desired, step, cycle)
+    return _closed(desired, weights, step, cycle)
 
 
-def _closed(desired: Array, step: float, near: Array) -> Array:
+def _closed(desired: Array, weights: Array, step: float, near: Array) -> Array:
     """The ideal of a cycle as a QP; ``near`` if that is not solved."""
     middle = 0.5 * (float(desired.max()) + float(desired.min()))
     unit = 0.5 * float(np.ptp(desired))
-    problem = Problem(desired=(desired - middle) / unit, step=step / unit, cyclic=True)
+    problem = Problem(
+        desired=(desired - middle) / unit, step=step / unit, cyclic=True, weights=weights
+    )
     try:
         values = solve_values(problem, np.arange(desired.size, dtype=np.float64))
     except SolverFailed:
@@ -54,8 +81,8 @@ def _closed(desired: Array, step: float, near: Array) -> Array:
     return middle + unit * values
 
 
-def _open_ended(desired: Array, step: float) -> Array:
-    roots = _roots(desired.tolist(), step)
+def _open_ended(desired: Array, weights: Array, step: float) -> Array:
+    roots = _roots(desired.tolist(), weights.tolist(), step)
     best = roots[-1]
     backwards = [best]
     for root in reversed(roots[:-1]):
@@ -64,18 +91,18 @@ def _open_ended(desired: Array, step: float) -> Array:
     return np.array(backwards[::-1])
 
 
-def _roots(desired: list[float], step: float) -> list[float]:
+def _roots(desired: list[float], weights: list[float], step: float) -> list[float]:
     """For every k the x[k] that is best for the samples up to k alone."""
     left: list[tuple[float, float]] = []  # corners (place + k * step, change of slope outwards)
     right: list[tuple[float, float]] = []  # corners (place - k * step, change of slope outwards)
-    root, slope = desired[0], 1.0
+    root, slope = desired[0], weights[0]
     roots = [root]
     for k in range(1, len(desired)):
         shift = k * step
         # The split at the root: flat between, the old slope outside.
         left.append((root - step + shift, slope))
         right.append((root + step - shift, slope))
-        root, slope = desired[k], 1.0
+        root, slope = desired[k], weights[k]
         while left and left[-1][0] - shift > root:
             place, change = left.pop()
             at = place - shift

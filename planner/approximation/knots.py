@@ -17,7 +17,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.moments import moments
 from planner.approximation.objective import Problem
+from planner.approximation.requirements import allowed, grid_of, in_place, nodes_of
 from planner.trajectory import Array
 
 Price = Literal["chord", "line"]
@@ -45,21 +47,28 @@ class KnotProposals:
         """
         last = problem.samples if problem.cyclic else problem.samples - 1
         count = min(last, FINEST_GRID)
-        self.nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
+        self._problem = problem
+        self.nodes = grid_of(problem, last, count)
+        count = self.nodes.size - 1
+        sides = [problem.desired, ideal, problem.weights]
         if not problem.cyclic:
             self._starts = np.zeros(1, dtype=np.intp)
             nodes = self.nodes
-            sides = problem.desired, ideal
         else:
             self._starts = np.unique(np.arange(ANCHORS) * count // ANCHORS)
+            if problem.required.size:
+                fixed = np.unique(nodes_of(problem.required) % last)
+                self._starts = np.searchsorted(self.nodes, fixed)[:ANCHORS]
             nodes = np.append(self.nodes[:-1], last + self.nodes)
-            sides = np.resize(problem.desired, 2 * last + 1), np.resize(ideal, 2 * last + 1)
+            sides = [np.resize(side, 2 * last + 1) for side in sides]
+        possible = allowed(problem, nodes[:, None], nodes[None, :])
         self._all_nodes = nodes
         self._tables = {}
         self._costs = {}
         self._came_from: dict[Price, list[npt.NDArray[np.intp]]] = {}
         for price in PRICES:
-            table = prices(*sides, nodes, problem.step, price)
+            table = prices(*sides, nodes=nodes, step=problem.step, price=price)
+            table[~possible] = np.inf
             # One table for every place where the cycle may begin, shape (anchors, m + 1, m + 1).
             self._tables[price] = np.stack(
                 [table[a : a + count + 1, a : a + count + 1] for a in self._starts]
@@ -80,10 +89,14 @@ class KnotProposals:
             totals = self._costs[price][segments][:, -1]
             new = 0
             for anchor in np.argsort(totals, kind="stable"):
+                if not np.isfinite(totals[anchor]):
+                    break
                 chain = self._chain(price, segments, int(anchor))
                 key = np.sort(chain % self.nodes[-1] if self._cyclic else chain).tobytes()
                 if key not in proposals:
-                    proposals[key] = chain.astype(np.float64)
+                    knots = in_place(self._problem, chain.astype(np.float64))
+                    if knots is not None:
+                        proposals[key] = knots
                     new += 1
                 if new == PROPOSALS:
                     break
@@ -110,13 +123,20 @@ class KnotProposals:
 
 
 def prices(
-    desired: Array, ideal: Array, nodes: npt.NDArray[np.intp], step: float, price: Price
+    desired: Array,
+    ideal: Array,
+    weights: Array,
+    *,
+    nodes: npt.NDArray[np.intp],
+    step: float,
+    price: Price,
 ) -> Array:
     """Squared error of a segment between any two nodes, over the samples after the first of them.
 
     Args:
         desired: Samples, shape (n,).
         ideal: Their slope-bounded ideal, shape (n,).
+        weights: Their weights, shape (n,).
         nodes: Samples where knots may lie, shape (m,), increasing.
         step: Largest change per sample.
         price: Which price, see the module.
@@ -124,26 +144,19 @@ def prices(
     Returns:
         Prices, shape (m, m), infinite on and below the diagonal.
     """
-    priced = desired if price == "chord" else ideal
     start, end = nodes[:, None], nodes[None, :]
-    length = np.maximum(end - start, 1).astype(np.float64)
-    k = np.arange(priced.size, dtype=np.float64)
-    d0, d1, d2 = (
-        total[end] - total[start]
-        for total in (np.cumsum(priced), np.cumsum(k * priced), np.cumsum(priced**2))
-    )
-    d1 = d1 - start * d0
-    k1 = length * (length + 1.0) / 2.0
-    k2 = k1 * (2.0 * length + 1.0) / 3.0
+    sums = moments(desired if price == "chord" else ideal, weights, start, end)
     if price == "chord":
         a = ideal[start]
-        m = (ideal[end] - a) / length
-        error = length * a * a + 2.0 * a * m * k1 + m * m * k2 - 2.0 * (a * d0 + m * d1) + d2
+        m = (ideal[end] - a) / np.maximum(end - start, 1)
+        error = sums.w0 * a * a + 2.0 * a * m * sums.w1 + m * m * sums.w2
+        error -= 2.0 * (a * sums.d0 + m * sums.d1) - sums.d2
     else:
-        sxx = k2 - k1 * k1 / length
-        sxy = d1 - k1 * d0 / length
+        weight = np.where(end > start, sums.w0, 1.0)
+        sxx = sums.w2 - sums.w1 * sums.w1 / weight
+        sxy = sums.d1 - sums.w1 * sums.d0 / weight
         m = np.clip(sxy / np.maximum(sxx, 1e-9), -step, step)
-        error = d2 - d0 * d0 / length + m * (m * sxx - 2.0 * sxy)
+        error = sums.d2 - sums.d0 * sums.d0 / weight + m * (m * sxx - 2.0 * sxy)
     error = np.maximum(error, 0.0)
     error[end <= start] = np.inf
     return np.asarray(error)

@@ -6,58 +6,81 @@ O(n log n) once.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from heapq import heapify, heappop, heappush
+from itertools import accumulate
 
 import numpy as np
 
 from planner.approximation.objective import Problem
+from planner.approximation.requirements import in_place, nodes_of, spread
 from planner.trajectory import Array
+
+FINENESS = 2**20
+"""Weights count as multiples of its inverse, so that sums of w k² are exact."""
 
 
 class MergedKnots:
     """Knots on samples for any number of segments, by greedy merging."""
 
     def __init__(self, problem: Problem) -> None:
-        """Merge until one segment is left, and note the order."""
-        self._cyclic = problem.cyclic
+        """Merge until no knot is left that may go, and note the order."""
+        self._problem = problem
         n = problem.samples
+        every = np.arange(n, dtype=np.float64)
+        if problem.shortest > 1.0 or problem.required.size:
+            every = spread(
+                replace(problem, whole=True, required=nodes_of(problem.required).astype(np.float64))
+            )
         last = n if problem.cyclic else n - 1
-        desired = np.resize(problem.desired, last + 1)
-        self._price = _LinePrice(desired, problem.step)
-        self._last = last
-        self._removed = np.array(self._merge(), dtype=np.intp)
+        self._first = int(every[0])
+        self._grid = np.append(every, every[0] + n) if problem.cyclic else every
+        self._grid = (self._grid - self._first).astype(np.intp)
+        turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
+        weights = np.resize(np.roll(problem.weights, -self._first), last + 1)
+        self._price = _LinePrice(turned, weights, problem.step)
+        fixed = nodes_of(problem.required) - self._first
+        stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
+        stays[[0, -1]] = True
+        self._removed = np.array(self._merge(stays.tolist()), dtype=np.intp)
+        self._stay = self._grid[stays]
 
-    def __call__(self, segments: int) -> Array:
-        """Knots for so many segments, a cycle's first at its first sample."""
-        keep = np.concatenate([[0, self._last], self._removed[self._removed.size - segments + 1 :]])
-        knots = np.sort(keep).astype(np.float64)
-        return knots[:-1] if self._cyclic else knots
+    def __call__(self, segments: int) -> Array | None:
+        """Knots for so many segments, a cycle's first at its first sample; None if too many."""
+        more = segments + 1 - self._stay.size
+        if not 0 <= more <= self._removed.size:
+            return None
+        keep = np.append(self._stay, self._removed[self._removed.size - more :])
+        knots = np.sort(keep).astype(np.float64) + self._first
+        return in_place(self._problem, knots[:-1] if self._problem.cyclic else knots)
 
-    def _merge(self) -> list[int]:
-        """Inner samples in the order in which they cease to be knots."""
-        price, last = self._price, self._last
+    def _merge(self, stays: list[bool]) -> list[int]:
+        """Samples in the order in which they cease to be knots."""
+        grid = [int(k) for k in self._grid]
+        price, last = self._price, len(grid) - 1
         before = list(range(-1, last))
         after = list(range(1, last + 2))
-        own = [price(k, k + 1) for k in range(last)]  # of the segment that starts at k
+        own = [price(grid[k], grid[k + 1]) for k in range(last)]  # of the segment from k on
 
         def loss(knot: int) -> float:
-            return price(before[knot], after[knot]) - own[before[knot]] - own[knot]
+            joined = price(grid[before[knot]], grid[after[knot]])
+            return joined - own[before[knot]] - own[knot]
 
         version = [0] * (last + 1)
-        queue = [(loss(knot), knot, 0) for knot in range(1, last)]
+        queue = [(loss(knot), knot, 0) for knot in range(1, last) if not stays[knot]]
         heapify(queue)
         removed = []
         while queue:
             _, knot, seen = heappop(queue)
             if seen != version[knot]:
                 continue
-            removed.append(knot)
+            removed.append(grid[knot])
             version[knot] = -1
             left, right = before[knot], after[knot]
-            own[left] = price(left, right)
+            own[left] = price(grid[left], grid[right])
             after[left], before[right] = right, left
             for neighbour in (left, right):
-                if 0 < neighbour < last:
+                if not stays[neighbour]:
                     version[neighbour] += 1
                     heappush(queue, (loss(neighbour), neighbour, version[neighbour]))
         return removed
@@ -66,20 +89,31 @@ class MergedKnots:
 class _LinePrice:
     """Squared error of the best line within the slopes through the samples from i to j."""
 
-    def __init__(self, desired: Array, step: float) -> None:
+    def __init__(self, desired: Array, weights: Array, step: float) -> None:
+        even = bool(np.all(weights == weights[0]))
+        unit = 1 if even else FINENESS
+        multiples = np.ones(desired.size) if even else np.maximum(np.rint(weights * unit), 1.0)
+        heavy = [int(multiple) for multiple in multiples]
+        weights = np.array(heavy, dtype=np.float64) / unit
         k = np.arange(desired.size, dtype=np.float64)
         self._sums: list[list[float]] = [
             np.concatenate([[0.0], np.cumsum(total)]).tolist()
-            for total in (desired, k * desired, desired**2)
+            for total in (weights * desired, weights * k * desired, weights * desired**2)
         ]
+        self._counts: list[list[int]] = [
+            list(accumulate((w * k**power for k, w in enumerate(heavy)), initial=0))
+            for power in range(3)
+        ]
+        self._unit = unit
         self._step = step
 
     def __call__(self, i: int, j: int) -> float:
         s0, s1, s2 = self._sums
-        count = j + 1 - i
+        w0, w1, w2 = (total[j + 1] - total[i] for total in self._counts)
+        weight, middle = w0 / self._unit, w1 / w0
         d0 = s0[j + 1] - s0[i]
-        d1 = s1[j + 1] - s1[i] - 0.5 * (i + j) * d0  # about the middle
-        sxx = count * (count * count - 1) / 12.0
+        d1 = s1[j + 1] - s1[i] - middle * d0  # about the middle
+        sxx = (w2 * w0 - w1 * w1) / (w0 * self._unit)
         slope = min(max(d1 / sxx, -self._step), self._step)
-        error: float = s2[j + 1] - s2[i] - d0 * d0 / count + slope * (slope * sxx - 2.0 * d1)
+        error: float = s2[j + 1] - s2[i] - d0 * d0 / weight + slope * (slope * sxx - 2.0 * d1)
         return max(error, 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -23,6 +23,9 @@ class Problem:
         cyclic: Whether the first sample follows the last.
         weights: Weight of every sample's squared error, mean 1, shape (n,); by default all 1.
         shortest: Length of the shortest segment [samples].
+        required: Where there must be a knot [samples], shape (r,), increasing.
+        pins: The curve's values there, shape (r,); NaN where it is free.
+        whole: Whether knots lie on samples.
     """
 
     desired: Array
@@ -30,6 +33,9 @@ class Problem:
     cyclic: bool
     weights: Array = None  # type: ignore[assignment]
     shortest: float = 1.0
+    required: Array = field(default_factory=lambda: np.zeros(0))
+    pins: Array = field(default_factory=lambda: np.zeros(0))
+    whole: bool = False
 
     def __post_init__(self) -> None:
         """Weigh all samples alike unless told otherwise."""

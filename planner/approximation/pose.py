@@ -5,11 +5,11 @@ A search that meets them in one pose finds the same curve for all of them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.approximation.objective import Candidate
+from planner.approximation.objective import Candidate, Problem
 from planner.trajectory import Array
 
 
@@ -49,10 +49,29 @@ class Pose:
 
     def apply(self, given: Array) -> Array:
         """Samples in pose."""
-        posed = self.sign * np.roll(given, -self.seam)
+        return self.sign * self.in_order(given)
+
+    def in_order(self, given: Array) -> Array:
+        """What belongs to samples, in the order of the pose."""
+        posed = np.roll(given, -self.seam)
         if self.backwards:
             posed = np.roll(posed[::-1], 1) if self.cyclic else posed[::-1]
         return np.ascontiguousarray(posed)
+
+    def of_problem(self, given: Problem) -> Problem:
+        """A problem in pose."""
+        places, pins = given.required - self.seam, self.sign * given.pins
+        if self.backwards:
+            places = (0.0 if self.cyclic else self.samples - 1.0) - places
+        places = np.mod(places, self.samples) if self.cyclic else places
+        order = np.argsort(places)
+        return replace(
+            given,
+            desired=self.apply(given.desired),
+            weights=self.in_order(given.weights),
+            required=places[order],
+            pins=pins[order],
+        )
 
     def restore(self, curve: Candidate) -> tuple[Array, Array]:
         """Knots and values for the samples as given, in order and within the cycle."""

@@ -10,14 +10,19 @@ import numpy as np
 
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.ideal import envelopes, slope_bounded
+from planner.approximation.grow import sharpest_knot, with_one_more
+from planner.approximation.guided import GuidedKnots
+from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
-from planner.approximation.objective import Candidate, Problem, candidate, residuals
+from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
+from planner.approximation.requirements import at_rest, gaps, reachable, spread
+from planner.approximation.small_values import small_values
 from planner.approximation.tube import rechained
 from planner.approximation.values import solve_values
+from planner.approximation.whole import WholeKnots
 from planner.trajectory import Array
 
 RESOLUTION = 2.0**-36
@@ -35,6 +40,12 @@ ROUNDS = 15
 DESCENTS = 2
 """Starts, of all that are proposed, from which a descent is begun."""
 
+WORTH_GUIDING = 1.01
+"""Squared error over the ideal from which on knots are sought with potentials."""
+
+WORTH_A_DESCENT = 1.1
+"""Squared error over the best so far up to which a curve on a grid is descended from."""
+
 MOST_PROPOSED = 32
 """Segments up to which knots are sought by shortest paths; beyond, by merging."""
 
@@ -46,53 +57,58 @@ class Search:
     reversed and scaled ones give the same curve in spite of rounding.
     """
 
-    def __init__(self, desired: Array, step: float, *, cyclic: bool) -> None:
+    def __init__(self, given: Problem) -> None:
         """Find the ideal and the pose.
 
         Args:
-            desired: Samples of size one, shape (n,).
-            step: Largest change per sample.
-            cyclic: Whether the first sample follows the last.
+            given: What to approximate, samples of size one.
         """
-        coarse = np.round(desired / RESOLUTION) * RESOLUTION
-        mantissa, exponent = math.frexp(step)
-        slower = math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent)
-        ideal = slope_bounded(coarse, slower, cyclic=cyclic)
-        self.pose = Pose.of(coarse, ideal, cyclic=cyclic)
-        self.problem = Problem(desired=self.pose.apply(coarse), step=slower, cyclic=cyclic)
-        self.ideal = slope_bounded(self.problem.desired, slower, cyclic=cyclic)
-        self._given = Problem(desired=self.pose.apply(desired), step=step, cyclic=cyclic)
+        mantissa, exponent = math.frexp(given.step)
+        coarse = replace(
+            given,
+            desired=np.round(given.desired / RESOLUTION) * RESOLUTION,
+            step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
+        )
+        self.pose = Pose.of(coarse.desired, ideal_of(coarse), cyclic=given.cyclic)
+        self.problem = self.pose.of_problem(coarse)
+        self.ideal = ideal_of(self.problem)
+        self._given = self.pose.of_problem(given)
         self._found: dict[int, Candidate] = {}
 
     @property
     def fewest(self) -> int:
         """Least number of segments of a curve that is not a constant."""
-        return 2 if self.problem.cyclic else 1
+        return max(2 if self.problem.cyclic else 1, gaps(self.problem)[1].size)
 
     @property
     def most(self) -> int:
-        """Most segments that the samples allow."""
-        n = self.problem.samples
-        return n if self.problem.cyclic else n - 1
+        """Most segments that the samples and the shortest segment allow."""
+        return int(np.sum(gaps(self.problem)[1]))
 
     @cached_property
     def ideal_error(self) -> float:
         """Squared error of the ideal: no curve within the slopes has less."""
-        return float(np.sum((self.ideal - self.problem.desired) ** 2))
+        return float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
 
     def curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
         if segments not in self._found:
-            self._found[segments] = self._improve(segments)
+            curve = self._improve(segments)
+            if self.problem.whole and segments <= LARGEST_WINDOW:
+                curve = min(curve, self._whole.nudged(curve.knots), key=_error)
+            self._found[segments] = curve
         return self._found[segments]
 
-    def closest_everywhere(self) -> Candidate:
-        """The curve with the smallest largest error of all, a knot on every sample."""
-        lower, upper = envelopes(
-            self.problem.desired, self.problem.step, cyclic=self.problem.cyclic
-        )
-        knots = np.arange(self.problem.samples, dtype=np.float64)
-        return candidate(self.problem, knots, 0.5 * (lower + upper))
+    def closest_everywhere(self) -> Candidate | None:
+        """The curve with the smallest largest error of all, a knot on every sample, if allowed."""
+        problem = self.problem
+        if problem.shortest > 1.0 or np.any(problem.required != np.floor(problem.required)):
+            return None
+        lower, upper = envelopes(problem.desired, problem.step, cyclic=problem.cyclic)
+        knots = np.arange(problem.samples, dtype=np.float64)
+        least, most = reachable(problem, knots)
+        values = np.minimum(np.maximum(0.5 * (lower + upper), least), most)
+        return candidate(problem, knots, values)
 
     def settled(self, curve: Candidate, bound: float | None) -> tuple[Array, Array]:
         """Knots and values for the samples as given: the last QP in the values, solved by OSQP.
@@ -103,7 +119,11 @@ class Search:
         """
         # Powers of two, so that sums and differences of knots are exact.
         knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
-        values = solve_values(self._given, knots, near=curve.values, tube=bound)
+        values = None
+        if bound is None and knots.size <= LARGEST_WINDOW:
+            values = small_values(self._given, knots)
+        if values is None:
+            values = solve_values(self._given, knots, near=curve.values, tube=bound)
         return self.pose.restore(Candidate(knots, values, curve.error))
 
     @cached_property
@@ -116,6 +136,14 @@ class Search:
         return KnotProposals(self.problem, self.ideal)
 
     @cached_property
+    def _guided(self) -> GuidedKnots:
+        return GuidedKnots(self.problem)
+
+    @cached_property
+    def _whole(self) -> WholeKnots:
+        return WholeKnots(self.problem)
+
+    @cached_property
     def _merged(self) -> MergedKnots:
         return MergedKnots(replace(self.problem, desired=self.ideal))
 
@@ -125,21 +153,33 @@ class Search:
             return self.exact
         extended = None
         if segments - 1 in self._found or self.fewest < segments <= LARGEST_WINDOW:
-            extended = _with_one_more(self.problem, self.curve(segments - 1))
+            extended = with_one_more(self.problem, self.curve(segments - 1))
             if extended is not None and extended.error <= self._nothing_to_gain:
                 return extended
         if segments > MOST_PROPOSED:
-            return self._descend(self._valued(self._merged(segments)), FIRST_ROUNDS)
-        starts = [self._valued(knots) for knots in self._propose(segments)]
+            merged = self._merged(segments)
+            merged = spread(self.problem, segments) if merged is None else merged
+            return self._descend(self.valued(merged), FIRST_ROUNDS)
+        starts = [self.valued(knots) for knots in self._propose(segments)]
+        if not starts:
+            starts.append(self.valued(spread(self.problem, segments)))
         if extended is not None:
             starts.append(extended)
         best = self._best_of(starts)
         if segments > LARGEST_WINDOW:
             return best
-        anchor = _sharpest_knot(self.problem, best) if self.problem.cyclic else 0
+        anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
+        guided = None
+        if best.error > WORTH_GUIDING * self.ideal_error:
+            guided = self._guided(best, float(best.knots[anchor]))
+        if guided is not None and guided.error < WORTH_A_DESCENT * best.error:
+            best = min(best, self._best_of([guided]), key=_error)
+        if self.problem.cyclic:
+            anchor = sharpest_knot(self.problem, best)
         around = rechained(self.problem, self.ideal, best, anchor=anchor)
-        if around is not None:
-            best = min(best, self._best_of([self._valued(around)]), key=_error)
+        chained = None if around is None else self.valued(around)
+        if chained is not None and chained.error < WORTH_A_DESCENT * best.error:
+            best = min(best, self._best_of([chained]), key=_error)
         return best
 
     @property
@@ -155,11 +195,15 @@ class Search:
         ]
         return self._descend(min(begun, key=_error), ROUNDS)
 
-    def _valued(self, knots: Array) -> Candidate:
+    def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
         if knots.size > LARGEST_WINDOW:
-            values = solve_values(self.problem, knots)
-            values = within_slopes(values, self._limits(knots), cyclic=self.problem.cyclic)
+            values = within_slopes(
+                solve_values(self.problem, knots),
+                self._limits(knots),
+                cyclic=self.problem.cyclic,
+                towards=at_rest(self.problem, knots) if self.problem.required.size else None,
+            )
             return candidate(self.problem, knots, values)
         return best_values(self.problem, knots)
 
@@ -174,34 +218,3 @@ class Search:
 
 def _error(curve: Candidate) -> float:
     return curve.error
-
-
-def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
-    """Number of the knot of a cycle at which the slope changes most."""
-    ends = np.append(curve.knots, curve.knots[0] + problem.samples)
-    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
-    return int(np.argmax(np.abs(slopes - np.roll(slopes, 1))))
-
-
-def _with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
-    """The same curve with one more knot, in the worst segment that is long enough for it."""
-    ends, values = curve.knots, curve.values
-    index = np.arange(problem.samples, dtype=np.float64)
-    if problem.cyclic:
-        ends, values = np.append(ends, ends[0] + problem.samples), np.append(values, values[0])
-        index = ends[0] + np.mod(index - ends[0], problem.samples)
-    length = np.diff(ends)
-    segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, length.size - 1)
-    squares = residuals(problem, curve.knots, curve.values) ** 2
-    worst = np.bincount(segment, squares, minlength=length.size)
-    long_enough = length >= 2.0 * problem.shortest
-    if not np.any(long_enough):
-        return None
-    split = int(np.argmax(np.where(long_enough, worst + 1e-12 * length, -1.0)))
-    knot = 0.5 * (ends[split] + ends[split + 1])
-    value = 0.5 * (values[split] + values[split + 1])
-    return Candidate(
-        np.insert(curve.knots, split + 1, knot),
-        np.insert(curve.values, split + 1, value),
-        curve.error,
-    )

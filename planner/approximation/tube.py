@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.moments import moments
 from planner.approximation.objective import Candidate, Problem
+from planner.approximation.requirements import allowed, in_place, nodes_of
 from planner.trajectory import Array
 
 COARSEST = 48
@@ -41,7 +43,9 @@ def rechained(problem: Problem, ideal: Array, curve: Candidate, *, anchor: int =
     last = n if problem.cyclic else n - 1
     segments = curve.knots.size if problem.cyclic else curve.knots.size - 1
     count = min(last, max(COARSEST, NODES_PER_SEGMENT * segments))
-    nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
+    fixed = nodes_of(problem.required)
+    fixed = np.mod(fixed - first, n) if problem.cyclic else fixed
+    nodes = np.union1d(np.round(np.linspace(0, last, count + 1)).astype(np.intp), fixed)
     around = PiecewiseLinear(
         knots=curve.knots, values=curve.values, samples=n, tick=1.0, cyclic=problem.cyclic
     )
@@ -51,21 +55,31 @@ def rechained(problem: Problem, ideal: Array, curve: Candidate, *, anchor: int =
     if problem.cyclic:
         states[[0, -1], 0] = middle[0]
         states[[0, -1], 1:] = np.inf
+    for place, pin in zip(fixed, problem.pins, strict=True):
+        if np.isfinite(pin):
+            node = int(np.searchsorted(nodes, place))
+            states[node, 0], states[node, 1:] = pin, np.inf
+            if problem.cyclic and node == 0:
+                states[-1, 0] = pin
     desired = np.resize(np.roll(problem.desired, -first), last + 1)
-    path = _cheapest(_prices(desired, states, nodes, problem.step), desired[0], states, segments)
+    weights = np.resize(np.roll(problem.weights, -first), last + 1)
+    table = _prices(desired, weights, states, nodes, problem.step)
+    possible = allowed(problem, nodes[:, None] + first, nodes[None, :] + first)
+    table.transpose(0, 2, 1, 3)[~possible] = np.inf
+    at_start = weights[0] * (states[0] - desired[0]) ** 2
+    path = _cheapest(table, at_start, segments)
     if path is None:
         return None
-    return nodes[path[:-1] if problem.cyclic else path].astype(np.float64) + first
+    chain = nodes[path[:-1] if problem.cyclic else path].astype(np.float64) + first
+    return in_place(problem, chain)
 
 
-def _cheapest(
-    table: Array, desired: float, states: Array, segments: int
-) -> npt.NDArray[np.intp] | None:
+def _cheapest(table: Array, at_start: Array, segments: int) -> npt.NDArray[np.intp] | None:
     """Nodes on the cheapest way from the first to the last, ends included."""
-    m, g = states.shape
+    m, g = table.shape[:2]
     flat = table.reshape(m * g, m * g)
     cost = np.full(m * g, np.inf)
-    cost[:g] = (states[0] - desired) ** 2
+    cost[:g] = at_start
     came_from = []
     for _ in range(segments):
         through = cost[:, None] + flat
@@ -82,27 +96,23 @@ def _cheapest(
     return path
 
 
-def _prices(desired: Array, states: Array, nodes: npt.NDArray[np.intp], step: float) -> Array:
+def _prices(
+    desired: Array, weights: Array, states: Array, nodes: npt.NDArray[np.intp], step: float
+) -> Array:
     """Squared error of a segment between any two states, shape (m, g, m, g)."""
-    k = np.arange(desired.size, dtype=np.float64)
     start, end = nodes[:, None], nodes[None, :]
+    sums = moments(desired, weights, start, end)
     length = np.maximum(end - start, 1).astype(np.float64)
-    d0, d1, d2 = (
-        total[end] - total[start]
-        for total in (np.cumsum(desired), np.cumsum(k * desired), np.cumsum(desired**2))
-    )
-    d1 = (d1 - start * d0) / length
-    k1 = (length + 1.0) / 2.0
-    k2 = k1 * (2.0 * length + 1.0) / (3.0 * length)
+    k1, k2, d1 = sums.w1 / length, sums.w2 / length**2, sums.d1 / length
     usable = np.isfinite(states)
     states = np.where(usable, states, 0.0)
     a, b = states[:, :, None], states[None, :, :]
     # With u the share of the segment behind a sample: the sums of (1-u)², 2u(1-u), u² and so on.
-    by_start = (length - 2.0 * k1 + k2)[:, None, :] * a * a - 2.0 * (d0 - d1)[:, None, :] * a
+    by_start = (sums.w0 - 2.0 * k1 + k2)[:, None, :] * a * a - 2.0 * (sums.d0 - d1)[:, None, :] * a
     by_end = k2[:, :, None] * b * b - 2.0 * d1[:, :, None] * b
     cross = (2.0 * (k1 - k2))[:, None, :] * a
     price = cross[:, :, :, None] * states[None, None, :, :]
-    price += (by_start + d2[:, None, :])[:, :, :, None]
+    price += (by_start + sums.d2[:, None, :])[:, :, :, None]
     price += by_end[:, None, :, :]
     rise = np.abs(states[None, None, :, :] - states[:, :, None, None])
     reach = np.where(end > start, step * length * (1.0 + 1e-9), -1.0)

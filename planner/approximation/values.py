@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from planner.approximation.objective import Problem, segment_ends, sums_by
+from planner.approximation.requirements import at_rest, held, keeping_pins
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 
@@ -35,8 +36,8 @@ class ValuesQP:
     Attributes:
         P: Hessian, sparse, shape (K, K).
         q: Gradient at zero, shape (K,).
-        A: Rise of every segment and, where errors are bounded, every sample's angle, sparse,
-            shape (S, K) or (S + n, K).
+        A: Rise of every segment, the values that are required and, where errors are bounded, every
+            sample's angle, sparse, shape (S + p, K) or (S + p + n, K).
         lower: Least values of them.
         upper: Largest values of them.
     """
@@ -104,6 +105,11 @@ def build_values_qp(
     )
     upper = problem.step * np.diff(ends)
     lower = -upper
+    _, pinned = held(problem, knots)
+    if np.any(pinned):
+        A = sparse.vstack([A, sparse.eye(size, format="csr")[pinned]], format="csc")
+        pins = keeping_pins(problem, knots, near)[pinned]
+        lower, upper = np.append(lower, pins), np.append(upper, pins)
     if tube is not None:
         sample = np.arange(problem.samples)
         places = np.append(sample, sample), np.append(start[segment], end[segment])
@@ -138,8 +144,8 @@ def solve_values(
         SolverFailed: OSQP stopped short.
     """
     if knots.size == 1:
-        return np.array([np.mean(problem.desired)])
-    near = np.zeros(knots.size) if near is None else near
+        return at_rest(problem, knots)
+    near = at_rest(problem, knots) if near is None else near
     qp = build_values_qp(problem, knots, near)
     values = _solved(problem, qp, near)
     if tube is None:
@@ -202,7 +208,8 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
-    active = np.flatnonzero(np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0))
+    pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
+    active = np.flatnonzero(pressed | (qp.lower == qp.upper))
     target = np.where(multipliers > 0.0, qp.upper, qp.lower)[active]
     rows = qp.A[active, :]
     # A touch of regularisation for bounds that repeat one another; two refinements remove it.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
+from planner.cli.fit_options import add_fit_options, asked
 from planner.cli.say import deliver, naming
 from planner.cli.wanted import load_wanted
 
@@ -21,11 +22,17 @@ if TYPE_CHECKING:
 @options.joints
 @options.cyclic
 @options.segments
+@add_fit_options
 @click.option(
-    "--max-error",
-    type=float,
-    metavar="DEG",
-    help="Use as few lines as stay this close to the path everywhere.",
+    "--knots",
+    "knots_file",
+    metavar="FILE",
+    help="Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
+)
+@click.option(
+    "--figure",
+    metavar="FILE",
+    help="Also draw the lines, and the error for other numbers of them, as .svg or .png.",
 )
 @options.output
 @options.as_json
@@ -35,16 +42,19 @@ def fit(
     model: str,
     joints: tuple[str, ...],
     cyclic: bool,
-    segments: int | None,
-    max_error: float | None,
+    knots_file: str | None,
+    figure: str | None,
     output: str,
     as_json: bool,
+    **given: Any,
 ) -> None:
     """Approximate DESIRED, a CSV of <joint>_deg or <joint>_rad columns, by lines within ±v_max.
 
     \b
     Example, six lines per joint, and their knots:
         request-planner fit desired.csv --segments 6 --json
+    As few lines as stay within 2 degrees, with a picture:
+        request-planner fit desired.csv --max-error 2 --figure fit.svg
     """  # noqa: D301
     import numpy as np
 
@@ -52,20 +62,21 @@ def fit(
     from planner.files.joint_path import write_joint_path
     from planner.report.text_table import text_table
 
-    if max_error is not None and not 0.0 < max_error < math.inf:
-        raise click.UsageError(f"--max-error: got {max_error:g}, expected more than 0 degrees.")
+    if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
+        raise click.UsageError(
+            f"--figure: got '{figure}', expected a name that ends in .svg or .png."
+        )
     wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False)
-    tolerance = None if max_error is None else float(np.radians(max_error))
+    if knots_file is not None and len(wanted.names) > 1:
+        raise click.UsageError(
+            f"--knots writes one joint, got {', '.join(wanted.names)}; choose one with --joint."
+        )
+    question = asked({**given, "cyclic": cyclic}, wanted.period)
     fits = {}
     for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
         with naming(name):
             fits[name] = fit_pwl(
-                wanted.angles[:, j],
-                v_max=joint.v_max,
-                tick=joint.period,
-                cyclic=cyclic,
-                segments=segments,
-                max_error=tolerance,
+                wanted.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
             )
     document = {
         "cyclic": cyclic,
@@ -82,6 +93,7 @@ def fit(
         for name, curve in fits.items()
     ]
     angles = np.column_stack([curve.angles for curve in fits.values()])
+    _write_extras(fits, knots_file, figure)
     deliver(
         document,
         text_table(["joint", "lines", "rms [deg]", "max [deg]"], rows),
@@ -89,6 +101,29 @@ def fit(
         output=output,
         as_json=as_json,
     )
+
+
+def _write_extras(
+    fits: dict[str, PiecewiseLinearFit], knots_file: str | None, figure: str | None
+) -> None:
+    if knots_file is not None:
+        from planner.files.curve import write_curve
+
+        (only,) = fits.values()
+        write_curve(knots_file, only)
+    if figure is not None:
+        from planner.approximation.choices import choices
+        from planner.files.text import write_bytes
+        from planner.report.draw_fit import draw_fits_and_choices
+        from planner.report.render import to_png, to_svg
+        from planner.report.style import applied
+
+        with applied():
+            picture = draw_fits_and_choices(
+                fits, {name: choices(curve) for name, curve in fits.items()}
+            )
+        is_svg = Path(figure).suffix.lower() == ".svg"
+        write_bytes(figure, to_svg(picture).encode() if is_svg else to_png(picture))
 
 
 def _document(curve: PiecewiseLinearFit) -> dict[str, Any]:

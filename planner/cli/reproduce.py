@@ -32,10 +32,15 @@ def reproduce(*, out: str, as_json: bool) -> None:
     \b
     In results.json, beside each L2 and Linf the paper's own, or null, as "paper":
         table2.JOINT.PAIR   {"L2", "Linf"} in degrees; the pairs are spelt as in
-                            the paper: Des,Dir Des,MB Pwl,MB, and Des,Opt Des,Foot
+                            the paper: Des,Dir Des,MB Pwl,MB, and Des,Opt Des,Foot;
+                            MB has knots refined, Des,Plain Pwl,Plain are the paper's
         foot.METHOD         {"L2", "Linf"} in centimetres; the methods are
-                            direct shift closed_form optimal foot_optimal
+                            direct shift closed_form_plain closed_form optimal
+                            foot_optimal; closed_form has knots refined,
+                            closed_form_plain is the paper's
         bounds.JOINT        {"rms", "gap"}, degrees and a share
+        limits.JOINT        {"lower", "upper", "excess"}: limits of the requests, and
+                            how far each method goes beyond them, in degrees
 
     \b
     Example:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.evaluation.baselines import TimeShift
+from planner.evaluation.checks import beyond_limits
 from planner.evaluation.metrics import Distance, angle_distance
 from planner.evaluation.paper import deviations
 from planner.evaluation.step_response import StepResponse
@@ -27,34 +28,60 @@ class JointOutcome:
         name: The joint.
         desired: Desired angles [rad], shape (n,): the paper's Des.
         direct: Angles when these are requested [rad], shape (n,): Dir.
-        closed_form: The paper's inversion; its predicted angles are MB.
+        limits: Smallest and largest request that the joint can take [rad].
+        closed_form_plain: The inversion as in the paper, which knows no limits.
+        closed_form: The same, with the knots moved until the joint itself tracks best; ours.
         optimal: The optimised inversion, within the joint's limits.
-        foot_optimal: Angles under the plan for all joints at once [rad], shape (n,).
+        foot_requests: Requests of the plan for all joints at once [rad], shape (n,).
+        foot_optimal: Angles under them [rad], shape (n,).
     """
 
     name: str
     desired: Array
+    limits: tuple[float, float]
     direct: Array
+    closed_form_plain: Inversion
     closed_form: Inversion
     optimal: Inversion
+    foot_requests: Array
     foot_optimal: Array
 
     @property
-    def approximation(self) -> Array:
-        """Piecewise linear approximation at the samples [rad], shape (n,): Pwl."""
-        assert self.closed_form.approximation is not None, "a closed form has one"
-        return self.closed_form.approximation.angles
-
-    @property
     def distances(self) -> dict[str, Distance]:
-        """The rows of Table 2 [rad], and two more for the optimised plans, Opt and Foot."""
+        """The rows of Table 2 [rad], Plain for the closed form as in the paper and MB for ours.
+
+        Two more are of the optimised plans, Opt and Foot.
+        """
+        plain, refined = self.closed_form_plain, self.closed_form
         return {
             "Des,Dir": angle_distance(self.direct, self.desired),
-            "Des,MB": angle_distance(self.closed_form.predicted, self.desired),
-            "Pwl,MB": angle_distance(self.closed_form.predicted, self.approximation),
+            "Des,Plain": angle_distance(plain.predicted, self.desired),
+            "Pwl,Plain": angle_distance(plain.predicted, approximation(plain)),
+            "Des,MB": angle_distance(refined.predicted, self.desired),
+            "Pwl,MB": angle_distance(refined.predicted, approximation(refined)),
             "Des,Opt": angle_distance(self.optimal.predicted, self.desired),
             "Des,Foot": angle_distance(self.foot_optimal, self.desired),
         }
+
+    @property
+    def excesses(self) -> dict[str, float]:
+        """How far the farthest request of each plan is beyond the joint's limits [rad], or 0."""
+        requests = {
+            "closed_form_plain": self.closed_form_plain.requests,
+            "closed_form": self.closed_form.requests,
+            "optimal": self.optimal.requests,
+            "foot_optimal": self.foot_requests,
+        }
+        return {
+            method: max(beyond_limits(values, self.limits), 0.0)
+            for method, values in requests.items()
+        }
+
+
+def approximation(closed_form: Inversion) -> Array:
+    """Piecewise linear approximation behind a closed form at the samples [rad], shape (n,): Pwl."""
+    assert closed_form.approximation is not None, "a closed form has one"
+    return closed_form.approximation.angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +111,8 @@ class Reproduction:
         knee: Where the leg's knee is at the desired angles [m], shape (n, 3).
         shift: The best time shift.
         foot_plan: The plan for all joints at once, which keeps the foot close to its path.
-        foot: The foot under ``direct``, ``shift``, ``closed_form``, ``optimal``, ``foot_optimal``.
+        foot: The foot under ``direct``, ``shift``, ``closed_form_plain``, ``closed_form``,
+            ``optimal``, ``foot_optimal``.
         steps: The step tests, by amplitude [degrees].
         seconds: Time that each part took [s].
     """

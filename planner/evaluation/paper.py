@@ -70,6 +70,24 @@ FOOT: Mapping[str, Published] = {
 """Distances of the foot from its desired path [cm], by method."""
 
 
+SAME_METHOD: Mapping[str, str] = {
+    "Des,Plain": "Des,MB",
+    "Pwl,Plain": "Pwl,MB",
+    "closed_form_plain": "closed_form",
+}
+"""The paper has one closed form; its figures stand beside ours as it is and with knots refined."""
+
+
+def published(joint: str, comparison: str) -> Published | None:
+    """The paper's figures beside a distance of angles [degrees]; None where it has none."""
+    return TABLE_2.get(joint, {}).get(SAME_METHOD.get(comparison, comparison))
+
+
+def published_foot(method: str) -> Published | None:
+    """The paper's figures beside a distance of the foot [cm]; None where it has none."""
+    return FOOT.get(SAME_METHOD.get(method, method))
+
+
 def deviations(table2: Table2, foot: FootTable) -> tuple[float, ...]:
     """How far the baseline figures are from the published ones, each relative to the latter.
 

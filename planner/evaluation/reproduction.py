@@ -26,6 +26,9 @@ from planner.trajectory import Array
 RULE: Rule = "paper"
 """How the model-based rows of Table 2 invert a line."""
 
+REFINE = {"closed_form_plain": False, "closed_form": True}
+"""Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""
+
 
 def reproduce(
     model: JointModel | None = None,
@@ -71,6 +74,9 @@ def reproduce(
         foot={
             "direct": _foot(walk, direct_angles),
             "shift": _foot(walk, shift.angles),
+            "closed_form_plain": _foot(
+                walk, _predicted([each.closed_form_plain for each in joints])
+            ),
             "closed_form": _foot(walk, _predicted([joint.closed_form for joint in joints])),
             "optimal": _foot(walk, _predicted([joint.optimal for joint in joints])),
             "foot_optimal": _foot(walk, foot_plan.predicted),
@@ -110,21 +116,27 @@ def _plan_joint(
     segments: int,
     clock: _Clock,
 ) -> JointOutcome:
-    """Both inversions of one joint, and their bounds, which are computed when first asked for."""
+    """All plans of one joint, and their bounds, which are computed when first asked for."""
     name, desired, model = walk.joint_names[j], walk.desired[:, j], foot_plan.models[j]
     limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
     clock.start("closed_form", f"the closed form for the {name}")
-    closed_form = invert_closed_form(model, desired, segments=segments, rule=RULE)
+    plain, refined = (
+        invert_closed_form(model, desired, segments=segments, rule=RULE, refine=REFINE[method])
+        for method in ("closed_form_plain", "closed_form")
+    )
     clock.start("optimal", f"the optimised requests for the {name}")
     optimal = invert_optimal(model, desired, limits=limits)
     clock.start("bounds", f"the lower bound for the {name}")
-    _ = closed_form.lower_bound, optimal.lower_bound
+    _ = plain.lower_bound, refined.lower_bound, optimal.lower_bound
     return JointOutcome(
         name=name,
         desired=desired,
+        limits=limits,
         direct=direct_angles[:, j],
-        closed_form=closed_form,
+        closed_form_plain=plain,
+        closed_form=refined,
         optimal=optimal,
+        foot_requests=foot_plan.requests[:, j],
         foot_optimal=foot_plan.predicted[:, j],
     )
 

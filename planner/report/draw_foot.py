@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.report.style import (
-    CLOSED_FORM,
     DESIRED,
     DIRECT,
     FOOT_OPTIMAL,
@@ -15,6 +14,7 @@ from planner.report.style import (
     INK,
     MUTED,
     OPTIMAL,
+    PLAIN,
     SHIFT,
     SURFACE,
     WIDTH,
@@ -28,14 +28,17 @@ if TYPE_CHECKING:
     from planner.evaluation.outcome import Reproduction
     from planner.trajectory import Array
 
-METHODS = {
+ROLES = {
     "direct": DIRECT,
     "shift": SHIFT,
-    "closed_form": CLOSED_FORM,
+    "closed_form_plain": PLAIN,
     "optimal": OPTIMAL,
     "foot_optimal": FOOT_OPTIMAL,
 }
-"""The methods, in the order in which they are drawn."""
+"""The methods that are drawn, in order; the closed form with knots refined is not the paper's."""
+
+UNSEEN = ("shift", "optimal")
+"""Not in Figure 8: in space they are the direct method's path, and nearly the closed form's."""
 
 SKETCHED = 22
 """Sample at which the leg is drawn: in the middle of the time on the ground."""
@@ -57,14 +60,14 @@ def draw_direct_foot(reproduction: Reproduction) -> Figure:
 
 
 def draw_foot_paths(reproduction: Reproduction) -> Figure:
-    """Figure 8: the paths of the foot under all methods, with the leg at one instant."""
+    """Figure 8: the paths of the foot under the methods, with the leg at one instant."""
     figure, axes = _side_view(height=4.1)
     _draw_leg(axes, reproduction)
     _draw_path(axes, reproduction.walk.desired_foot, DESIRED, zorder=6)
-    for method, role in METHODS.items():
-        if method != "shift":  # in space it is the direct method's path
+    for method, role in ROLES.items():
+        if method not in UNSEEN:
             _draw_path(axes, reproduction.foot[method].positions, role)
-    _legend(axes, 3)
+    _legend(axes, 2)
     return figure
 
 
@@ -72,9 +75,9 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
     """How far the foot is from where it should be, at each time, under every method."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 2.7), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
     axes = figure.add_subplot()
-    for method, role in METHODS.items():
+    for method, role in ROLES.items():
         distances = 100.0 * reproduction.foot[method].distances
         cycle = np.append(distances, distances[0])
         axes.plot(np.arange(len(cycle)), cycle, **role.line)
@@ -84,7 +87,7 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
     axes.set_xticks(range(0, samples + 1, samples // 8))
     axes.set_xlabel(f"time [samples of {1000.0 * reproduction.model.period:g} ms]")
     axes.set_ylabel("distance [cm]")
-    _legend(axes, 3)
+    _legend(axes, 2)
     return figure
 
 

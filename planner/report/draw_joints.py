@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.evaluation.outcome import approximation
 from planner.report.style import (
     APPROXIMATION,
     CLOSED_FORM,
@@ -46,7 +47,7 @@ def draw_approximation(reproduction: Reproduction) -> Figure:
 
     def draw(axes: Axes, joint: JointOutcome) -> None:
         _draw(axes, joint.desired, DESIRED)
-        curve = joint.closed_form.approximation
+        curve = joint.closed_form_plain.approximation
         assert curve is not None, "a closed form has an approximation"
         fine = np.linspace(0.0, curve.samples, 20 * curve.samples + 1)
         axes.plot(fine, np.degrees(curve(fine)), **APPROXIMATION.line)
@@ -70,10 +71,10 @@ def draw_trajectories(reproduction: Reproduction) -> Figure:
     """Figure 7, for every joint: desired, approximation, requests and the resulting angles."""
 
     def draw(axes: Axes, joint: JointOutcome) -> None:
-        _draw(axes, joint.closed_form.requests, REQUESTED)
+        _draw(axes, joint.closed_form_plain.requests, REQUESTED)
         _draw(axes, joint.desired, DESIRED)
-        _draw(axes, joint.approximation, APPROXIMATION)
-        _draw(axes, joint.closed_form.predicted, CLOSED_FORM, "actual")
+        _draw(axes, approximation(joint.closed_form_plain), APPROXIMATION)
+        _draw(axes, joint.closed_form_plain.predicted, CLOSED_FORM, "actual")
 
     return _rows(reproduction, draw, columns=4)
 

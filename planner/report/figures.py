@@ -106,21 +106,22 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
     (
         "figure7_trajectories",
         "Figure 7: the four trajectories of the paper's method",
-        "The requests run ahead of the approximation, the joint stays on it.",
+        "The requests run ahead of the approximation, the joint stays approximately on it. They "
+        "know no limits: where the joint has some, a robot would clip them.",
         "For each joint four curves: desired, approximation, requests, which lead the others and "
         "overshoot them, and actual angles close to the approximation.",
         draw_joints.draw_trajectories,
     ),
     (
         "figure8_foot_paths",
-        "Figure 8: the foot under every method",
-        "The desired path, what the direct method makes of it, the paper's closed form, requests "
-        "optimised joint by joint, and requests optimised for the foot, with the leg in the middle "
-        "of its time on the ground. The best time shift runs along the direct method's path, only "
-        "earlier.",
-        "Side view of the leg and five closed foot paths; those of the closed form and of requests "
-        "optimised joint by joint come closer to the desired one than the direct method's, and "
-        "that of requests optimised for the foot comes closest.",
+        "Figure 8: the foot under the methods",
+        "The desired path, what the direct method makes of it, the closed form as in the paper, "
+        "and requests optimised for the foot, with the leg in the middle of its time on the "
+        "ground. The best time shift runs along the direct method's path, only earlier; requests "
+        "optimised joint by joint run nearly along the closed form's.",
+        "Side view of the leg and four closed foot paths; that of the closed form comes closer to "
+        "the desired one than the direct method's, and that of requests optimised for the foot "
+        "comes closest.",
         draw_foot.draw_foot_paths,
     ),
 )
@@ -129,8 +130,8 @@ _BEYOND: tuple[_Entry, ...] = (
     (
         "foot_distances",
         "The foot's error over time",
-        "Distance of the foot from where it should be at each instant, under every method. Where "
-        "the swing is faster than the joints can be, no method follows it.",
+        "Distance of the foot from where it should be at each instant. Where the swing is faster "
+        "than the joints can be, no method follows it.",
         "Five curves over one cycle: the distances under the direct method and the time shift are "
         "larger through most of it than those of the closed form and of requests optimised joint "
         "by joint; those of requests optimised for the foot are the lowest through most of it.",
@@ -156,8 +157,8 @@ _BEYOND: tuple[_Entry, ...] = (
     (
         "table2_agreement",
         "Table 2 at a glance",
-        "Each row is a joint: the paper's robot and the paper's model, L₂ on the left and L∞ on "
-        "the right.",
+        "Each row is a joint: the paper's robot and the paper's model. The closed form is that of "
+        "the paper, with knots chosen automatically.",
         "Eighteen pairs of dots, one for each figure of Table 2, the paper's and ours, joined by "
         "lines; most pairs lie close together.",
         draw_agreement.draw_agreement,

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from planner.report.figures import Picture
-from planner.report.paper_tables import foot_rows, table2_rows
+from planner.report.paper_tables import GAPS, KEPT, foot_rows, table2_rows
 from planner.report.render import to_inline_svg
 from planner.report.style import ROLES
 
@@ -53,6 +53,8 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
             drawings=drawings,
             hero=next(picture for picture in pictures if picture.name == HERO),
             files=files,
+            gap_of=GAPS,
+            kept=KEPT,
             roles=ROLES,
             parameters=PARAMETERS,
         )

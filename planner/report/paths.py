@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.evaluation.outcome import Reproduction
+from planner.evaluation.outcome import Reproduction, approximation
 from planner.trajectory import Array
 
 
@@ -17,13 +17,16 @@ def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
 
     return {
         "desired": reproduction.walk.desired,
-        "approximation": columns([joint.approximation for joint in joints]),
+        "approximation_plain": columns([approximation(each.closed_form_plain) for each in joints]),
+        "approximation": columns([approximation(joint.closed_form) for joint in joints]),
         "requests_shift": reproduction.shift.requests,
+        "requests_closed_form_plain": columns([each.closed_form_plain.requests for each in joints]),
         "requests_closed_form": columns([joint.closed_form.requests for joint in joints]),
         "requests_optimal": columns([joint.optimal.requests for joint in joints]),
         "requests_foot_optimal": reproduction.foot_plan.requests,
         "angles_direct": columns([joint.direct for joint in joints]),
         "angles_shift": reproduction.shift.angles,
+        "angles_closed_form_plain": columns([each.closed_form_plain.predicted for each in joints]),
         "angles_closed_form": columns([joint.closed_form.predicted for joint in joints]),
         "angles_optimal": columns([joint.optimal.predicted for joint in joints]),
         "angles_foot_optimal": reproduction.foot_plan.predicted,

@@ -11,8 +11,8 @@ from typing import Any
 from planner._version import __version__
 from planner.evaluation.metrics import Distance
 from planner.evaluation.outcome import JointOutcome, Reproduction
-from planner.evaluation.paper import FOOT, SOURCE, TABLE_2, Published
-from planner.evaluation.reproduction import RULE
+from planner.evaluation.paper import SOURCE, Published, published, published_foot
+from planner.evaluation.reproduction import REFINE, RULE
 from planner.report.paper_tables import COMPARISONS, METHODS
 
 NOTE = (
@@ -30,28 +30,38 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
     paper has none: ``table2[joint]["Des,Dir"]["L2"]`` beside ``[...]["paper"]["L2"]``, and
     ``foot[method]["Linf"]`` beside ``[...]["paper"]["Linf"]``. Comparisons are spelt as the paper
     spells them, without parentheses and blanks; ``comparisons`` and ``methods`` say what each is.
+    The paper's closed form stands beside both of ours: ``closed_form_plain`` (``Plain`` in Table 2)
+    is its method, ``closed_form`` (``MB``) has its knots refined by simulating the joint.
     """
     return {
         "made_by": f"request-planner {__version__} reproduce",
         "note": NOTE,
         "source": SOURCE,
-        "units": {"table2": "deg", "foot": "cm", "bounds": "deg", "gap": "1", "seconds": "s"},
+        "units": {
+            "table2": "deg",
+            "foot": "cm",
+            "bounds": "deg",
+            "gap": "1",
+            "limits": "deg",
+            "seconds": "s",
+        },
         "comparisons": dict(COMPARISONS),
         "methods": dict(METHODS),
         "table2": {
             joint: {
-                comparison: _entry(distance, TABLE_2.get(joint, {}).get(comparison))
+                comparison: _entry(distance, published(joint, comparison))
                 for comparison, distance in comparisons.items()
             }
             for joint, comparisons in reproduction.table2.items()
         },
         "foot": {
-            method: _entry(distance, FOOT.get(method))
+            method: _entry(distance, published_foot(method))
             for method, distance in reproduction.foot_table.items()
         },
         "best_shift_samples": reproduction.shift.samples,
         "baseline_deviation": reproduction.baseline_deviation,
         "bounds": {joint.name: _bound(joint) for joint in reproduction.joints},
+        "limits": {joint.name: _limits(joint) for joint in reproduction.joints},
         "step_tests": {
             f"{amplitude:g}": {
                 "lag_ticks": response.lag,
@@ -64,6 +74,7 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
             "model": dataclasses.asdict(reproduction.model),
             "segments": reproduction.segments,
             "rule": RULE,
+            "refine": dict(REFINE),
             "samples": len(reproduction.walk.desired),
             "clamped_samples": int((~reproduction.walk.reachable).sum()),
         },
@@ -99,6 +110,17 @@ def _bound(joint: JointOutcome) -> dict[str, Any]:
     return {
         "rms": math.degrees(joint.optimal.lower_bound),
         "gap": joint.optimal.gap,
+        "closed_form_plain_gap": joint.closed_form_plain.gap,
         "closed_form_gap": joint.closed_form.gap,
         "level": "envelope",
+    }
+
+
+def _limits(joint: JointOutcome) -> dict[str, Any]:
+    """The limits of a joint, and how far the farthest request of each plan is beyond them."""
+    lower, upper = joint.limits
+    return {
+        "lower": math.degrees(lower),
+        "upper": math.degrees(upper),
+        "excess": {method: math.degrees(excess) for method, excess in joint.excesses.items()},
     }

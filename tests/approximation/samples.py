@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -53,3 +55,26 @@ def on_a_path(n=88):
     """Samples of the path with those corners and two ends."""
     knots, values = np.r_[0.0, EXACT_KNOTS, n - 1.0], np.r_[0.0, EXACT_VALUES, -0.2]
     return np.interp(np.arange(n), knots, values)
+
+
+class Instance(NamedTuple):
+    """A fit whose proved optimum is stored."""
+
+    seed: int
+    desired: np.ndarray
+    settings: dict
+    segments: int
+
+
+def oracle_instance(seed, n=88):
+    """The instance of this number: every kind, cyclic or not, bounds tight and loose."""
+    rng = np.random.default_rng(seed)
+    desired = samples_of(KINDS[seed % len(KINDS)], n, rng)
+    step = rng.choice([1.5, 3.0, 6.0, 50.0]) * np.ptp(desired) / n
+    settings = {"v_max": float(step), "tick": 1.0, "cyclic": bool(rng.integers(2))}
+    return Instance(seed, desired, settings, int(rng.integers(2, 8)))
+
+
+def oracle_instances(count=63):
+    """Those of the stored table."""
+    return [oracle_instance(seed) for seed in range(count)]

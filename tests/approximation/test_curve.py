@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -90,3 +91,61 @@ def test_a_curve_does_not_change_with_the_arrays_it_was_made_from():
 def test_knots_and_values_that_make_no_curve_are_refused(knots, values, cyclic, message):
     with pytest.raises(InvalidInput, match=message):
         PiecewiseLinear(knots=knots, values=values, samples=10, tick=1.0, cyclic=cyclic)
+
+
+INDEX = np.linspace(-7.0, 17.0, 49) + 0.013
+"""Places between samples, before, in and after the samples."""
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+@pytest.mark.parametrize("time", [-23.5, -1.0, 0.25, 3.0, 10.0])
+def test_a_shifted_curve_is_the_curve_earlier_and_higher(curve, time):
+    shifted = curve.shifted(time, angle=0.3)
+    np.testing.assert_allclose(shifted(INDEX + time), curve(INDEX) + 0.3, atol=1e-12)
+    assert not curve.cyclic or 0.0 <= shifted.knots[0] < shifted.knots[-1] < curve.samples
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_a_scaled_curve_has_scaled_angles_and_slopes(curve):
+    np.testing.assert_allclose(curve.scaled(-2.5)(INDEX), -2.5 * curve(INDEX), atol=1e-14)
+    np.testing.assert_allclose(curve.scaled(-2.5).slopes, -2.5 * curve.slopes, atol=1e-14)
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_a_mirrored_curve_is_as_far_on_the_other_side(curve):
+    np.testing.assert_allclose(
+        curve.mirrored(0.2)(INDEX) - 0.2, 0.2 - curve(INDEX), rtol=0.0, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_a_reversed_curve_runs_backwards_and_twice_reversed_is_itself(curve):
+    last = 0.0 if curve.cyclic else 9.0
+    back = curve.reversed_in_time()
+    np.testing.assert_allclose(back(last - INDEX), curve(INDEX), atol=1e-12)
+    assert np.array_equal(back.reversed_in_time().knots, curve.knots)
+    assert np.array_equal(back.reversed_in_time().values, curve.values)
+
+
+@pytest.mark.parametrize("curve", [CYCLE, PATH])
+def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
+    again = PiecewiseLinear.from_dict(json.loads(json.dumps(curve.shifted(1 / 3).to_dict())))
+    assert np.array_equal(again.knots, curve.shifted(1 / 3).knots)
+    assert np.array_equal(again.values, curve.values) or again.cyclic
+    assert np.array_equal(again(INDEX), curve.shifted(1 / 3)(INDEX))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"knots": None}, "knots: got shape"),
+        ({"samples": 2.5}, "curve: "),
+        ({"tick": 0.0}, "tick: got"),
+        ({"values": [1.0, np.inf, 0.0]}, "values: expected finite"),
+    ],
+)
+def test_plain_data_of_no_curve_is_refused(change, message):
+    with pytest.raises(InvalidInput, match=message):
+        PiecewiseLinear.from_dict({**CYCLE.to_dict(), **change})
+    with pytest.raises(InvalidInput, match="no 'tick'"):
+        PiecewiseLinear.from_dict({"knots": [0.0], "values": [0.0], "samples": 3, "cyclic": True})

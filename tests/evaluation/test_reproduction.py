@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+import planner
 from planner.evaluation import paper
 from planner.evaluation.step_response import measure_step_response
 from planner.model.joint import JointModel
@@ -42,7 +43,24 @@ def test_the_ten_baseline_figures_agree_with_the_paper_within_a_tenth(reproducti
 
 def test_all_plans_beat_both_baselines_in_the_foot(reproduction):
     foot = {method: distance.rms for method, distance in reproduction.foot_table.items()}
-    assert max(foot["closed_form"], foot["optimal"]) < foot["shift"] < foot["direct"]
+    worst = max(foot["closed_form_plain"], foot["closed_form"], foot["optimal"])
+    assert worst < foot["shift"] < foot["direct"]
+
+
+def test_the_closed_form_as_in_the_paper_is_that_of_its_six_lines_without_refinement(reproduction):
+    for joint in reproduction.joints:
+        plain = planner.invert_closed_form(
+            reproduction.model, joint.desired, segments=6, rule="paper", refine=False
+        )
+        assert np.array_equal(joint.closed_form_plain.requests, plain.requests)
+    assert reproduction.foot_table["closed_form_plain"].rms == pytest.approx(1.058, abs=0.001)
+
+
+def test_refined_knots_are_better_in_every_joint_and_need_not_be_in_the_foot(reproduction):
+    for joint in reproduction.joints:
+        assert joint.closed_form.rms <= joint.closed_form_plain.rms
+    foot = reproduction.foot_table
+    assert foot["closed_form_plain"].rms < foot["closed_form"].rms
 
 
 def test_the_plan_for_the_foot_keeps_it_closest_and_inside_the_limits(reproduction):

@@ -11,8 +11,9 @@ from planner.files.foot_path import read_foot_path
 from planner.files.joint_path import read_joint_path
 from planner.files.output_folder import list_files
 
-METHODS = ("direct", "shift", "closed_form", "optimal", "foot_optimal")
-PAIRS = ("Des,Dir", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
+METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
+PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
+PLANS = METHODS[2:]
 
 
 def test_every_entry_of_table_2_stands_beside_the_papers_own(results):
@@ -27,6 +28,9 @@ def test_every_entry_of_table_2_stands_beside_the_papers_own(results):
         assert tuple(results["table2"][joint]) == PAIRS
         for pair in ("Des,Opt", "Des,Foot"):
             assert results["table2"][joint][pair]["paper"] is None
+        for plain, refined in (("Des,Plain", "Des,MB"), ("Pwl,Plain", "Pwl,MB")):
+            entries = results["table2"][joint]
+            assert entries[plain]["paper"] == entries[refined]["paper"]
 
 
 def test_every_foot_figure_stands_beside_the_papers_own(results):
@@ -34,7 +38,7 @@ def test_every_foot_figure_stands_beside_the_papers_own(results):
     for method in METHODS:
         entry = results["foot"][method]
         assert 0.0 < entry["L2"] <= entry["Linf"]
-        published = paper.FOOT.get(method)
+        published = paper.FOOT.get("closed_form" if method == "closed_form_plain" else method)
         assert entry["paper"] == (
             None
             if published is None
@@ -53,6 +57,8 @@ def test_bounds_gaps_parameters_versions_and_seconds_are_there(results):
         assert bound["gap"] == pytest.approx(optimal / bound["rms"] - 1.0, abs=1e-12)
     assert results["parameters"]["model"]["lag"] == pytest.approx(0.032)
     assert results["parameters"]["clamped_samples"] == 15
+    assert results["parameters"]["segments"] == 6
+    assert results["parameters"]["refine"] == {"closed_form_plain": False, "closed_form": True}
     assert results["versions"]["request-planner"] == planner.__version__
     assert results["seconds"]["total"] > 0.0
     assert "the paper's figures were measured on a robot" in results["note"]
@@ -64,7 +70,12 @@ def test_the_manifest_lists_every_file_of_the_folder(folder, results):
 
 @pytest.mark.parametrize(
     ("method", "pair"),
-    [("closed_form", "Des,MB"), ("optimal", "Des,Opt"), ("foot_optimal", "Des,Foot")],
+    [
+        ("closed_form_plain", "Des,Plain"),
+        ("closed_form", "Des,MB"),
+        ("optimal", "Des,Opt"),
+        ("foot_optimal", "Des,Foot"),
+    ],
 )
 def test_the_written_requests_give_the_written_angles_and_the_stated_error(
     folder, results, method, pair
@@ -79,6 +90,27 @@ def test_the_written_requests_give_the_written_angles_and_the_stated_error(
         assert simulated == pytest.approx(angles[:, j], abs=1e-10)
         rms = np.degrees(np.sqrt(np.mean((simulated - desired[:, j]) ** 2)))
         assert results["table2"][name][pair]["L2"] == pytest.approx(rms, abs=1e-9)
+
+
+def test_what_is_beyond_the_limits_follows_from_the_written_requests(folder, results):
+    for method in PLANS:
+        requests = read_joint_path(folder / f"requests_{method}.csv").angles
+        for j, name in enumerate(paper.JOINTS):
+            limits = results["limits"][name]
+            degrees = np.degrees(requests[:, j])
+            beyond = max(limits["lower"] - degrees.min(), degrees.max() - limits["upper"], 0.0)
+            assert limits["excess"][method] == pytest.approx(beyond, abs=1e-9)
+
+
+def test_only_the_closed_form_goes_beyond_the_limits_and_only_for_the_abductor(results, printed):
+    beyond = {
+        (joint, method)
+        for joint, limits in results["limits"].items()
+        for method, excess in limits["excess"].items()
+        if excess > 0.0
+    }
+    assert beyond == {("abductor", "closed_form_plain"), ("abductor", "closed_form")}
+    assert "the closed form knows none" in printed[1]
 
 
 def test_the_written_foot_paths_have_the_stated_distances(folder, results):
@@ -96,7 +128,8 @@ def test_table_2_is_printed_side_by_side(printed, results):
     assert f"{rotator:.2f} / 31.00 (+6 %)" in text
     assert "best time shift of them" in text
     foot = results["foot"]["foot_optimal"]
-    assert f"foot-optimised: all joints at once {foot['L2']:19.2f} {foot['Linf']:19.2f}" in text
+    row = next(line for line in text.splitlines() if line.startswith("foot-optimised: all joints"))
+    assert row.split()[-2:] == [f"{foot['L2']:.2f}", f"{foot['Linf']:.2f}"]
     assert results["note"] in text
 
 

@@ -1,0 +1,171 @@
+"""The proved optimum with knots on samples: bounds from a relaxation, halves until none is left."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from planner.approximation.ideal import ideal_of
+from planner.approximation.objective import Candidate, Problem
+from planner.approximation.potentials import climb, first_potentials
+from planner.approximation.relaxation import Levels, Potentials, Relaxation
+from planner.approximation.whole import WholeKnots
+from planner.exceptions import SolverFailed
+
+PROVED = 1e-6
+"""Relative distance of the squared error from the least that is left unproved."""
+
+LARGEST_EXACT = 400
+"""Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
+at the first bound."""
+
+MOST_BRANCHES = 4_000
+"""Halves that are looked at before the search gives up."""
+
+FEW = 16
+"""Sets of knots that are tried one by one rather than halved."""
+
+ROOT_STEPS, BRANCH_STEPS = 60, 25
+"""Steps of the potentials, at first and after each halving."""
+
+WIDEST = 6
+"""Neighbours of a knot that learn from its mismatch in the first steps [samples]."""
+
+
+@dataclass(order=True)
+class Branch:
+    """Places where each knot may lie, with what is known of the curves among them."""
+
+    bound: float
+    number: int
+    levels: Levels
+    potentials: Potentials
+
+
+def proved_best(problem: Problem, start: Candidate) -> Candidate:
+    """The curve of least squared error with as many segments as ``start`` and knots on samples.
+
+    Branch and bound: places of knots through which every chain of :class:`Relaxation` costs more
+    than the best curve known are struck out; the rest is halved.
+
+    Args:
+        problem: What to approximate; ``whole``, required knots on samples.
+        start: A curve with whole knots.
+
+    Returns:
+        The best curve; its squared error exceeds the least possible by no more than
+        :data:`PROVED` of it.
+
+    Raises:
+        SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
+    """
+    return _BranchAndBound(problem, start).best
+
+
+class _BranchAndBound:
+    def __init__(self, problem: Problem, start: Candidate) -> None:
+        self._problem = problem
+        self._relaxation = Relaxation(problem)
+        self._curves = WholeKnots(problem)
+        order = np.argsort(np.mod(start.knots, problem.samples) if problem.cyclic else start.knots)
+        knots = start.knots[order]
+        knots = np.mod(knots, problem.samples) if problem.cyclic else knots
+        self.best = self._curves.nudged(knots)
+        if problem.cyclic:
+            knots = np.sort(np.mod(self.best.knots, problem.samples))
+            self.best = self._curves.curve(knots)
+        ideal = ideal_of(problem)
+        if float(problem.weights @ (ideal - problem.desired) ** 2) < self._enough:
+            self._search()
+
+    @property
+    def _enough(self) -> float:
+        """A bound that proves."""
+        return self.best.error * (1.0 - PROVED) - 1e-12
+
+    def _search(self) -> None:
+        potentials = first_potentials(self._problem, self.best, self._relaxation.nodes)
+        root = Branch(-math.inf, 0, self._all_levels(), potentials)
+        queue, number = [root], 0
+        while queue:
+            branch = heapq.heappop(queue)
+            if branch.bound >= self._enough:
+                return
+            tightened = self._tightened(branch, ROOT_STEPS if number == 0 else BRANCH_STEPS)
+            if tightened is None:
+                continue
+            if math.prod(len(level) for level in tightened.levels) <= FEW:
+                for chain in product(*tightened.levels):
+                    if self._relaxation.possible(chain):
+                        self._try(chain)
+                continue
+            for half in halves_of(tightened.levels):
+                number += 1
+                if number > MOST_BRANCHES:
+                    gap = 1.0 - branch.bound / self.best.error
+                    raise SolverFailed(
+                        "exact piecewise-linear fit", f"{number} halvings", violation=gap
+                    )
+                heapq.heappush(queue, replace(tightened, number=number, levels=half))
+
+    def _all_levels(self) -> Levels:
+        n, size = self._problem.samples, self.best.knots.size
+        if self._problem.cyclic:
+            return [np.arange(t, n - size + t + 1) for t in range(size)]
+        inner = [np.arange(t, n - size + t + 1) for t in range(1, size - 1)]
+        return [np.array([0]), *inner, np.array([n - 1])]
+
+    def _tightened(self, branch: Branch, steps: int) -> Branch | None:
+        """The branch with better potentials and fewer places; None if it holds nothing better."""
+        levels = branch.levels
+        trial = best = Potentials(branch.potentials.into.copy(), branch.potentials.out.copy())
+        highest, pace, stalled = -math.inf, 1.0, 0
+        for step in range(steps):
+            found = self._relaxation.bound(levels, trial)
+            if not math.isfinite(found.error):
+                return None
+            self._try(found.chain)
+            if found.error >= self._enough:
+                return None
+            stalled += found.error - highest < 1e-4 * (self.best.error - highest)
+            if found.error > highest:
+                highest = found.error
+                best = Potentials(trial.into.copy(), trial.out.copy())
+            if stalled > 3:
+                pace, stalled = 0.5 * pace, 0
+            levels = [
+                level[cost < self._enough]
+                for level, cost in zip(levels, found.through, strict=True)
+            ]
+            reach = pace * (self.best.error - found.error)
+            width = 1 + int(WIDEST / (1.0 + step / 6.0))
+            if pace < 0.05 or not climb(self._relaxation, trial, found, reach, width):
+                break
+        return Branch(highest, 0, levels, best)
+
+    def _try(self, chain: Sequence[int]) -> None:
+        """Remember the curve with these knots if it is the best so far."""
+        curve = self._curves.curve(np.array(chain, dtype=np.float64))
+        if curve.error < self.best.error:
+            self.best = curve
+
+
+def halves_of(levels: Levels) -> list[Levels]:
+    """The widest level cut in two, and what of the others that leaves possible."""
+    widest = int(np.argmax([level.size for level in levels]))
+    middle = levels[widest].size // 2
+    halves = []
+    for part in (levels[widest][:middle], levels[widest][middle:]):
+        half = [*levels[:widest], part, *levels[widest + 1 :]]
+        for t in range(1, len(half)):
+            half[t] = half[t][half[t] > half[t - 1][0]] if half[t - 1].size else half[t - 1]
+        for t in range(len(half) - 2, -1, -1):
+            half[t] = half[t][half[t] < half[t + 1][-1]] if half[t + 1].size else half[t + 1]
+        if all(level.size for level in half):
+            halves.append(half)
+    return halves

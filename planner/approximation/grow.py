@@ -1,0 +1,50 @@
+"""A curve with one more knot, and the knot that matters most."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from planner.approximation.objective import Candidate, Problem, residuals
+from planner.approximation.requirements import held
+
+
+def sharpest_knot(problem: Problem, curve: Candidate) -> int:
+    """Number of the knot of a cycle at which the slope changes most, a required one if any is."""
+    ends = np.append(curve.knots, curve.knots[0] + problem.samples)
+    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
+    bend = np.abs(slopes - np.roll(slopes, 1))
+    if problem.required.size:
+        fixed = held(replace(problem, whole=False), curve.knots)[0]
+        bend = np.where(fixed, bend, -1.0)
+    return int(np.argmax(bend))
+
+
+def with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
+    """The same curve with one more knot, in the worst segment that is long enough for it."""
+    ends, values = curve.knots, curve.values
+    index = np.arange(problem.samples, dtype=np.float64)
+    if problem.cyclic:
+        ends, values = np.append(ends, ends[0] + problem.samples), np.append(values, values[0])
+        index = ends[0] + np.mod(index - ends[0], problem.samples)
+    length = np.diff(ends)
+    segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, length.size - 1)
+    squares = problem.weights * residuals(problem, curve.knots, curve.values) ** 2
+    worst = np.bincount(segment, squares, minlength=length.size)
+    shortest = math.ceil(problem.shortest) if problem.whole else problem.shortest
+    long_enough = length >= 2.0 * shortest
+    if not np.any(long_enough):
+        return None
+    split = int(np.argmax(np.where(long_enough, worst + 1e-12 * length, -1.0)))
+    share = 0.5
+    if problem.whole:
+        share = math.floor(0.5 * length[split]) / length[split]
+    knot = ends[split] + share * length[split]
+    value = values[split] + share * (values[split + 1] - values[split])
+    return Candidate(
+        np.insert(curve.knots, split + 1, knot),
+        np.insert(curve.values, split + 1, value),
+        curve.error,
+    )

@@ -1,0 +1,209 @@
+"""What is asked of a fit, checked once: the answer's size, its knots, its ends."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.trajectory import Array, as_trajectory
+
+Required = Iterable[float] | Mapping[float, float | None]
+Ends = tuple[float | None, float | None]
+
+KNOT_UNIT = 2.0**32
+"""Required knots are rounded to multiples of its inverse [samples], whose sums are exact."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Question:
+    """A fit's arguments.
+
+    Attributes:
+        desired: Samples [rad], shape (n,).
+        weights: Weights of their squared errors, shape (n,); None where all are the same.
+        v_max: Largest slope [rad/s].
+        tick: Time between samples [s].
+        cyclic: Whether the first sample follows the last.
+        segments: Number of segments, if that is given.
+        max_error: Largest error at a sample [rad], if that is given.
+        max_rms: Largest rms error [rad], if that is given.
+        knots: All knots [samples], if they are given.
+        required: Knots that there must be [samples], shape (r,), increasing.
+        pins: The curve's values there [rad], shape (r,); NaN where they are free.
+        shortest: Length of the shortest segment [samples].
+        on_samples: Whether knots lie on samples.
+        exact: Whether the answer must be proved best.
+    """
+
+    desired: Array
+    weights: Array | None
+    v_max: float
+    tick: float
+    cyclic: bool
+    segments: int | None
+    max_error: float | None
+    max_rms: float | None
+    knots: Array | None
+    required: Array
+    pins: Array
+    shortest: float
+    on_samples: bool
+    exact: bool
+
+    def __post_init__(self) -> None:
+        """Refuse arguments that exclude each other."""
+        if self.max_error is not None and self.max_rms is not None:
+            raise InvalidInput("max_error, max_rms: got both, expected one; leave one away")
+        if self.knots is not None and self.segments is not None:
+            raise InvalidInput("knots, segments: got both, expected one; knots say how many")
+        if self.exact and self.knots is None and self.segments is None and self.max_rms is None:
+            raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
+        if self.exact and self.max_error is not None:
+            raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
+
+
+def question_of(
+    desired: Array,
+    *,
+    v_max: float,
+    tick: float,
+    cyclic: bool,
+    segments: int | None,
+    max_error: float | None,
+    max_rms: float | None,
+    knots: npt.ArrayLike | None,
+    required: Required,
+    shortest: float,
+    weights: npt.ArrayLike | None,
+    ends: Ends,
+    on_samples: bool,
+    exact: bool,
+) -> Question:
+    """The question, every argument of :func:`planner.fit_pwl` checked on its own."""
+    places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
+    return Question(
+        desired=desired,
+        weights=checked_weights(weights, desired.size),
+        v_max=positive("v_max", v_max, "rad/s"),
+        tick=positive("tick", tick, "s"),
+        cyclic=cyclic,
+        segments=checked_segments(segments, desired, cyclic=cyclic),
+        max_error=None if max_error is None else positive("max_error", max_error, "rad"),
+        max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
+        knots=checked_all_knots(knots, desired.size, cyclic=cyclic),
+        required=places,
+        pins=pins,
+        shortest=checked_shortest(shortest),
+        on_samples=on_samples or exact,
+        exact=exact,
+    )
+
+
+def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
+    """The weights with mean 1, or None where all are the same."""
+    if weights is None:
+        return None
+    given = as_trajectory(weights, name="weights", minimum=1)
+    if given.size != n:
+        raise InvalidTrajectory(f"weights: got {given.size}, expected {n}, one per sample")
+    if not np.all(given > 0.0):
+        k = int(np.argmin(given))
+        raise InvalidInput(f"weights: got {given[k]:g} at sample {k}, expected more than 0")
+    return None if np.all(given == given[0]) else given / np.mean(given)
+
+
+def checked_knots(
+    required: Required, ends: Ends, n: int, *, cyclic: bool, name: str = "required"
+) -> tuple[Array, Array]:
+    """Knots that there must be, in order, and the values there, NaN where free."""
+    pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
+    last = n - 1.0
+    found: dict[float, float] = {}
+    for place, angle in pairs:
+        knot = round(_number(f"{name} knots", place) * KNOT_UNIT) / KNOT_UNIT
+        inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
+        if not inside:
+            limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
+            raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
+        found[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
+    try:
+        start, end = ends
+    except (TypeError, ValueError):
+        raise InvalidInput(f"ends: got {ends!r}, expected (angle or None, angle or None)") from None
+    for place, angle in ((0.0, start), (last, end)):
+        if angle is None:
+            continue
+        if cyclic:
+            raise InvalidInput("ends: a cycle has none; leave them away, or say cyclic=False")
+        pin = _number("ends", angle)
+        other = found.get(place, math.nan)
+        if not math.isnan(other) and other != pin:
+            raise Infeasible(
+                f"required and ends: got {other:.6g} rad and {pin:.6g} rad at sample {place:g}; "
+                "leave one of them away"
+            )
+        found[place] = pin
+    places = np.array(sorted(found))
+    return places, np.array([found[place] for place in places.tolist()])
+
+
+def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
+    """All knots in order, if they are given."""
+    if knots is None:
+        return None
+    given = as_trajectory(knots, name="knots", minimum=1)
+    return checked_knots(given.tolist(), (None, None), n, cyclic=cyclic, name="knots")[0]
+
+
+def checked_shortest(shortest: float) -> float:
+    """The length of the shortest segment, if it is a sample or more."""
+    length = positive("shortest", shortest, "samples")
+    if length < 1.0:
+        raise InvalidInput(f"shortest: got {shortest:g}, expected 1 or more [samples]")
+    return length
+
+
+def positive(name: str, value: float, unit: str) -> float:
+    """The number, if it is one above 0."""
+    try:
+        number = math.nan if isinstance(value, bool) else _number(name, value)
+    except InvalidInput:
+        number = math.nan
+    if not number > 0.0:
+        raise InvalidInput(f"{name}: got {value!r}, expected a finite number above 0 [{unit}]")
+    return number
+
+
+def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> int | None:
+    """The number of segments, if the samples allow it."""
+    if segments is None:
+        return None
+    try:
+        count = operator.index(segments)
+    except TypeError:
+        raise InvalidInput(f"segments: got {segments!r}, expected a whole number") from None
+    constant = bool(np.all(desired == desired[0]))
+    fewest = 2 if cyclic and not constant else 1
+    most = desired.size if cyclic else desired.size - 1
+    if not fewest <= count <= most or isinstance(segments, bool):
+        raise InvalidInput(
+            f"segments: got {segments}, expected {fewest} to {most} for {desired.size} "
+            f"{'cyclic ' if cyclic else ''}samples"
+        )
+    return count
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, (str, bytes)) or not math.isfinite(number):
+        raise InvalidInput(f"{name}: got {value!r}, expected a finite number")
+    return number

@@ -1,0 +1,189 @@
+"""Segments that need not meet, at a price: a lower bound on every curve with knots on samples.
+
+Level s holds the places where knot s may lie. In place of the condition that two segments meet, a
+potential p charges their mismatch: a segment from i to j costs the squared error of its samples,
+plus p_j times its end, less p_i times its start. Where the segments meet, the potentials cancel; so
+for any potentials the cheapest chain is a lower bound, and the better the potentials the higher it
+is (Lagrange's multipliers). The line of least cost between two knots has a closed form, as centre
+and slope are independent of each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.moments import moments
+from planner.approximation.objective import Problem
+from planner.approximation.requirements import allowed, nodes_of
+from planner.trajectory import Array
+
+Levels = list[npt.NDArray[np.intp]]
+
+
+class Potentials(NamedTuple):
+    """What the ends and the starts of segments are charged; the same except at pins."""
+
+    into: Array  # (levels, n)
+    out: Array  # (levels, n)
+
+
+class Bound(NamedTuple):
+    """The cheapest chain."""
+
+    error: float
+    chain: list[int]  # knots, one of every level
+    through: list[Array]  # cost of the cheapest chain through each place of each level
+
+
+class Relaxation:
+    """All segments between samples, with what their costs depend on."""
+
+    def __init__(self, problem: Problem, nodes: npt.NDArray[np.intp] | None = None) -> None:
+        """Sum the samples of all segments, those at their ends by half.
+
+        Args:
+            problem: What to approximate.
+            nodes: Samples where knots may lie, increasing, those of required knots and of a path's
+                ends among them; by default all. Memory takes their number squared.
+        """
+        n = self.samples = problem.samples
+        self.nodes = np.arange(n) if nodes is None else nodes
+        self.cyclic, self.step = problem.cyclic, problem.step
+        desired, weights = problem.desired, problem.weights
+        nodes = self.nodes
+        if problem.cyclic:
+            desired, weights = np.resize(desired, 2 * n), np.resize(weights, 2 * n)
+            nodes = np.append(nodes, nodes + n)
+        count = nodes.size
+        start, end = nodes[:, None], nodes[None, :]
+        sums = moments(desired, weights, start, end)
+        first, last = np.full(count, 0.5), np.full(count, 0.5)
+        if not problem.cyclic:
+            first[0], last[-1] = 1.0, 0.0
+        first, last = first[:, None] * weights[start], last[None, :] * weights[end]
+        length = (end - start).astype(np.float64)
+        possible = allowed(problem, start, end)
+        d_i, d_j = desired[start], desired[end]
+        w0 = np.where(possible, sums.w0 + first - last, 1.0)
+        self.centre = (sums.w1 - last * length) / w0
+        self.mean = (sums.d0 + first * d_i - last * d_j) / w0
+        sxx = sums.w2 - last * length**2 - w0 * self.centre**2
+        self.sxx = np.where(possible, np.maximum(sxx, 1e-12), 1.0)
+        sxd = sums.d1 - last * length * d_j - w0 * self.centre * self.mean
+        self.slope = sxd / self.sxx
+        square = sums.d2 + first * d_i**2 - last * d_j**2
+        error = square - w0 * self.mean**2 - self.slope * sxd
+        self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
+        self.w0, self.length = w0, length
+        self.pins = np.full(self.nodes.size, np.nan)
+        fixed = nodes_of(problem.required)
+        places = np.searchsorted(self.nodes, np.mod(fixed, n) if problem.cyclic else fixed)
+        self.pins[places] = problem.pins
+
+    def prices(self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], p: Array, q: Array) -> Array:
+        """Least costs of segments from ``i`` to ``j``, charged ``p`` there and ``q`` here."""
+        rise, tilt, slope = self._lines(i, j, p, q)
+        error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
+        error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
+        return np.asarray(error)
+
+    def possible(self, chain: Sequence[int]) -> bool:
+        """Whether these knots are in order, none too close, and no required one between them."""
+        ends = [*chain, chain[0] + self.nodes.size] if self.cyclic else list(chain)
+        return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
+
+    def places(self, chain: Sequence[int]) -> Array:
+        """Knots of a chain of nodes [samples]; beyond the cycle where it is."""
+        count = self.nodes.size
+        turns = np.array(chain) // count
+        last = self.nodes[np.array(chain) % count]
+        return np.asarray(last + turns * self.samples, dtype=np.float64)
+
+    def around(self, node: int, width: int) -> Array:
+        """How much each node learns from a mismatch at ``node``, shape (m,); at a pin only it."""
+        count = self.nodes.size
+        away = np.abs(np.arange(count) - node % count)
+        if self.cyclic:
+            away = np.minimum(away, count - away)
+        if np.isfinite(self.pins[node % count]):
+            return np.asarray(away == 0, dtype=np.float64)
+        return np.asarray(np.maximum(0.0, 1.0 - away / width))
+
+    def ends(self, i: int, j: int, p: float, q: float) -> tuple[float, float]:
+        """Values of the cheapest line at ``i`` and ``j``."""
+        rise, _, slope = self._lines(i, j, p, q)
+        middle = self.mean[i, j] - rise / (2.0 * self.w0[i, j])
+        start = middle - slope * self.centre[i, j]
+        return float(start), float(start + slope * self.length[i, j])
+
+    def _lines(self, i: object, j: object, p: object, q: object) -> tuple[Array, Array, Array]:
+        """What is charged on the centre and on the slope, and the best slope."""
+        at: tuple[object, object] = (i, j)
+        centre = self.centre[at]  # type: ignore[index]
+        rise = q - p  # type: ignore[operator]
+        tilt = q * self.length[at] - rise * centre  # type: ignore[operator, index]
+        slope = self.slope[at] - tilt / (2.0 * self.sxx[at])  # type: ignore[index]
+        return rise, tilt, np.minimum(np.maximum(slope, -self.step), self.step)
+
+    def bound(self, levels: Levels, potentials: Potentials) -> Bound:
+        """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
+        into, out = potentials
+        tables = []
+        last = len(levels) - 1
+        pin = np.nan_to_num(self.pins)
+        steps = [(t, t + 1, 0) for t in range(last)]
+        if self.cyclic:
+            steps.append((last, 0, self.nodes.size))
+        for t, u, turn in steps:
+            i, j = levels[t][:, None], levels[u][None, :]
+            table = self.prices(i, j + turn, out[t, i], into[u, j])
+            tables.append(table + pin[j] * (out[u, j] - into[u, j]))
+        if not self.cyclic:
+            tables[0] = tables[0] + pin[0] * (out[0, 0] - into[0, 0])
+            tables.append(np.zeros((1, 1)))
+        # costs[t][a, b]: cheapest way from place a of level 0 to place b of level t + 1.
+        costs, came_from = [tables[0]], []
+        for table in tables[1:-1]:
+            through = costs[-1][:, :, None] + table[None, :, :]
+            best = np.argmin(through, axis=1)
+            came_from.append(best)
+            costs.append(np.take_along_axis(through, best[:, None, :], axis=1)[:, 0, :])
+        total = costs[-1] + tables[-1].T
+        first, end = np.unravel_index(int(np.argmin(total)), total.shape)
+        places = [int(end)]
+        for best in reversed(came_from):
+            places.append(int(best[first, places[-1]]))
+        places.append(int(first))
+        chain = [int(level[a]) for level, a in zip(levels, reversed(places), strict=True)]
+        back, by_level = tables[-1].T, [total.min(axis=0)]
+        for t in range(last - 1, 0, -1):
+            back = (tables[t][None, :, :] + back[:, None, :]).min(axis=2)
+            by_level.append((costs[t - 1] + back).min(axis=0))
+        by_level.append(total.min(axis=1))
+        return Bound(float(total[first, end]), chain, by_level[::-1])
+
+    def mismatches(self, chain: list[int], potentials: Potentials) -> tuple[Array, Array]:
+        """Slopes of the bound by the potentials at the knots of its chain: into, out."""
+        into, out = potentials
+        size, n = len(chain), self.nodes.size
+        arriving, leaving = np.zeros(size), np.zeros(size)
+        own = [node % n for node in chain]
+        for t in range(size if self.cyclic else size - 1):
+            u = (t + 1) % size
+            i, j = own[t], own[u] + n * (own[u] <= own[t])
+            leaving[t], arriving[u] = self.ends(i, j, out[t, i], into[u, own[u]])
+        pins = self.pins[own]
+        pinned = np.isfinite(pins)
+        by_into = np.where(pinned, arriving - pins, arriving - leaving)
+        by_out = np.where(pinned, pins - leaving, arriving - leaving)
+        if not self.cyclic:
+            by_into[0] = by_out[-1] = 0.0
+            if not pinned[0]:
+                by_out[0] = 0.0
+            if not pinned[-1]:
+                by_into[-1] = 0.0
+        return by_into, by_out

@@ -1,0 +1,189 @@
+"""The proved optimum against enumeration, and the search against the proved optimum."""
+
+from __future__ import annotations
+
+import json
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.approximation.exact import PROVED, halves_of, proved_best
+from planner.approximation.fit import fit_pwl
+from planner.approximation.objective import Candidate, Problem
+from planner.approximation.potentials import first_potentials
+from planner.approximation.relaxation import Relaxation
+from planner.approximation.whole import WholeKnots
+from planner.exceptions import Infeasible, InvalidInput
+from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
+from tests.approximation.test_search import least_error
+
+CLOSE = 1.01
+"""Error over the oracle's that the search is allowed, in at least 95 % of instances."""
+
+ZERO = 1e-9
+"""Errors below this [rad] are none; samples are of unit size."""
+
+TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
+    rng = np.random.default_rng(seed)
+    cyclic, kind = bool(seed % 2), KINDS[seed % len(KINDS)]
+    segments, n = (3, 22) if cyclic else (4, 20)
+    desired = samples_of(kind, n, rng)
+    step = rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n
+    least = np.sqrt(least_error(desired, segments, step, cyclic) / n)
+    fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments, exact=True)
+    assert fit.rms == pytest.approx(least, rel=2.0 * PROVED, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
+def test_the_stored_oracle_is_what_is_proved_today(seed):
+    each = oracle_instance(seed)
+    fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
+    assert TABLE[seed]["seed"] == seed
+    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * PROVED, abs=ZERO)
+    assert np.array_equal(fit.knots, np.round(fit.knots))
+
+
+def test_the_search_comes_within_one_percent_of_the_oracle_in_95_of_100_instances():
+    ratios = []
+    for each, stored in zip(oracle_instances(), TABLE, strict=True):
+        fit = fit_pwl(each.desired, **each.settings, segments=each.segments)
+        ratios.append((fit.rms + ZERO) / (stored["rms"] + ZERO))
+    assert np.mean(np.array(ratios) <= CLOSE) >= 0.95
+    assert np.max(ratios) <= 1.05
+
+
+def test_the_search_on_samples_never_beats_the_oracle_and_mostly_reaches_it():
+    ratios = []
+    for each, stored in list(zip(oracle_instances(), TABLE, strict=True))[::3]:
+        fit = fit_pwl(each.desired, **each.settings, segments=each.segments, on_samples=True)
+        ratios.append((fit.rms + ZERO) / (stored["rms"] + ZERO))
+    assert np.min(ratios) >= 1.0 - PROVED
+    assert np.mean(np.array(ratios) <= CLOSE) >= 0.9
+
+
+@settings(max_examples=10)
+@given(st.integers(1000, 10**6))
+def test_on_random_instances_nothing_beats_the_proof(seed):
+    each = oracle_instance(seed, n=40)
+    asked = {**each.settings, "segments": each.segments}
+    proved = fit_pwl(each.desired, **asked, exact=True)
+    sought = fit_pwl(each.desired, **asked, on_samples=True)
+    assert proved.rms <= sought.rms * (1.0 + PROVED) + ZERO
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        last = 40 if proved.cyclic else 39
+        count = each.segments if proved.cyclic else each.segments - 1
+        knots = rng.choice(np.arange(0 if proved.cyclic else 1, last), count, replace=False)
+        other = fit_pwl(each.desired, **each.settings, knots=knots)
+        assert proved.rms <= other.rms * (1.0 + PROVED) + ZERO
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_proof_respects_what_is_required(cyclic):
+    desired = samples_of("walk", 24, np.random.default_rng(8))
+    pin = float(desired[9])
+    asked = {"cyclic": cyclic, "required": {9: pin}, "shortest": 3.0, "segments": 4}
+    fit = fit_pwl(desired, v_max=0.3, tick=1.0, exact=True, **asked)
+    assert fit(9.0) == pytest.approx(pin, abs=1e-12)
+    assert np.min(fit.lengths) >= 3.0
+    rng = np.random.default_rng(0)
+    tried = 0
+    while tried < 30:
+        knots = np.sort(np.append(rng.choice(24, 3 if cyclic else 2, replace=False), 9))
+        ends = np.append(knots, knots[0] + 24) if cyclic else np.r_[0, knots, 23]
+        if np.min(np.diff(ends)) >= 3:
+            tried += 1
+            settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
+            other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
+            assert fit.rms <= other.rms * (1.0 + PROVED)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_potentials_lift_the_bound_above_the_optimum(kind):
+    rng = np.random.default_rng(6)
+    problem = Problem(desired=samples_of(kind, 30, rng), step=0.2, cyclic=True)
+    start = WholeKnots(problem).nudged(np.array([2.0, 11.0, 20.0]))
+    best = proved_best(problem, start)
+    relaxation = Relaxation(problem)
+    levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
+    at_best = first_potentials(problem, best, relaxation.nodes)
+    for size in (0.0, 0.1, 1.0):
+        moved = [table + size * rng.normal(size=table.shape[1]) for table in at_best]
+        moved[1] = moved[0]
+        bound = relaxation.bound(levels, type(at_best)(*moved)).error
+        assert bound <= best.error * (1.0 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("step", [0.05, 5.0])
+def test_the_bound_of_one_set_of_knots_is_attained_by_its_own_potentials(cyclic, step):
+    rng = np.random.default_rng(6)
+    problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=cyclic)
+    knots = [2, 11, 20] if cyclic else [0, 9, 17, 29]
+    curve = WholeKnots(problem).curve(np.array(knots, dtype=float))
+    relaxation = Relaxation(problem)
+    potentials = first_potentials(problem, curve, relaxation.nodes)
+    found = relaxation.bound([np.array([knot]) for knot in knots], potentials)
+    assert found.chain == knots
+    assert found.error == pytest.approx(curve.error, rel=1e-6)
+
+
+def test_every_chain_is_in_one_half():
+    levels = [np.arange(0, 5), np.arange(2, 9), np.arange(3, 11)]
+    halves = halves_of(levels)
+
+    def chains(sets):
+        return [chain for chain in product(*map(list, sets)) if chain[0] < chain[1] < chain[2]]
+
+    assert sorted(chains(levels)) == sorted(chain for half in halves for chain in chains(half))
+
+
+def test_knots_that_must_all_move_at_once_are_found():
+    # Descents and grids of chords and lines end 15 % above this.
+    desired = samples_of("sines", 88, np.random.default_rng(1))
+    asked = {"v_max": np.ptp(desired), "tick": 1.0, "cyclic": False, "segments": 3}
+    assert fit_pwl(desired, **asked).rms <= CLOSE * fit_pwl(desired, **asked, exact=True).rms
+
+
+def test_the_fewest_segments_for_an_rms_error_are_proved_fewest():
+    desired = samples_of("sines", 40, np.random.default_rng(3))
+    fit = fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, exact=True)
+    fewer = fit_pwl(desired, v_max=1.0, tick=1.0, segments=fit.segments - 1, exact=True)
+    assert fit.rms <= 0.2 < fewer.rms
+    with pytest.raises(Infeasible, match="with knots on samples reach"):
+        fit_pwl(desired, v_max=1.0, tick=1.0, max_rms=0.2, segments=2, exact=True)
+
+
+def test_too_many_samples_for_a_proof_are_refused():
+    with pytest.raises(InvalidInput, match="exact: got 401 samples, expected at most 400"):
+        fit_pwl(np.sin(np.arange(401.0)), v_max=1.0, tick=1.0, segments=3, exact=True)
+
+
+def test_a_start_that_is_best_already_is_proved_so():
+    problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0] * 3), step=5.0, cyclic=False)
+    knots = np.array([0.0, 5.0, 11.0])
+    best = proved_best(problem, Candidate(knots, np.zeros(3), 6.0))
+    assert best.error <= WholeKnots(problem).curve(knots).error
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("steepness", [1e-5, 0.1])
+def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
+    desired = samples_of("noise", 40, np.random.default_rng(0))
+    fit = fit_pwl(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5, exact=True)
+    assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
+
+
+def test_the_proof_keeps_a_fractional_shortest_length_between_clamped_ends():
+    desired = samples_of("noise", 40, np.random.default_rng(4))
+    asked = {"cyclic": False, "segments": 2, "shortest": 1.49, "ends": (0.1, None)}
+    fit = fit_pwl(desired, v_max=1e-4, tick=1.0, exact=True, **asked)
+    assert np.min(fit.lengths) >= 1.49

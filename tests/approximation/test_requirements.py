@@ -1,0 +1,258 @@
+"""What is required of a curve holds on what is returned, or the pair that forbids it is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner.approximation.fit import fit_pwl
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from tests.approximation.samples import KINDS, problems, samples_of
+
+SLOPE_ROUNDING = 1e-12
+"""Relative excess over v_max that a slope may have."""
+
+PLACE = 1e-9
+"""Rounding of the length of a segment and of a knot [samples]."""
+
+SINE = np.sin(2.0 * np.pi * np.arange(60) / 60)
+
+
+def closed(fit):
+    """Knots and values with the end of the cycle."""
+    if not fit.cyclic:
+        return fit.knots, fit.values
+    return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
+
+
+def check(fit, v_max, shortest):
+    knots, values = closed(fit)
+    slopes = np.diff(values) / (np.diff(knots) * fit.tick)
+    assert np.max(np.abs(slopes)) <= v_max * (1.0 + SLOPE_ROUNDING)
+    assert np.min(np.diff(knots)) >= shortest - PLACE
+
+
+@settings(max_examples=80)
+@given(problems(least=12), st.integers(2, 9), st.integers(0, 2**16), st.booleans())
+def test_whatever_is_required_at_once_holds_on_the_curve(problem, segments, seed, whole):
+    desired, step, cyclic = problem
+    n = desired.size
+    rng = np.random.default_rng(seed)
+    shortest = float(rng.choice([1.0, 1.5, 2.0]))
+    places = np.sort(rng.choice(np.arange(4, n - 4, 3.0), rng.integers(0, 3), replace=False))
+    places = places + (0.0 if whole else rng.uniform(0.0, 0.4))
+    first = rng.choice(desired)
+    pins = {}
+    for number, place in enumerate(places.tolist()):
+        within = 0.9 * step * (place - places[0])
+        if cyclic:
+            within = 0.9 * step * min(place - places[0], n - place + places[0])
+        pins[place] = None if number == 2 else float(first + rng.uniform(-1.0, 1.0) * within)
+    pieces = np.diff(
+        np.r_[places, places[:1] + n] if cyclic and places.size else np.r_[0, places, n - 1]
+    )
+    unit = np.ceil(shortest) if whole else shortest
+    room = int(np.sum(np.floor(pieces / unit)))
+    fit = fit_pwl(
+        desired,
+        v_max=step,
+        tick=1.0,
+        cyclic=cyclic,
+        segments=min(max(segments, places.size + 1), room),
+        required=pins,
+        shortest=shortest,
+        weights=rng.uniform(0.2, 3.0, n),
+        on_samples=whole,
+    )
+    check(fit, step, shortest)
+    scale = max(np.max(np.abs(desired)), np.ptp(desired))
+    for place, pin in pins.items():
+        assert np.min(np.abs(fit.knots - place)) <= PLACE
+        if pin is not None:
+            assert fit(place) == pytest.approx(pin, rel=1e-9, abs=1e-9 * scale)
+    if whole:
+        assert np.array_equal(fit.knots, np.round(fit.knots))
+
+
+@pytest.mark.parametrize("ends", [(0.3, None), (None, -0.2), (0.3, -0.2)])
+def test_clamped_ends_are_met(ends):
+    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, cyclic=False, segments=5, ends=ends)
+    check(fit, 0.2, 1.0)
+    for angle, end in zip(ends, (fit.values[0], fit.values[-1]), strict=True):
+        assert angle is None or end == pytest.approx(angle, abs=1e-14)
+    free = fit_pwl(SINE, v_max=0.2, tick=1.0, cyclic=False, segments=5)
+    assert fit.rms >= free.rms * (1.0 - 1e-6)
+
+
+def test_ends_that_a_straight_line_at_v_max_just_joins_are_met():
+    fit = fit_pwl(SINE, v_max=0.01, tick=1.0, cyclic=False, segments=4, ends=(0.0, 0.59))
+    check(fit, 0.01, 1.0)
+    assert (fit.values[0], fit.values[-1]) == (0.0, 0.59)
+
+
+def test_required_knots_cost_no_more_than_their_own_segments():
+    free = fit_pwl(SINE, v_max=0.2, tick=1.0, segments=4)
+    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, segments=6, required=[10, 41.5])
+    assert {10.0, 41.5} <= set(fit.knots.tolist())
+    assert fit.rms <= free.rms * (1.0 + 1e-6)
+
+
+def test_fixed_knots_are_kept_and_their_values_are_best():
+    knots = np.array([3.0, 17.5, 30.0, 44.25])
+    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, knots=knots)
+    assert np.array_equal(fit.knots, knots)
+    assert fit.max_error > 0.0
+    for k in range(4):
+        for nudge in (1e-3, -1e-3):
+            values = fit.values + nudge * (np.arange(4) == k)
+            other = np.interp(np.arange(60), knots, values, period=60) - SINE
+            assert np.mean(other**2) >= fit.rms**2
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_the_other_values_are_best_for_what_is_required_of_one(whole):
+    place = 17.0 if whole else 17.5
+    asked = {"v_max": 5.0, "tick": 1.0, "on_samples": whole, "segments": 5}
+    fit = fit_pwl(SINE, required={place: 0.5}, **asked)
+    (pin,) = np.flatnonzero(fit.knots == place)
+    for k in set(range(5)) - {int(pin)}:
+        for nudge in (1e-3, -1e-3):
+            values = fit.values + nudge * (np.arange(5) == k)
+            other = np.interp(np.arange(60), fit.knots, values, period=60) - SINE
+            assert np.mean(other**2) >= fit.rms**2
+
+
+def test_fixed_knots_flatten_until_they_keep_a_largest_error():
+    knots = np.array([3.0, 17.5, 30.0, 44.25])
+    plain = fit_pwl(SINE, v_max=0.2, tick=1.0, knots=knots)
+    bound = 0.97 * plain.max_error
+    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, knots=knots, max_error=bound)
+    assert fit.max_error <= bound
+    assert fit.rms >= plain.rms
+
+
+def test_a_weight_counts_like_that_many_samples():
+    desired = samples_of("walk", 40, np.random.default_rng(4))
+    weights = np.where(np.arange(40) < 20, 3.0, 1.0)
+    knots = [0.0, 12.0, 25.5]
+    fit = fit_pwl(desired, v_max=1.0, tick=1.0, cyclic=False, knots=knots, weights=weights)
+    for k in range(4):
+        values = fit.values + 1e-4 * (np.arange(4) == k)
+        other = np.interp(np.arange(40), fit.knots, values) - desired
+        assert np.average(other**2, weights=weights) >= fit.rms**2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_weights_all_alike_are_no_weights(kind):
+    desired = samples_of(kind, 40, np.random.default_rng(4))
+    plain = fit_pwl(desired, v_max=0.2, tick=1.0, segments=4)
+    weighted = fit_pwl(desired, v_max=0.2, tick=1.0, segments=4, weights=np.full(40, 7.0))
+    assert np.array_equal(weighted.values, plain.values)
+
+
+def test_heavy_samples_are_met_more_closely():
+    desired = samples_of("noisy sine", 60, np.random.default_rng(2))
+    weights = np.where(np.arange(60) // 15 == 1, 50.0, 1.0)
+    plain = fit_pwl(desired, v_max=1.0, tick=1.0, segments=5)
+    fit = fit_pwl(desired, v_max=1.0, tick=1.0, segments=5, weights=weights)
+    heavy = weights > 1.0
+    assert np.sum(fit.residuals[heavy] ** 2) < np.sum(plain.residuals[heavy] ** 2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_max_rms_is_kept_with_no_more_segments_than_it_takes(kind, cyclic):
+    desired = samples_of(kind, 60, np.random.default_rng(9))
+    five = fit_pwl(desired, v_max=1.0, tick=1.0, cyclic=cyclic, segments=5)
+    bound = five.rms * (1.0 + 1e-6) + 1e-9
+    fit = fit_pwl(desired, v_max=1.0, tick=1.0, cyclic=cyclic, max_rms=bound)
+    assert fit.rms <= bound
+    assert fit.segments <= 5
+
+
+@pytest.mark.parametrize("shortest", [1.0, 3.0, 4.5])
+def test_hundreds_of_segments_keep_the_shortest_length_and_the_required_knots(shortest):
+    desired = np.resize(SINE, 1200) + 0.01 * np.random.default_rng(1).normal(size=1200)
+    for required in ((), (100.5, 701.0)):
+        fit = fit_pwl(
+            desired, v_max=0.3, tick=1.0, segments=120, shortest=shortest, required=required
+        )
+        check(fit, 0.3, shortest)
+        assert fit.segments == 120
+        assert set(required) <= set(fit.knots.tolist())
+        assert fit.rms <= 0.1
+
+
+REFUSED = [
+    ({"ends": (0.0, 30.0), "cyclic": False}, "at sample 0 and 30 rad at sample 59: got a slope"),
+    (
+        {"ends": (1.0, None), "required": {0: 0.0}, "cyclic": False},
+        "required and ends: got 0 rad and 1 rad at sample 0",
+    ),
+    ({"required": {5: 0.0, 8: 2.0}}, "at sample 5 and 2 rad at sample 8: got a slope of 0.666"),
+    ({"required": {2: 1.0, 58: 0.0}}, "at sample 58 and 1 rad at sample 2: got a slope of 0.25"),
+    ({"required": [5, 7], "shortest": 3.0}, "knots at samples 5 and 7: 2 samples apart"),
+    (
+        {"segments": 9, "shortest": 7.0},
+        "segments = 9 and shortest = 7 samples: there is room for 8",
+    ),
+    ({"segments": 2, "required": [1, 9, 20]}, "segments = 2 and 3 required knots"),
+    ({"shortest": 40.0}, "shortest = 40 and a cycle of 60 samples"),
+    (
+        {"knots": [0, 30], "max_error": 0.1},
+        r"knots and max_error: with these knots samples 1[3-6] and 4[4-7]",
+    ),
+    ({"knots": [0, 2, 30], "shortest": 4.0}, "knots at samples 0 and 2"),
+    ({"knots": [0, 30], "max_rms": 0.1}, "knots and max_rms: got 0.1 rad"),
+    ({"max_rms": 0.01, "segments": 3}, "max_rms and the number of segments: got 0.01 rad"),
+    ({"required": {30: 2.0}, "max_error": 0.2}, "required angle 2 rad at sample 30 and max_error"),
+]
+
+
+@pytest.mark.parametrize(("asked", "named"), REFUSED)
+def test_what_cannot_be_met_is_infeasible_and_names_the_pair(asked, named):
+    with pytest.raises(Infeasible, match=named):
+        fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
+
+
+def test_an_rms_error_below_the_slope_bounded_ideal_is_infeasible():
+    with pytest.raises(Infeasible, match="max_rms and v_max"):
+        fit_pwl(SINE, v_max=0.01, tick=1.0, max_rms=0.01)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"max_error": 1.0, "max_rms": 1.0}, "max_error, max_rms: got both"),
+        ({"knots": [1, 2], "segments": 2}, "knots, segments: got both"),
+        ({"exact": True}, "exact: expected segments or max_rms"),
+        ({"exact": True, "segments": 2, "max_error": 1.0}, "exact: got max_error"),
+        ({"shortest": 0.5}, r"shortest: got 0\.5, expected 1 or more"),
+        ({"required": [60]}, "required: got a knot at 60, expected 0 up to, without, 60"),
+        ({"required": [3.5], "on_samples": True}, r"required: got a knot at 3\.5 with on_samples"),
+        ({"knots": [3.5, 20], "on_samples": True}, r"knots: got 3\.5 with on_samples"),
+        ({"required": ["first"]}, "required knots: got 'first'"),
+        ({"ends": (0.0, 0.0)}, "ends: a cycle has none"),
+        ({"ends": 3.0, "cyclic": False}, r"ends: got 3\.0, expected"),
+        ({"weights": np.zeros(60)}, "weights: got 0 at sample 0"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(asked, message):
+    with pytest.raises(InvalidInput, match=message):
+        fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
+
+
+def test_weights_must_be_one_per_sample():
+    with pytest.raises(InvalidTrajectory, match="weights: got 3, expected 60"):
+        fit_pwl(SINE, v_max=0.2, tick=1.0, weights=np.ones(3))
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_constant_takes_every_requirement(cyclic):
+    asked = {"cyclic": cyclic, "required": {7.5: 0.1}, "shortest": 2.0, "segments": 4}
+    fit = fit_pwl(np.full(30, 0.1), v_max=1.0, tick=1.0, **asked)
+    assert (fit.segments, fit.max_error) == (4, 0.0)
+    assert 7.5 in fit.knots
+    check(fit, 1.0, 2.0)
