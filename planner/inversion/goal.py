@@ -50,6 +50,9 @@ class FollowAngles:
 LEAST_WEIGHT = 1e-6
 """Least weight on an error, relative to that on an error of one unit in a sum of squares."""
 
+LARGEST_SHARE = 1e4
+"""Error in units from which on a cost counts as this large: its highest power is still a number."""
+
 
 def quadratic(errors: Errors, *, power: float, unit: float, ridge: float) -> Quadratic:
     """The sum of ``unit^2 |error / unit|^power`` to second order in the angles.
@@ -63,7 +66,8 @@ def quadratic(errors: Errors, *, power: float, unit: float, ridge: float) -> Qua
         ridge: Added to the curvature, so that it is definite where the errors do not see an angle.
     """
     lengths = np.linalg.norm(errors.values, axis=1)
-    share = lengths / unit
+    # Beyond this a power overflows; such a step is refused for its cost in any case.
+    share = np.minimum(lengths / unit, LARGEST_SHARE)
     value = unit**2 * float(np.sum(share**power))
     gradient = np.einsum("kmi,km->ki", errors.jacobians, errors.values)
     curvature = np.einsum("kmi,kmj->kij", errors.jacobians, errors.jacobians)
