@@ -1,4 +1,4 @@
-"""The option ``--limits``: the range of the requests, for every joint or joint by joint."""
+"""The option ``--limits-deg``: the range of the requests, for every joint or joint by joint."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ import click
 Limits = Mapping[str, tuple[float, float]]
 
 option = click.option(
+    "--limits-deg",
     "--limits",
+    "limits",
     multiple=True,
     metavar="[JOINT=]LOW:HIGH",
     help="Range of the requests [deg], of all joints or one; by default that of the leg.",
@@ -30,12 +32,12 @@ def parse_limits(given: Sequence[str], joints: Sequence[str], from_leg: Limits) 
         low, high = (finite(match[2]), finite(match[3])) if match else (math.nan, math.nan)
         if match is None or not low < high:
             raise click.UsageError(
-                f"--limits: got '{entry}', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with "
+                f"--limits-deg: got '{entry}', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with "
                 "LOW below HIGH, such as knee=-27:147."
             )
         if match[1] is not None and match[1] not in joints:
             raise click.UsageError(
-                f"--limits: no joint '{match[1]}' in the path; joints: {', '.join(joints)}."
+                f"--limits-deg: no joint '{match[1]}' in the path; joints: {', '.join(joints)}."
             )
         for joint in joints if match[1] is None else [match[1]]:
             limits[joint] = (math.radians(low), math.radians(high))

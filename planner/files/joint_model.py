@@ -67,10 +67,11 @@ def read_models(path: Path | str) -> ModelFile:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        place = re.search(r" \(at line (\d+), column \d+\)$", str(error))
+        place = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
         raise InvalidFile(
             path,
-            f"not TOML: {_cut(str(error), place)}; expected lines such as 'v_max = 5.45'",
+            f"not TOML: {_cut(str(error), place)}; expected lines such as 'v_max = 5.45', and 0.1 "
+            "for .1",
             line=int(place[1]) if place else None,
         ) from error
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
@@ -132,4 +133,4 @@ def _line_of(text: str, key: str, table: str | None) -> int | None:
 
 
 def _cut(message: str, place: re.Match[str] | None) -> str:
-    return message[: place.start()] if place else message
+    return f"{message[: place.start()]} at column {place[2]}" if place else message

@@ -51,13 +51,13 @@ WRONG = {
         "--segments has no effect with --method optimal. See 'request-planner plan --help'.",
     ),
     "limits upside down": (
-        ["plan", "desired.csv", "--limits", "10:-10"],
-        "--limits: got '10:-10', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below "
+        ["plan", "desired.csv", "--limits-deg", "10:-10"],
+        "--limits-deg: got '10:-10', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below "
         "HIGH, such as knee=-27:147. See 'request-planner plan --help'.",
     ),
     "limits of nobody": (
-        ["plan", "desired.csv", "--limits", "ankle=0:1"],
-        "--limits: no joint 'ankle' in the path; joints: hip, knee. "
+        ["plan", "desired.csv", "--limits-deg", "ankle=0:1"],
+        "--limits-deg: no joint 'ankle' in the path; joints: hip, knee. "
         "See 'request-planner plan --help'.",
     ),
     "no such model": (
@@ -90,7 +90,7 @@ WRONG = {
         "See 'request-planner plan --help'.",
     ),
     "a start beyond the limits": (
-        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=90", "--limits", "-60:60"],
+        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=90", "--limits-deg", "-60:60"],
         "knee: start: it is 1.5708 rad, 0.524 rad beyond the angles -1.0472 to 1.0472 rad where "
         "the limits on the requests let the joint rest; clip the trajectory, or widen the limits",
     ),
@@ -199,7 +199,7 @@ def test_an_unknown_frame_lists_those_that_there_are(run, foot):
 
 
 def test_a_plan_beyond_the_limits_that_were_asked_for_is_status_1_and_no_plan(run, desired):
-    result = run("plan", desired, "--method", "closed-form", "--limits", "knee=5:29")
+    result = run("plan", desired, "--method", "closed-form", "--limits-deg", "knee=5:29")
     assert result.exit_code == 1
     assert result.stdout == ""
     assert "beyond the limits 5.00 to 29.00; --method optimal keeps to them" in result.stderr

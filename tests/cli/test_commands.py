@@ -44,7 +44,7 @@ def test_plan_writes_the_requests_of_the_library_and_says_how_good_they_are(run,
 
 
 def test_plan_as_json_carries_what_is_needed_to_judge_it(run, desired):
-    result = run("plan", desired, "--limits", "-60:60", "--json")
+    result = run("plan", desired, "--limits-deg", "-60:60", "--json")
     assert result.exit_code == 0
     assert result.stderr == ""
     document = json.loads(result.stdout)
@@ -146,3 +146,8 @@ def test_colours_are_for_those_who_want_them(run, desired):
     assert "\x1b[" in coloured.stderr
     plain = run("fit", desired, color=True, env={"NO_COLOR": "1"})
     assert "\x1b[" not in plain.stderr
+
+
+def test_limits_may_go_by_their_short_name(run, desired):
+    long = run("plan", desired, "--limits-deg", "knee=0:40")
+    assert run("plan", desired, "--limits", "knee=0:40").stdout == long.stdout != ""

@@ -38,7 +38,7 @@ def sabotage(monkeypatch):
         ["--joint", "hip"],
         ["--no-cyclic"],
         ["--segments", "6"],
-        ["--limits", "-60:60", "--limits", "knee=0:40"],
+        ["--limits-deg", "-60:60", "--limits-deg", "knee=0:40"],
         ["--norm", "max"],
         ["--level", "slope"],
     ],
@@ -50,7 +50,7 @@ def test_json_is_the_library_s_own_answer(run, desired, options):
     assert result.stderr == ""
     document = json.loads(result.stdout)
     assert document["passed"]
-    limits = ([-60.0, 0.0], [60.0, 40.0]) if "--limits" in options else None
+    limits = ([-60.0, 0.0], [60.0, 40.0]) if "--limits-deg" in options else None
     names = ("hip",) if "--joint" in options else ("hip", "knee")
     check = planner.cross_check(
         JOINT,
@@ -180,7 +180,7 @@ WRONG = {
         "See 'request-planner compare --help'.",
     ),
     "limits that exclude the path": (
-        ["--joint", "hip", "--limits", "-10:10"],
+        ["--joint", "hip", "--limits-deg", "-10:10"],
         "desired: sample 22 is 0.4 rad, 0.225 rad beyond the angles -0.174533 to 0.174533 rad "
         "where the limits on the requests let the joint rest; clip the trajectory, or widen the "
         "limits",

@@ -156,7 +156,8 @@ KEYS = "v_max, theta_0, lag, acceleration_time, tick, hold, offset"
 MODELS = {
     "not TOML": (
         "v_max = 5.0\nlag = = 1\n",
-        "FILE, line 2: not TOML: Invalid value; expected lines such as 'v_max = 5.45'",
+        "FILE, line 2: not TOML: Invalid value at column 7; "
+        "expected lines such as 'v_max = 5.45', and 0.1 for .1",
     ),
     "empty": (
         "",
@@ -191,7 +192,8 @@ MODELS = {
     ),
     "a key twice": (
         MODEL + "lag = 1\n",
-        "FILE, line 5: not TOML: Cannot overwrite a value; expected lines such as 'v_max = 5.45'",
+        "FILE, line 5: not TOML: Cannot overwrite a value at column 8; "
+        "expected lines such as 'v_max = 5.45', and 0.1 for .1",
     ),
 }
 
