@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         SolverFailed,
     )
     from planner.gait import half_ellipse, reference_walk
-    from planner.inversion.bound import lower_bound
+    from planner.inversion.bound import Certificate, certify, lower_bound
     from planner.inversion.closed_form import invert_closed_form
     from planner.inversion.foot import invert_foot
     from planner.inversion.foot_result import FootInversion
@@ -31,9 +31,11 @@ if TYPE_CHECKING:
     from planner.inversion.result import Inversion
     from planner.model.joint import JointModel
     from planner.model.response import simulate
+    from planner.model.sensitivity import sensitivities
     from planner.model.step_test import step_test
 
 __all__ = [
+    "Certificate",
     "FootInversion",
     "Infeasible",
     "InvalidFile",
@@ -48,6 +50,7 @@ __all__ = [
     "PlannerError",
     "SolverFailed",
     "__version__",
+    "certify",
     "cross_check",
     "fit_pwl",
     "half_ellipse",
@@ -57,6 +60,7 @@ __all__ = [
     "line_offset",
     "lower_bound",
     "reference_walk",
+    "sensitivities",
     "simulate",
     "step_test",
 ]
@@ -78,7 +82,7 @@ _HOMES = {
         "SolverFailed",
     ),
     "planner.gait": ("half_ellipse", "reference_walk"),
-    "planner.inversion.bound": ("lower_bound",),
+    "planner.inversion.bound": ("Certificate", "certify", "lower_bound"),
     "planner.inversion.closed_form": ("invert_closed_form",),
     "planner.inversion.foot": ("invert_foot",),
     "planner.inversion.foot_result": ("FootInversion",),
@@ -87,6 +91,7 @@ _HOMES = {
     "planner.inversion.result": ("Inversion",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
+    "planner.model.sensitivity": ("sensitivities",),
     "planner.model.step_test": ("step_test",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -199,7 +199,10 @@ def _columns(desired: npt.ArrayLike) -> list[Array]:
 
 
 def _one_for_each(model: JointModel | Sequence[JointModel], count: int) -> tuple[JointModel, ...]:
-    models = (model,) * count if isinstance(model, JointModel) else tuple(model)
+    try:
+        models = (model,) * count if isinstance(model, JointModel) else tuple(model)
+    except TypeError:
+        models = ()
     if len(models) != count or not all(isinstance(each, JointModel) for each in models):
         raise InvalidInput(
             f"model: got {len(models)} of them for {count} joints, expected one JointModel, or one "

@@ -25,7 +25,7 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.differences import Difference, difference
-from planner.inversion.bound import LEVELS, lower_bound
+from planner.inversion.bound import LEVELS, Certificate, certify
 from planner.inversion.reachable import Level
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
@@ -47,7 +47,7 @@ class JointComparison:
     Attributes:
         name: The joint.
         plans: Plan by method; all share the model and the desired angles.
-        bounds: What no requests can go below in the plans' norm, by level [rad].
+        certificates: Bounds on the error of any plan in the plans' norm, by level.
         answers: What an independent simulation says, by method.
         differences: How the requests of each closed form differ from the optimised ones.
         checks: Every claim about these plans, held against its tolerance.
@@ -55,7 +55,7 @@ class JointComparison:
 
     name: str
     plans: Mapping[str, Inversion]
-    bounds: Mapping[Level, float]
+    certificates: Mapping[Level, Certificate]
     answers: Mapping[str, Answer]
     differences: Mapping[str, Difference]
     checks: tuple[Check, ...]
@@ -69,6 +69,11 @@ class JointComparison:
     def desired(self) -> Array:
         """The desired angles [rad], shape (n,)."""
         return self.plans["optimal"].desired
+
+    @property
+    def bounds(self) -> dict[Level, float]:
+        """What no requests can go below in the plans' norm, by level [rad]."""
+        return {level: proof.bound for level, proof in self.certificates.items()}
 
     @property
     def bound(self) -> float:
@@ -91,6 +96,9 @@ class JointComparison:
             "desired_deg": _degrees(self.desired),
             "lower_bound_deg": math.degrees(self.bounds[finest]),
             "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
+            "solver_gaps": {
+                level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
+            },
             "methods": {method: self._plan(method) for method in self.plans},
             "differences": {method: each.to_dict() for method, each in self.differences.items()},
         }
@@ -124,8 +132,8 @@ def compare_joint(
     """
     optimal = plans["optimal"]
     cyclic, limits = optimal.cyclic, optimal.limits
-    bounds = {
-        level: lower_bound(
+    certificates = {
+        level: certify(
             optimal.model,
             optimal.desired,
             cyclic=cyclic,
@@ -135,6 +143,7 @@ def compare_joint(
         )
         for level in levels
     }
+    bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {
         method: second_answer(
             plan.model, plan.requests, plan.predicted, cyclic=cyclic, start=plan.start
@@ -159,7 +168,7 @@ def compare_joint(
     return JointComparison(
         name=name,
         plans=plans,
-        bounds=bounds,
+        certificates=certificates,
         answers=answers,
         differences={method: difference(plan, optimal) for method, plan in closed_forms.items()},
         checks=tuple(checks),

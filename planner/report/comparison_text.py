@@ -81,7 +81,9 @@ def _plans(joints: Sequence[JointComparison]) -> str:
         for level, bound in joint.bounds.items():
             cells = ["", ""]
             cells[column] = f"{math.degrees(bound):.3f}"
-            rows.append([f"{joint.name}, no plan below ({level})", *cells, "", "", "", ""])
+            unsolved = joint.certificates[level].solver_gap
+            said = f"{level}, solver gap {percent(unsolved)}" if unsolved else level
+            rows.append([f"{joint.name}, no plan below ({said})", *cells, "", "", "", ""])
     header = ["joint, plan", "rms [deg]", "max [deg]", "gap"]
     return text_table([*header, "requests differ: rms [deg]", "most [deg]", "at"], rows)
 

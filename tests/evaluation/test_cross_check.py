@@ -20,6 +20,7 @@ from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.foot import invert_foot
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
+from planner.report.comparison_text import comparison_text
 from tests.instances import attainable, random_model, saturating
 
 JOINT = JointModel.ers210a()
@@ -251,10 +252,21 @@ def test_the_bounds_go_up_to_the_level_that_was_asked_for(level):
     assert list(bounds) == list(LEVELS[: LEVELS.index(level) + 1])
 
 
+def test_the_solver_gap_of_a_bound_is_told_where_there_is_one(of_walk):
+    joint = of_walk.joints[0]
+    assert joint.to_dict()["solver_gaps"] == {"slope": 0.0, "envelope": 0.0}
+    assert "solver gap" not in comparison_text(of_walk)
+    unsure = joint.certificates["envelope"]._replace(solver_gap=0.0123)
+    unsure = replace(joint, certificates={**joint.certificates, "envelope": unsure})
+    told = comparison_text(replace(of_walk, joints=(unsure,), foot=None))
+    assert "rotator, no plan below (envelope, solver gap 1.23 %)" in told
+
+
 WRONG = {
     "cube": ({"desired": np.zeros((3, 3, 3))}, InvalidTrajectory, "expected (n,), or (n, k)"),
     "ragged": ({"desired": [[1.0], [1.0, 2.0]]}, InvalidTrajectory, "rows of different lengths"),
     "nan": ({"desired": [0.0, math.nan, 0.0]}, InvalidTrajectory, "not finite"),
+    "no model": ({"model": None}, InvalidInput, "got 0 of them for 1 joints"),
     "models": ({"model": [JOINT] * 3}, InvalidInput, "got 3 of them for 1 joints"),
     "rates": (
         {"model": [JOINT, replace(JOINT, hold=2)], "desired": np.zeros((9, 2))},
