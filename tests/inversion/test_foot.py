@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from kinematics import UnreachableFoot
 from planner.gait import reference_walk
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.foot import invert_foot
@@ -346,3 +347,22 @@ def test_the_same_path_gets_the_same_plan_bit_for_bit(options):
 def test_turning_the_cycle_changes_little():
     turned = invert_foot(ERS210A, WALK.leg, np.roll(WALK.desired_foot, 31, axis=0))
     assert turned.rms == pytest.approx(reference_plan().rms, rel=SAME_QUALITY)
+
+
+def test_a_plan_says_which_points_are_in_reach_or_refuses_the_others():
+    beyond = WALK.desired_foot.copy()
+    beyond[10:13] += np.array([0.0, 0.0, -0.2])
+    plan = invert_foot(ERS210A, WALK.leg, beyond)
+    np.testing.assert_array_equal(np.flatnonzero(~plan.reachable), [10, 11, 12])
+    with pytest.raises(UnreachableFoot) as caught:
+        invert_foot(ERS210A, WALK.leg, beyond, unreachable="raise")
+    np.testing.assert_array_equal(caught.value.indices, [10, 11, 12])
+
+
+def test_the_error_is_that_of_the_norm_and_the_weights():
+    plan = reference_plan()
+    assert plan.error == pytest.approx(plan.rms, rel=1e-12)
+    sideways = replace(plan, weights=np.array([0.0, 2.0, 0.0]), norm="max")
+    assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.wanted)[:, 1])))
+    steps = np.abs(plan.requests - np.roll(plan.requests, 1, axis=0))
+    assert plan.largest_step == np.max(steps)
