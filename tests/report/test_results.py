@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -145,3 +148,9 @@ def test_the_json_on_standard_output_is_the_file(folder, tmp_path):
     assert list_files(out) == list_files(folder)
     for name in set(list_files(out)) - timeless:
         assert (out / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_the_readme_states_the_figures_of_the_foot(results):
+    told = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    for method in PLANS:
+        assert re.search(rf"\b{results['foot'][method]['L2']:.2f}\b", told), method
