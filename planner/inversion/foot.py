@@ -85,32 +85,27 @@ def invert_foot(
 ) -> FootInversion:
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
-    The joints err together: where none of them can follow, an error of one can make up for that of
-    another. The search is that of :func:`planner.invert_optimal`, with the joints stacked and the
-    foot's distance in place of the angle's, from the plans of the single joints on; the leg's
-    kinematics and their derivatives come from CasADi.
-
-    From rest the joints rest where the first point is, or nearest to it.
+    The joints err together: an error of one can make up for that of another. The search is that of
+    :func:`planner.invert_optimal` with the joints stacked, from their own plans on; the leg's
+    kinematics come from CasADi. From rest the joints rest at the first point, or nearest to it.
 
     Args:
         models: One joint model for all joints of the leg, or one for each.
         leg: A leg of three joints.
         foot: Wanted positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
-        limits: Smallest and largest requests [rad], each a number or shape (k,); by default the
-            leg's own limits.
+        limits: Smallest and largest requests [rad], numbers or shape (k,); by default the leg's.
         norm: "rms" to minimise the root mean square distance, "max" the largest one.
         weights: How much each axis of the base frame counts, shape (3,).
-        unreachable: Points that the leg cannot reach are followed as closely as it can ("nearest";
-            the plan's ``reachable`` says which), or are an error that lists them ("raise").
+        unreachable: Points out of reach are followed as closely as the leg can ("nearest"; the
+            plan's ``reachable`` says which), or are an error that lists them ("raise").
 
     Returns:
         The plan.
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are none.
-        Infeasible: The limits exclude each other, or no joint moves the foot along the axes that
-            count.
+        Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is none, or the leg has no inverse.
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
@@ -119,25 +114,22 @@ def invert_foot(
     importance = _checked_weights(weights)
     lower, upper = each_limit(limits, leg)
     solution = leg.inverse(foot, unreachable=unreachable)
-    wanted = np.array(foot, dtype=np.float64)
-    if len(wanted) < 3:
-        raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
+    wanted = _long_enough(foot)
     offsets = np.array([model.offset for model in joints])
     nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
-    start = None if cyclic else nearest[0].copy()
+    goal = FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg))
     problem = Tracking(
         joints,
-        FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg)),
+        goal,
         nearest - offsets,
         cyclic=cyclic,
         norm=norm,
         limits=(lower, upper),
-        start=start,
+        start=None if cyclic else nearest[0].copy(),
         ridge=RIDGE,
     )
     requests = _search(problem, nearest)
-    for array in (requests, wanted, lower, upper, *([] if start is None else [start])):
-        array.setflags(write=False)
+    _freeze(requests, wanted, lower, upper, problem.start)
     return FootInversion(
         models=joints,
         leg=leg,
@@ -147,9 +139,23 @@ def invert_foot(
         norm=norm,
         weights=importance,
         limits=(lower, upper),
-        start=start,
+        start=problem.start,
         reachable=solution.reachable,
     )
+
+
+def _long_enough(foot: npt.ArrayLike) -> Array:
+    """A copy of a path that the leg's inverse has accepted, if it has three points."""
+    wanted = np.array(foot, dtype=np.float64)
+    if len(wanted) < 3:
+        raise InvalidInput(f"foot: got {len(wanted)} points, expected at least 3")
+    return wanted
+
+
+def _freeze(*arrays: Array | None) -> None:
+    for array in arrays:
+        if array is not None:
+            array.setflags(write=False)
 
 
 def _search(problem: Tracking, nearest: Array) -> Array:
