@@ -54,15 +54,9 @@ def closest_at(problem: Problem, knots: Array) -> tuple[Array, tuple[int, int]]:
     qp = build_values_qp(problem, knots, near, tube=0.0)
     n, size = problem.samples, knots.size
     basis, others = qp.A[-n:], qp.A[:-n]
-    one, none = np.ones((n, 1)), np.zeros((others.shape[0], 1))
-    rows = sparse.vstack(
-        [
-            sparse.hstack([basis, -one]),
-            sparse.hstack([-basis, -one]),
-            sparse.hstack([others, none]),
-            sparse.hstack([-others, none]),
-        ]
-    )
+    both = sparse.vstack([basis, -basis, others, -others])
+    allowance = np.append(-np.ones(2 * n), np.zeros(2 * others.shape[0]))  # the error, of samples
+    rows = sparse.hstack([both, sparse.csr_array(allowance[:, np.newaxis])])
     limits = np.concatenate([problem.desired, -problem.desired, qp.upper[:-n], -qp.lower[:-n]])
     result = linprog(
         np.append(np.zeros(size), 1.0),
