@@ -12,7 +12,7 @@ from planner.cli import legs, options
 from planner.cli.limits import Limits, parse_limits
 from planner.cli.limits import option as limits_option
 from planner.cli.say import print_json, summarise, to_json
-from planner.cli.wanted import Wanted, load_wanted
+from planner.cli.wanted import Wanted, load_chosen
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -67,14 +67,7 @@ def compare(
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
         raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
-    leg = legs.load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
-    wanted = load_wanted(
-        path,
-        model=choices["model"],
-        joints=choices["joints"],
-        leg=leg,
-        unreachable=choices["unreachable"],
-    )
+    leg, wanted = load_chosen(path, choices)
     wanted, leg = _in_order_of(leg, wanted)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
     check = cross_check(

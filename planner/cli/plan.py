@@ -10,7 +10,7 @@ from planner.cli import legs, options, planning, starts, tolerance
 from planner.cli.limits import option as limits_option
 from planner.cli.limits import parse_limits
 from planner.cli.say import deliver
-from planner.cli.wanted import load_wanted
+from planner.cli.wanted import load_chosen
 
 if TYPE_CHECKING:
     from planner.cli.planning import Plan
@@ -67,14 +67,7 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     """  # noqa: D301
     from planner.files.joint_path import write_joint_path
 
-    leg = legs.load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
-    wanted = load_wanted(
-        path,
-        model=choices["model"],
-        joints=choices["joints"],
-        leg=leg,
-        unreachable=choices["unreachable"],
-    )
+    _, wanted = load_chosen(path, choices)
     planning.check_choices(choices, wanted)
     tolerance.check_choices(choices, foot=wanted.foot is not None)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)

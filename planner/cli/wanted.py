@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from planner.cli.legs import load_leg
 from planner.cli.models import load_models
 
 if TYPE_CHECKING:
@@ -45,6 +47,22 @@ class Wanted:
     def period(self) -> float:
         """Time between requests [s]."""
         return self.models[0].period
+
+
+def load_chosen(path: str, choices: Mapping[str, Any]) -> tuple[Leg | None, Wanted]:
+    """The leg that a command's options name, if any, and what its joints should do.
+
+    Raises as :func:`load_wanted` does.
+    """
+    leg = load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
+    wanted = load_wanted(
+        path,
+        model=choices["model"],
+        joints=choices["joints"],
+        leg=leg,
+        unreachable=choices["unreachable"],
+    )
+    return leg, wanted
 
 
 def load_wanted(

@@ -7,7 +7,6 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 
 from __future__ import annotations
 
-import math
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed
 from planner.inversion.exact import TIME_LIMIT, exact_bound
+from planner.inversion.limits import positive
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.reachable import Level, Reachable, reachable_set
 from planner.model.joint import JointModel, checked_model
@@ -104,7 +104,7 @@ def certify(
     """
     began = perf_counter()
     model = checked_model(model)
-    time_limit = _checked_time(time_limit)
+    time_limit = positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     if level not in LEVELS:
@@ -135,16 +135,6 @@ def _proved(model: JointModel, desired: Array, reachable: Reachable, norm: Norm)
     reference, multipliers = propose(scaled, centred, norm=norm)
     slack = model.v_max * model.period / scale
     return scale * certified_error(scaled, centred, reference, multipliers, norm=norm, slack=slack)
-
-
-def _checked_time(time_limit: float) -> float:
-    try:
-        seconds = float(time_limit)
-    except (TypeError, ValueError, OverflowError):
-        seconds = math.nan
-    if not (math.isfinite(seconds) and seconds > 0.0):
-        raise InvalidInput(f"time_limit: got {time_limit!r}, expected a number of seconds above 0")
-    return seconds
 
 
 def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array, Array]:

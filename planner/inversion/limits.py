@@ -58,10 +58,15 @@ def checked_tolerance(tolerance: float | None) -> float | None:
     """The tolerance as a float, None where none is asked for; raise InvalidInput for no number."""
     if tolerance is None:
         return None
+    return positive("tolerance", tolerance, "a finite number above 0")
+
+
+def positive(name: str, value: float, expected: str) -> float:
+    """The value as a float, if it is finite and above 0; else raise InvalidInput."""
     try:
-        number = float(tolerance)
+        number = float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not (math.isfinite(number) and number > 0.0):
-        raise InvalidInput(f"tolerance: got {tolerance!r}, expected a finite number above 0")
+        raise InvalidInput(f"{name}: got {value!r}, expected {expected}")
     return number
