@@ -22,6 +22,9 @@ if TYPE_CHECKING:
         SolverFailed,
     )
     from planner.gait import half_ellipse, reference_walk
+    from planner.identification.identification import Identification
+    from planner.identification.identify import identify
+    from planner.identification.log import Log
     from planner.inversion.bound import Certificate, certify, lower_bound
     from planner.inversion.closed_form import invert_closed_form
     from planner.inversion.foot import invert_foot
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Certificate",
     "FootInversion",
+    "Identification",
     "Infeasible",
     "InvalidFile",
     "InvalidInput",
@@ -44,6 +48,7 @@ __all__ = [
     "InvalidTrajectory",
     "Inversion",
     "JointModel",
+    "Log",
     "MissingExtra",
     "NoSteadyCycle",
     "OutsideEquation13",
@@ -54,6 +59,7 @@ __all__ = [
     "cross_check",
     "fit_pwl",
     "half_ellipse",
+    "identify",
     "invert_closed_form",
     "invert_foot",
     "invert_optimal",
@@ -82,6 +88,9 @@ _HOMES = {
         "SolverFailed",
     ),
     "planner.gait": ("half_ellipse", "reference_walk"),
+    "planner.identification.identification": ("Identification",),
+    "planner.identification.identify": ("identify",),
+    "planner.identification.log": ("Log",),
     "planner.inversion.bound": ("Certificate", "certify", "lower_bound"),
     "planner.inversion.closed_form": ("invert_closed_form",),
     "planner.inversion.foot": ("invert_foot",),

@@ -1,0 +1,168 @@
+"""The answer of an identification: a joint model with what is needed to judge it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.identification.log import Log
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+PARAMETERS = ("v_max", "theta_0", "lag", "acceleration_time", "offset")
+"""What a log can say about a joint, in the order of the covariance."""
+
+
+class Interval(NamedTuple):
+    """Where a parameter lies with 95 % confidence; infinite where the data does not say."""
+
+    lower: float
+    upper: float
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the data bounds the parameter on both sides."""
+        return math.isfinite(self.lower) and math.isfinite(self.upper)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alternative:
+    """A simpler description of the joint, fitted to the same rows.
+
+    Attributes:
+        name: "raw" (the joint is where it was told to be), "delay" or "first_order".
+        rms: Error over all rows that were used [rad].
+        held_out_rms: Error on the rows held out, by its fit to the others [rad]; None where none
+            were held out.
+        parameters: ``delay`` [s], ``time_constant`` [s] and ``offset`` [rad], as far as it has them.
+    """
+
+    name: str
+    rms: float
+    held_out_rms: float | None
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogFit:
+    """What the identified model makes of one log; every array has one entry per row.
+
+    Attributes:
+        log: The log.
+        used: Rows that were fitted: torque on, and the requests that act on them known.
+        predicted: Angle by the model fitted to all rows [rad]; NaN where not used.
+        held_out: Rows that the validation left out of its fit.
+        held_out_predicted: Angle by the model fitted without them [rad]; NaN elsewhere.
+        weights: Weight that the robust loss left to each row, 0 to 1; 0 where not used.
+        rms: Error over the used rows [rad].
+    """
+
+    log: Log
+    used: npt.NDArray[np.bool_]
+    predicted: Array
+    held_out: npt.NDArray[np.bool_]
+    held_out_predicted: Array
+    weights: Array
+    rms: float
+
+    @property
+    def residuals(self) -> Array:
+        """Actual minus predicted angle [rad], NaN where not used."""
+        return np.asarray(self.log.angles - self.predicted)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identification:
+    """A joint model found from logs, and how far it can be trusted.
+
+    Attributes:
+        model: The joint, fitted to all rows that were used.
+        fits: What it makes of each log.
+        rms: Its error over all used rows [rad].
+        held_out_rms: Error on the second part of each log, by a model fitted to the first [rad];
+            None where nothing was held out.
+        noise: Standard deviation of what the model leaves unexplained, outliers aside [rad].
+        signal: Standard deviation of the actual angles about their mean in each log [rad].
+        intervals: 95 % interval of v_max [rad/s], theta_0 [rad], lag [s], acceleration_time [s] and
+            offset [rad]; infinite where the data does not determine the parameter.
+        gain_interval: 95 % interval of v_max / theta_0 [1/s], known even if the joint never
+            saturates.
+        covariance: Of the parameters in the order of ``PARAMETERS``, SI units, shape (5, 5); None
+            where one of them is not determined.
+        alternatives: Simpler descriptions of the same rows.
+        warnings: What to know before the model is used, in words.
+        accepted: Whether the model describes the joint well enough to plan with.
+    """
+
+    model: JointModel
+    fits: tuple[LogFit, ...]
+    rms: float
+    held_out_rms: float | None
+    noise: float
+    signal: float
+    intervals: dict[str, Interval]
+    gain_interval: Interval
+    covariance: Array | None
+    alternatives: tuple[Alternative, ...]
+    warnings: tuple[str, ...]
+    accepted: bool
+
+    @property
+    def gain(self) -> float:
+        """Speed called for per error, v_max / theta_0 [1/s]."""
+        return self.model.v_max / self.model.theta_0
+
+    @property
+    def unit(self) -> str:
+        """Unit of the angles: "rad", or "1" for shares of a range."""
+        return self.fits[0].log.unit
+
+    @property
+    def saturates(self) -> bool:
+        """Whether the logs bound the top speed from both sides."""
+        return self.intervals["v_max"].bounded
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the rows, as JSON can hold it: an unknown bound is None."""
+        return {
+            "model": {f.name: getattr(self.model, f.name) for f in fields(self.model)},
+            "unit": self.unit,
+            "accepted": self.accepted,
+            "warnings": list(self.warnings),
+            "rms": self.rms,
+            "held_out_rms": self.held_out_rms,
+            "noise": self.noise,
+            "signal": self.signal,
+            "intervals": {name: _ends(of) for name, of in self.intervals.items()},
+            "gain": self.gain,
+            "gain_interval": _ends(self.gain_interval),
+            "covariance": None if self.covariance is None else self.covariance.tolist(),
+            "alternatives": [
+                {
+                    "name": other.name,
+                    "rms": other.rms,
+                    "held_out_rms": other.held_out_rms,
+                    "parameters": dict(other.parameters),
+                }
+                for other in self.alternatives
+            ],
+            "logs": [
+                {
+                    "name": fit.log.name,
+                    "joint": fit.log.joint,
+                    "rows": len(fit.log.times),
+                    "used": int(np.sum(fit.used)),
+                    "rms": fit.rms,
+                    "notes": list(fit.log.notes),
+                }
+                for fit in self.fits
+            ],
+        }
+
+
+def _ends(interval: Interval) -> list[float | None]:
+    return [end if math.isfinite(end) else None for end in interval]

@@ -1,0 +1,141 @@
+"""What a robot recorded of one joint: when, what was requested, where the joint was."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidTrajectory
+from planner.trajectory import Array, as_trajectory
+
+UNITS = ("rad", "1")
+"""What angles are in: radians, or shares of the joint's range where it is no angle."""
+
+FEWEST_ROWS = 3
+"""Rows below which there is no motion to speak of."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """Requested against actual angles of one joint; the arrays are read-only copies.
+
+    Attributes:
+        times: When each row was taken [s], strictly increasing, uneven allowed, shape (n,).
+        requests: Request in force from that time on [rad], shape (n,).
+        angles: Actual angle at that time [rad], shape (n,).
+        torque_on: Whether the servo was powered, shape (n,); by default always.
+        name: What to call the log in messages: a file, or anything else.
+        joint: Name of the joint, or empty.
+        unit: "rad" for angles, "1" for shares of a range (grippers, hands): everything that is
+            said in radians then is a share.
+        notes: What was guessed when the log was read, in words.
+
+    Raises:
+        InvalidTrajectory: Not finite, of unequal length, too short, or the time does not increase.
+    """
+
+    times: Array
+    requests: Array
+    angles: Array
+    torque_on: npt.NDArray[np.bool_] = None  # type: ignore[assignment]  # always on
+    name: str = "log"
+    joint: str = ""
+    unit: str = "rad"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Copy and check every column once."""
+        for column in ("times", "requests", "angles"):
+            named = f"{self.name}: {column}"
+            values = as_trajectory(getattr(self, column), name=named, minimum=FEWEST_ROWS)
+            object.__setattr__(self, column, values)
+        rows = len(self.times)
+        given: Any = self.torque_on
+        torque = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
+        torque.setflags(write=False)
+        object.__setattr__(self, "torque_on", torque)
+        object.__setattr__(self, "notes", tuple(self.notes))
+        for column in ("requests", "angles", "torque_on"):
+            shape = getattr(self, column).shape
+            if shape != (rows,):
+                raise InvalidTrajectory(
+                    f"{self.name}: {column}: got shape {shape}, expected ({rows},), one a time"
+                )
+        if self.unit not in UNITS:
+            raise InvalidTrajectory(
+                f"{self.name}: unit: got {self.unit!r}, expected one of {', '.join(UNITS)}"
+            )
+        back = np.flatnonzero(np.diff(self.times) <= 0.0)
+        if back.size:
+            row = int(back[0]) + 1
+            raise InvalidTrajectory(
+                f"{self.name}: times: got {self.times[row]:g} s in row {row} after "
+                f"{self.times[row - 1]:g} s, expected strictly increasing times; sort the rows "
+                "and leave out repeated ones"
+            )
+
+    @property
+    def period(self) -> float:
+        """Median time between rows [s]."""
+        return float(np.median(np.diff(self.times)))
+
+
+def as_logs(logs: Any) -> tuple[Log, ...]:
+    """One or several logs, in whatever form they are at hand.
+
+    Args:
+        logs: A Log; a triple of arrays (times, requests, angles); a mapping with these keys and
+            any other field of Log; or a sequence of such.
+
+    Returns:
+        At least one log.
+
+    Raises:
+        InvalidTrajectory: It is none of these, or a column is refused by :class:`Log`.
+    """
+    if _is_one(logs):
+        return (_as_log(logs, 0),)
+    if not isinstance(logs, Sequence) or isinstance(logs, str | bytes) or not logs:
+        raise InvalidTrajectory(
+            f"logs: got {type(logs).__name__}, expected a planner.Log, a triple of arrays (times, "
+            "requests, angles), a mapping with these keys, or a sequence of such; "
+            "planner.read_logs reads files"
+        )
+    return tuple(_as_log(log, i) for i, log in enumerate(logs))
+
+
+def _is_one(logs: Any) -> bool:
+    if isinstance(logs, Log | Mapping):
+        return True
+    return (
+        isinstance(logs, Sequence)
+        and not isinstance(logs, str | bytes)
+        and len(logs) == 3
+        and all(np.ndim(column) == 1 and not _is_one(column) for column in logs)
+    )
+
+
+def _as_log(given: Any, number: int) -> Log:
+    if isinstance(given, Log):
+        return given
+    name = f"log {number + 1}"
+    if isinstance(given, Mapping):
+        missing = {"times", "requests", "angles"} - set(given)
+        unknown = set(given) - set(Log.__dataclass_fields__)
+        if missing or unknown:
+            wrong = f"missing {sorted(missing)}" if missing else f"unknown {sorted(unknown)}"
+            raise InvalidTrajectory(
+                f"{name}: {wrong} among its keys, expected times, requests and angles"
+            )
+        return Log(**{"name": name, **given})
+    if _is_one(given):
+        times, requests, angles = given
+        return Log(times=times, requests=requests, angles=angles, name=name)
+    raise InvalidTrajectory(
+        f"{name}: got {type(given).__name__}, expected a planner.Log, a triple of arrays or a "
+        "mapping with the keys times, requests and angles"
+    )
