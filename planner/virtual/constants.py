@@ -1,0 +1,111 @@
+"""The physical constants of the virtual robot, each with its unit and where it comes from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+MOTOR = "FAULHABER 1524T006SR, data sheet"
+GUESS = "guess"
+CHOICE = "choice"
+
+
+def _constant(value: float, unit: str, source: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "source": source})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constants:
+    """What the virtual robot is made of; ``docs/virtual_robot.md`` has the equations.
+
+    Nothing is known of the motors of the ERS-210A. These are those of a coreless motor of a size
+    that fits the leg; top speed, lag and acceleration follow from it and are set nowhere. Every
+    field carries its unit and its source as metadata; a guess is said to be one.
+    """
+
+    terminal_resistance: float = _constant(5.1, "ohm", MOTOR)
+    torque_constant: float = _constant(6.0e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
+    rotor_inertia: float = _constant(5.8e-8, "kg m^2", MOTOR)
+    gear_ratio: float = _constant(
+        203.0, "1", f"{CHOICE}: with this motor the leg's top speed comes near the paper's"
+    )
+    coulomb_friction: float = _constant(
+        0.09, "N m", f"{GUESS}: a twentieth of the stall torque, for small spur gears"
+    )
+    viscous_friction: float = _constant(
+        0.008, "N m s/rad", f"{GUESS}: a twentieth of the back-EMF's"
+    )
+    battery_voltage: float = _constant(7.2, "V", "nominal, two lithium-ion cells in series")
+    battery_resistance: float = _constant(0.15, "ohm", f"{GUESS}: two cells and their wires")
+    supply_noise: float = _constant(
+        0.05, "V", f"{GUESS}: standard deviation, from what else draws current"
+    )
+    supply_memory: float = _constant(0.1, "s", f"{GUESS}: time over which that noise forgets")
+    control_period: float = _constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
+    request_period: float = _constant(8e-3, "s", "Stronger and Stone: one request per frame")
+    transport_delay: float = _constant(
+        30e-3, "s", f"{GUESS}: frames in buffers between a request and the servo, after the paper"
+    )
+    proportional_gain: float = _constant(
+        8.0, "1/rad", f"{CHOICE}: the whole voltage at an error of about 7 degrees"
+    )
+    integral_gain: float = _constant(
+        4.0, "1/(rad s)", f"{CHOICE}: slow, as the Aibo's own integral gain is small"
+    )
+    derivative_gain: float = _constant(0.01, "s/rad", f"{CHOICE}: no overshoot to be seen")
+    derivative_filter: float = _constant(
+        4e-3, "s", f"{CHOICE}: time constant of the speed's filter"
+    )
+    integral_share: float = _constant(
+        0.15, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
+    )
+    duty_steps: float = _constant(255.0, "1", "the Aibo's PWM saturates at 255 steps either way")
+    sensor_bits: float = _constant(10.0, "bit", "Sony: the potentiometer is read with 10 bits")
+    sensor_range: float = _constant(
+        math.radians(300.0), "rad", f"{GUESS}: a turning range of 300 degrees; 0.29 degrees a count"
+    )
+    sensor_noise: float = _constant(
+        math.radians(0.1), "rad", f"{GUESS}: standard deviation of the wiper and its converter"
+    )
+    stop_margin: float = _constant(
+        math.radians(3.0), "rad", "Sony: the stops lie 3 degrees beyond the limits"
+    )
+
+    @property
+    def count(self) -> float:
+        """One step of the sensor [rad]."""
+        return self.sensor_range / 2.0**self.sensor_bits
+
+    @property
+    def armature(self) -> float:
+        """Rotor inertia as the joint feels it [kg m^2]: times the gear ratio squared."""
+        return self.rotor_inertia * self.gear_ratio**2
+
+    @property
+    def joint_torque_constant(self) -> float:
+        """Torque at the joint per current [N m/A], and voltage per speed of the joint [V s/rad]."""
+        return self.torque_constant * self.gear_ratio
+
+    @property
+    def stall_torque(self) -> float:
+        """Torque at the joint, held still under the battery's voltage [N m], before friction."""
+        return self.joint_torque_constant * self.battery_voltage / self.terminal_resistance
+
+    @property
+    def top_speed(self) -> float:
+        """Speed at which torque and friction balance, no leg attached [rad/s].
+
+        At the duty 1 the battery's resistance adds to the motor's.
+        """
+        resistance = self.terminal_resistance + self.battery_resistance
+        constant = self.joint_torque_constant
+        driving = constant * self.battery_voltage / resistance - self.coulomb_friction
+        return driving / (constant**2 / resistance + self.viscous_friction)
+
+    def to_dict(self) -> Mapping[str, Mapping[str, Any]]:
+        """Every constant with its unit and source, for reports."""
+        return {
+            each.name: {"value": getattr(self, each.name), **each.metadata} for each in fields(self)
+        }
