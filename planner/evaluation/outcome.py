@@ -100,11 +100,11 @@ class FootOutcome:
 
 
 @dataclass(frozen=True, eq=False)
-class Reproduction:
-    """Everything that the experiment gave.
+class PlannedWalk:
+    """Every plan for the reference walk, and what the joints' models predict of it.
 
     Attributes:
-        model: The model of every joint.
+        models: The model of each joint, in the leg's order.
         segments: Lines of each approximation.
         walk: The reference walk with its leg.
         joints: One outcome per joint, in the leg's order.
@@ -113,11 +113,9 @@ class Reproduction:
         foot_plan: The plan for all joints at once, which keeps the foot close to its path.
         foot: The foot under ``direct``, ``shift``, ``closed_form_plain``, ``closed_form``,
             ``optimal``, ``foot_optimal``.
-        steps: The step tests, by amplitude [degrees].
-        seconds: Time that each part took [s].
     """
 
-    model: JointModel
+    models: tuple[JointModel, ...]
     segments: int
     walk: ReferenceWalk
     joints: tuple[JointOutcome, ...]
@@ -125,8 +123,6 @@ class Reproduction:
     shift: TimeShift
     foot_plan: FootInversion
     foot: Mapping[str, FootOutcome]
-    steps: Mapping[float, StepResponse]
-    seconds: Mapping[str, float]
 
     @property
     def table2(self) -> dict[str, dict[str, Distance]]:
@@ -143,6 +139,24 @@ class Reproduction:
     def foot_table(self) -> dict[str, Distance]:
         """Distances of the foot from its desired path by method [cm]."""
         return {method: outcome.distance.in_units_of(0.01) for method, outcome in self.foot.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction(PlannedWalk):
+    """Everything that the experiment gave on one model for all joints.
+
+    Attributes:
+        steps: The step tests, by amplitude [degrees].
+        seconds: Time that each part took [s].
+    """
+
+    steps: Mapping[float, StepResponse]
+    seconds: Mapping[str, float]
+
+    @property
+    def model(self) -> JointModel:
+        """The model of every joint."""
+        return self.models[0]
 
     @property
     def baseline_deviation(self) -> float:

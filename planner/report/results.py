@@ -12,7 +12,7 @@ from planner._version import __version__
 from planner.evaluation.metrics import Distance
 from planner.evaluation.outcome import JointOutcome, Reproduction
 from planner.evaluation.paper import SOURCE, Published, published, published_foot
-from planner.evaluation.reproduction import REFINE, RULE
+from planner.evaluation.planned_walk import REFINE, RULE
 from planner.report.paper_tables import COMPARISONS, METHODS
 
 NOTE = (
