@@ -21,6 +21,8 @@ if TYPE_CHECKING:
         PlannerError,
         SolverFailed,
     )
+    from planner.files.logs.options import LogOptions
+    from planner.files.logs.read import joints_in, read_logs
     from planner.gait import half_ellipse, reference_walk
     from planner.identification.identification import Identification
     from planner.identification.identify import identify
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
     from planner.model.step_test import step_test
+    from planner.robot.play import Playback, play
+    from planner.robot.timed_requests import TimedRequest, timed_requests
 
 __all__ = [
     "Certificate",
@@ -49,11 +53,14 @@ __all__ = [
     "Inversion",
     "JointModel",
     "Log",
+    "LogOptions",
     "MissingExtra",
     "NoSteadyCycle",
     "OutsideEquation13",
+    "Playback",
     "PlannerError",
     "SolverFailed",
+    "TimedRequest",
     "__version__",
     "certify",
     "cross_check",
@@ -63,12 +70,16 @@ __all__ = [
     "invert_closed_form",
     "invert_foot",
     "invert_optimal",
+    "joints_in",
     "line_offset",
     "lower_bound",
+    "play",
+    "read_logs",
     "reference_walk",
     "sensitivities",
     "simulate",
     "step_test",
+    "timed_requests",
 ]
 
 _HOMES = {
@@ -87,6 +98,8 @@ _HOMES = {
         "PlannerError",
         "SolverFailed",
     ),
+    "planner.files.logs.options": ("LogOptions",),
+    "planner.files.logs.read": ("joints_in", "read_logs"),
     "planner.gait": ("half_ellipse", "reference_walk"),
     "planner.identification.identification": ("Identification",),
     "planner.identification.identify": ("identify",),
@@ -102,6 +115,8 @@ _HOMES = {
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),
     "planner.model.step_test": ("step_test",),
+    "planner.robot.play": ("Playback", "play"),
+    "planner.robot.timed_requests": ("TimedRequest", "timed_requests"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -30,12 +30,14 @@ class Table:
         names: The columns' names, in the file's order.
         rows: One tuple of cells per sample, as long as ``names``.
         lines: Line of the file that each row stands on, counted from 1.
+        delimiter: What stands between the cells.
     """
 
     path: str
     names: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    delimiter: str = ","
 
     def numbers(self, names: Sequence[str]) -> Array:
         """The named columns as finite numbers, shape (n, len(names)), read-only.
@@ -76,13 +78,20 @@ class Table:
         return number
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str, *, delimiters: str = ",") -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
+
+    Args:
+        path: The file.
+        delimiters: Characters that may stand between cells; the first line's commonest is taken.
 
     Raises:
         InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
     """
-    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    text = read_text(path)
+    first = text.lstrip().partition("\n")[0]
+    delimiter = max(delimiters, key=first.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     names: tuple[str, ...] = ()
     rows: list[tuple[str, ...]] = []
     lines: list[int] = []
@@ -101,7 +110,7 @@ def read_table(path: Path | str) -> Table:
         ) from error
     if not names:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
-    table = Table(str(path), names, tuple(rows), tuple(lines))
+    table = Table(str(path), names, tuple(rows), tuple(lines), delimiter)
     _check_rows(table)
     return table
 

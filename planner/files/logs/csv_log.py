@@ -1,0 +1,179 @@
+"""CSV logs: a column of times, of requested and of actual angles, and perhaps of the torque."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.logs.columns import Pair, meaning, pairs
+from planner.files.logs.csv_rows import check_column, read_clock, read_torque
+from planner.files.logs.joints import choose_joints
+from planner.files.logs.options import LogOptions
+from planner.files.logs.rows import Columns, Source, make_log
+from planner.files.logs.units import ANGLE_NAMES, Scale, scale, split_name
+from planner.files.table import Table, read_table
+
+if TYPE_CHECKING:
+    from planner.identification.log import Log
+
+DELIMITERS = ",;\t"
+"""What may stand between cells."""
+
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
+
+
+def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
+    """Read the logs of the chosen joints from CSV, or from standard input for ``-``.
+
+    Raises:
+        InvalidFile: The file is no log; the message says where and why.
+    """
+    table = _read(path)
+    times, clock = read_clock(table, options)
+    torque, switch = read_torque(table, options)
+    logs = []
+    for pair in _chosen(table, options):
+        requested, actual = pair.requested[0], pair.actual[0]
+        numbers = table.numbers([requested, actual])
+        log_columns = Columns(
+            times=times,
+            requests=numbers[:, 0],
+            angles=numbers[:, 1],
+            request_scale=_scale(table, requested, pair.joint, options),
+            angle_scale=_scale(table, actual, pair.joint, options),
+            torque_on=switch,
+        )
+        source = Source(path=path, line=lambda k: table.lines[k])
+        notes = (
+            f"{clock}, requested from '{requested}', actual from '{actual}'{torque}",
+            _unit_note(log_columns, options.unit_of(pair.joint)),
+        )
+        logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
+    return tuple(logs)
+
+
+def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
+    """Names of the joints of a CSV log, in the file's order; "" where columns name none."""
+    return tuple(pair.joint for pair in _complete(pairs(_read(path).names)))
+
+
+def _read(path: Path | str) -> Table:
+    """The table, with points for the decimal commas that go with semicolons."""
+    table = read_table(path, delimiters=DELIMITERS)
+    if table.delimiter == ",":
+        return table
+    rows = tuple(
+        tuple(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row)
+        for row in table.rows
+    )
+    return dataclasses.replace(table, rows=rows)
+
+
+def _complete(found: tuple[Pair, ...]) -> tuple[Pair, ...]:
+    return tuple(pair for pair in found if pair.requested and pair.actual)
+
+
+def _chosen(table: Table, options: LogOptions) -> tuple[Pair, ...]:
+    """One column of requested and one of actual angles for each joint to read."""
+    found = pairs(table.names)
+    if options.requested is not None or options.actual is not None:
+        return (_named(table, found, options),)
+    complete = _complete(found)
+    if not complete:
+        raise _no_pair(table, found)
+    chosen = choose_joints(table.path, [pair.joint for pair in complete], options.joint)
+    return tuple(_single(table, complete[k]) for k in chosen)
+
+
+def _named(table: Table, found: tuple[Pair, ...], options: LogOptions) -> Pair:
+    """The columns that the options name; if they name only one, the other is guessed."""
+    given = {"requested": options.requested, "actual": options.actual}
+    named = [column for column in given.values() if column is not None]
+    for column in named:
+        check_column(table, column)
+    parsed = meaning(named[0])
+    joint = options.joint or (parsed.joint if parsed is not None else "")
+    columns = {
+        role: (column,) if column is not None else _guessed(table, found, role, joint)
+        for role, column in given.items()
+    }
+    return _single(table, Pair(joint, **columns))
+
+
+def _guessed(table: Table, found: tuple[Pair, ...], role: str, joint: str) -> tuple[str, ...]:
+    """The columns of a role, of this joint or of the only one that has any."""
+    guesses = {pair.joint: getattr(pair, role) for pair in found if getattr(pair, role)}
+    if joint not in guesses and len(guesses) != 1:
+        raise InvalidFile(
+            table.path,
+            f"no column is clearly the {role} angle; columns: {', '.join(table.names)}; name it "
+            f"with --{role}",
+            line=1,
+        )
+    guess: tuple[str, ...] = guesses.get(joint) or next(iter(guesses.values()))
+    return guess
+
+
+def _single(table: Table, pair: Pair) -> Pair:
+    for role, columns in (("requested", pair.requested), ("actual", pair.actual)):
+        if len(columns) > 1:
+            raise InvalidFile(
+                table.path,
+                f"{len(columns)} columns may be the {role} angle ({', '.join(columns)}); name one "
+                f"with --{role}",
+                line=1,
+            )
+    return pair
+
+
+def _no_pair(table: Table, found: tuple[Pair, ...]) -> InvalidFile:
+    half = next((pair for pair in found if pair.requested or pair.actual), None)
+    every = f"columns: {', '.join(table.names)}"
+    if half is None:
+        return InvalidFile(
+            table.path,
+            f"no column names a requested or an actual angle; {every}; name them with --requested "
+            "and --actual",
+            line=1,
+        )
+    there, other = ("requested", "actual") if half.requested else ("actual", "requested")
+    column = (half.requested or half.actual)[0]
+    return InvalidFile(
+        table.path,
+        f"'{column}' is the {there} angle, but no column names the {other} one; {every}; name it "
+        f"with --{other}",
+        line=1,
+    )
+
+
+def _scale(table: Table, column: str, joint: str, options: LogOptions) -> Scale:
+    _, said = split_name(column, ANGLE_NAMES)
+    given = options.unit_of(joint)
+    if said is not None and given is not None and said != given:
+        raise InvalidFile(
+            table.path,
+            f"column '{column}' says {said}, but --unit says {given}; rename the column or leave "
+            "the option out",
+            line=1,
+        )
+    unit = said or given
+    if unit is None:
+        raise InvalidFile(
+            table.path,
+            f"column '{column}' has no unit; give --unit rad (or deg, ticks, turns, range, "
+            f"percent), or rename it {column}_rad",
+            line=1,
+        )
+    try:
+        return scale(unit, options.ticks_per_turn)
+    except InvalidInput as error:
+        raise InvalidFile(table.path, str(error), line=1) from error
+
+
+def _unit_note(columns: Columns, given: str | None) -> str:
+    requested, actual = columns.request_scale.name, columns.angle_scale.name
+    both = actual if requested == actual else f"{requested} and {actual}"
+    return f"angles in {both}, as {'the columns' if given is None else '--unit'} said"

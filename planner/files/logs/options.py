@@ -1,0 +1,108 @@
+"""What a user says about logs: which joint, which columns or topics, which units."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from planner.exceptions import InvalidInput
+from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
+from planner.files.table import nearest
+
+ALL_JOINTS = "all"
+"""The name that stands for every joint of a log."""
+
+MOST_EPISODES = 1_000_000
+"""Episodes that may be asked for; a range beyond it is a slip of the finger."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """Everything that a log may leave open; None leaves it to the log.
+
+    Attributes:
+        joint: The joint to read, or "all".
+        time: CSV: the column of times; ``clock:ms`` says that column ``clock`` is in milliseconds.
+        requested: CSV: the column of requested angles.
+        actual: CSV: the column of actual angles.
+        torque: CSV: the column that says whether the torque is on.
+        unit: The unit of the angles: rad, deg, ticks, turns, range (a share 0..1 of the joint's
+            range), percent (0..100 of it) or range_m100_100 (-100..100); and where joints differ,
+            ``rad,Jaw=range``.
+        ticks_per_turn: Steps of the sensor in one turn, for angles in ticks.
+        topic: Bags: the topic of actual angles.
+        command_topic: Bags: the topic of requested angles.
+        episodes: LeRobot: the episodes to read, such as ``0-3,7``.
+    """
+
+    joint: str | None = None
+    time: str | None = None
+    requested: str | None = None
+    actual: str | None = None
+    torque: str | None = None
+    unit: str | None = None
+    ticks_per_turn: float | None = None
+    topic: str | None = None
+    command_topic: str | None = None
+    episodes: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without a log.
+
+        Raises:
+            InvalidInput: An unknown unit, ticks that are no number, or episodes that are no list.
+        """
+        _units(self.unit)
+        ticks = self.ticks_per_turn
+        if ticks is not None and not (math.isfinite(ticks) and ticks > 0.0):
+            raise InvalidInput(f"ticks per turn: got {ticks:g}, expected more than 0, such as 4096")
+        self.wanted_episodes()
+
+    def unit_of(self, joint: str) -> str | None:
+        """The unit that the user gives for a joint's angles; None where the log has to say."""
+        units = _units(self.unit)
+        return units.get(joint, units.get(""))
+
+    def scale_of(self, joint: str) -> Scale | None:
+        """The scale of :meth:`unit_of`.
+
+        Raises:
+            InvalidInput: Ticks without their number in a turn.
+        """
+        unit = self.unit_of(joint)
+        return None if unit is None else scale(unit, self.ticks_per_turn)
+
+    def wanted_episodes(self) -> frozenset[int] | None:
+        """The episodes to read; None for all.
+
+        Raises:
+            InvalidInput: Not a list of numbers and ranges.
+        """
+        if self.episodes is None:
+            return None
+        wanted: set[int] = set()
+        for part in self.episodes.split(","):
+            match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
+            first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+            if last < first or last - first >= MOST_EPISODES:
+                raise InvalidInput(
+                    f"episodes: got '{self.episodes}', expected numbers and ranges such as 0-3,7"
+                )
+            wanted.update(range(first, last + 1))
+        return frozenset(wanted)
+
+
+def _units(text: str | None) -> dict[str, str]:
+    """Unit by joint; the joint "" stands for all others."""
+    units: dict[str, str] = {}
+    for part in text.split(",") if text is not None else ():
+        joint, _, word = part.rpartition("=")
+        unit = ANGLE_NAMES.get(word.strip().lower())
+        if unit is None:
+            raise InvalidInput(
+                f"unit '{word.strip()}' is unknown{nearest(word.strip(), ANGLE_UNITS)}; expected "
+                f"one of {', '.join(ANGLE_UNITS)}, or rad,Jaw=range where joints differ"
+            )
+        units[joint.strip()] = unit
+    return units
