@@ -12,7 +12,7 @@ GUESS = "guess"
 CHOICE = "choice"
 
 
-def _constant(value: float, unit: str, source: str) -> Any:
+def _constant(value: float | int, unit: str, source: str) -> Any:
     return field(default=value, metadata={"unit": unit, "source": source})
 
 
@@ -46,7 +46,7 @@ class Constants:
     control_period: float = _constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
     request_period: float = _constant(8e-3, "s", "Stronger and Stone: one request per frame")
     transport_delay: float = _constant(
-        30e-3, "s", f"{GUESS}: frames in buffers between a request and the servo, after the paper"
+        32e-3, "s", f"{CHOICE}: four frames between a request and its servo, after the paper"
     )
     proportional_gain: float = _constant(
         8.0, "1/rad", f"{CHOICE}: the whole voltage at an error of about 7 degrees"
@@ -61,8 +61,8 @@ class Constants:
     integral_share: float = _constant(
         0.15, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
     )
-    duty_steps: float = _constant(255.0, "1", "the Aibo's PWM saturates at 255 steps either way")
-    sensor_bits: float = _constant(10.0, "bit", "Sony: the potentiometer is read with 10 bits")
+    duty_steps: int = _constant(255, "1", "the Aibo's PWM saturates at 255 steps either way")
+    sensor_bits: int = _constant(10, "bit", "Sony: the potentiometer is read with 10 bits")
     sensor_range: float = _constant(
         math.radians(300.0), "rad", f"{GUESS}: a turning range of 300 degrees; 0.29 degrees a count"
     )
@@ -76,7 +76,7 @@ class Constants:
     @property
     def count(self) -> float:
         """One step of the sensor [rad]."""
-        return self.sensor_range / 2.0**self.sensor_bits
+        return self.sensor_range / float(2**self.sensor_bits)
 
     @property
     def armature(self) -> float:

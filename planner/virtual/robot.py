@@ -88,7 +88,7 @@ class VirtualRobot:
         asked = np.array(requests, dtype=np.float64)
         kept = self._requests(asked)
         sensed, angles = np.empty_like(kept), np.empty_like(kept)
-        times = self._time + self.constants.request_period * np.arange(len(kept))
+        times: Array = self._time + self.constants.request_period * np.arange(len(kept))
         for k, row in enumerate(kept):
             angles[k], sensed[k] = self._data.qpos, self._sense()
             for _ in range(self._periods):
@@ -110,7 +110,8 @@ class VirtualRobot:
                 f"requests: got shape {rows.shape}, expected finite angles [rad] of shape "
                 f"(n, {len(self.limits[0])}), one column per joint"
             )
-        return np.clip(rows, *self.limits)
+        kept: Array = np.clip(rows, *self.limits)
+        return kept
 
     def _advance(self, row: tuple[float, ...]) -> None:
         """One control period: sense, control, drive, move."""
