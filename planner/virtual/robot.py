@@ -88,7 +88,7 @@ class VirtualRobot:
         asked = np.array(requests, dtype=np.float64)
         kept = self._requests(asked)
         sensed, angles = np.empty_like(kept), np.empty_like(kept)
-        times: Array = self._time + self.constants.request_period * np.arange(len(kept))
+        times = self._time + self.constants.request_period * np.arange(len(kept), dtype=np.float64)
         for k, row in enumerate(kept):
             angles[k], sensed[k] = self._data.qpos, self._sense()
             for _ in range(self._periods):
