@@ -1,0 +1,93 @@
+"""A schedule repeated, and at the rate of another controller."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput
+from planner.robot.schedule import Schedule, check_cycles
+from planner.trajectory import Array
+
+Between = Literal["hold", "linear"]
+"""What happens between two requests: the last one is held, or a straight line is followed."""
+
+MOST_ROWS = 1_000_000
+"""Longest schedule that is made [rows]: more than two hours at a request every 8 ms."""
+
+ON_TIME = 1e-6
+"""A row this part of a period before a request already sends it; clocks are written rounded."""
+
+
+def repeated(schedule: Schedule, cycles: int) -> Schedule:
+    """The schedule, ``cycles`` times in a row.
+
+    Raises:
+        InvalidInput: Not a positive whole number, or more than :data:`MOST_ROWS` rows.
+    """
+    check_cycles(cycles)
+    _check_length(len(schedule.requests) * cycles, f"{cycles} cycles", "fewer cycles")
+    return Schedule(schedule.names, np.tile(schedule.requests, (cycles, 1)), schedule.period)
+
+
+def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> Schedule:
+    """The schedule as a controller with another rate sends it.
+
+    A request is a zero-order hold, r(t) = r_k for k T ≤ t < (k + 1) T, and by default every row is
+    what r is at its time: rows between two requests repeat the earlier one, and at a rate below
+    that of the requests some are never sent. "linear" follows the straight line from each request
+    to the next instead, which is as if every request came half a period early; the last is held.
+
+    Args:
+        schedule: The requests.
+        rate: Rows per second [Hz].
+        between: What is sent between two requests.
+
+    Returns:
+        Rows at 0, 1/rate, 2/rate ... as long as the schedule lasts.
+
+    Raises:
+        InvalidInput: A rate that is not positive and finite, or more than :data:`MOST_ROWS` rows.
+    """
+    if not 0.0 < rate < math.inf:
+        raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")
+    if between not in get_args(Between):
+        raise InvalidInput(f"between: got {between!r}, expected 'hold' or 'linear'")
+    _check_length(
+        schedule.duration * rate, f"{schedule.duration:g} s at {rate:g} Hz", "a lower rate"
+    )
+    places = _places(schedule, rate)
+    if between == "linear":
+        known = np.arange(len(schedule.requests))
+        rows = np.column_stack([np.interp(places, known, column) for column in schedule.requests.T])
+    else:
+        rows = schedule.requests[_held(places, len(schedule.requests))]
+    return Schedule(schedule.names, rows, 1.0 / rate)
+
+
+def never_sent(schedule: Schedule, rate: float) -> int:
+    """How many requests :func:`resampled` never sends when it holds them at this rate [Hz]."""
+    kept = _held(_places(schedule, rate), len(schedule.requests))
+    return len(schedule.requests) - len(np.unique(kept))
+
+
+def _held(places: Array, requests: int) -> npt.NDArray[np.intp]:
+    """Number of the request that is held at each place."""
+    return np.minimum(np.floor(places + ON_TIME).astype(np.intp), requests - 1)
+
+
+def _places(schedule: Schedule, rate: float) -> Array:
+    """Where the rows fall among the requests, in periods from the first one."""
+    rows = math.ceil(schedule.duration * rate - ON_TIME)
+    places: Array = np.arange(max(rows, 1)) / (rate * schedule.period)
+    return places
+
+
+def _check_length(rows: float, what: str, advice: str) -> None:
+    if rows > MOST_ROWS:
+        raise InvalidInput(
+            f"{what} make {rows:.0f} rows, expected at most {MOST_ROWS}; ask for {advice}"
+        )

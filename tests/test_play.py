@@ -1,0 +1,225 @@
+"""The player keeps its times, says how well, and stops safely; on a clock of its own."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.robot.ramp import ramp
+
+TICK = 1.0 / 128.0
+"""A period whose multiples floating point has exactly [s], so that times can be compared."""
+
+ROUNDING = 1e-12
+"""Sums of a few thousand such times [s], and of angles of some rad."""
+
+WALK = np.array([[0.0, 1.0], [0.1, 0.9], [0.2, 0.8], [0.1, 0.9]])
+
+
+class Robot:
+    """A clock that only sleeping and sending advance, and a record of what came when."""
+
+    def __init__(self, *, sending=0.0, oversleep=0.0):
+        self.time, self.sending, self.oversleep = 100.0, sending, oversleep
+        self.rows, self.times, self.stops = [], [], 0
+        self.stall_at, self.stall = None, 0.0
+        self.fail_at, self.failure = None, None
+
+    def now(self):
+        return self.time
+
+    def sleep(self, duration):
+        assert duration > 0.0
+        self.time += duration + self.oversleep
+
+    def send(self, row):
+        if self.fail_at == len(self.rows):
+            raise self.failure
+        self.rows.append(row)
+        self.times.append(self.time)
+        self.time += self.stall if self.stall_at == len(self.rows) - 1 else self.sending
+
+    def stop(self):
+        self.stops += 1
+
+    def play(self, requests=WALK, **settings):
+        return planner.play(
+            requests,
+            period=TICK,
+            send=self.send,
+            on_stop=self.stop,
+            now=self.now,
+            sleep=self.sleep,
+            **settings,
+        )
+
+
+def test_every_request_is_sent_at_its_time_and_the_last_is_held_for_its_period():
+    robot = Robot()
+    report = robot.play(cycles=3)
+    assert robot.times == [100.0 + k * TICK for k in range(12)]
+    assert np.array_equal(robot.rows, np.tile(WALK, (3, 1)))
+    assert robot.time == 100.0 + 12 * TICK
+    assert report == planner.Playback(sent=12)
+    assert robot.stops == 1
+
+
+def test_lateness_does_not_add_up():
+    robot = Robot(sending=0.3 * TICK, oversleep=0.1 * TICK)
+    report = robot.play(cycles=1000)
+    assert report.sent == 4000
+    assert report.skipped == report.overruns == 0
+    assert report.latest == pytest.approx(0.1 * TICK, abs=ROUNDING)
+    assert robot.times[-1] - 100.0 == pytest.approx(3999.1 * TICK, abs=1e-9)
+
+
+def test_what_is_overdue_is_skipped_and_the_rest_is_in_step_with_the_clock():
+    robot = Robot()
+    robot.stall_at, robot.stall = 2, 3.5 * TICK
+    report = robot.play(cycles=3)
+    assert report.skipped == 2  # requests 3 and 4: by then request 5 is due
+    assert report.overruns == 1
+    assert report.latest == 0.5 * TICK
+    numbers = [0, 1, 2, 5, 6, 7, 8, 9, 10, 11]
+    assert np.array_equal(robot.rows, [WALK[k % 4] for k in numbers])
+    assert robot.times[4:] == [100.0 + k * TICK for k in numbers[4:]]
+
+
+def test_the_last_request_is_sent_however_late():
+    robot = Robot()
+    robot.stall_at, robot.stall = 0, 99.0
+    report = robot.play(cycles=1)
+    assert np.array_equal(robot.rows, WALK[[0, 3]])
+    assert report.skipped == 2
+    assert report.latest == 99.0 - 3 * TICK
+
+
+def test_a_sender_slower_than_the_period_is_told():
+    report = Robot(sending=2.5 * TICK).play(cycles=10)
+    assert report.overruns == report.sent
+    assert report.sent + report.skipped == 40
+    assert f"{report.overruns} overruns, {report.skipped} skipped" in str(report)
+
+
+def test_ctrl_c_ends_a_walk_for_ever_and_is_told():
+    robot = Robot()
+    robot.fail_at, robot.failure = 41, KeyboardInterrupt()
+    report = robot.play()
+    assert report.interrupted
+    assert report.sent == 41
+    assert str(report).startswith("interrupted after 41 requests: 0.00 ms late on average")
+    assert robot.stops == 1
+
+
+def test_an_error_passes_through_after_the_robot_is_stopped():
+    robot = Robot()
+    robot.fail_at, robot.failure = 2, OSError("the cable is out")
+    with pytest.raises(OSError, match="the cable is out"):
+        robot.play(cycles=1)
+    assert robot.stops == 1
+
+
+def test_a_robot_is_led_to_the_first_request_no_faster_than_told():
+    robot, speed = Robot(), 0.5
+    report = robot.play(cycles=1, current=[0.1, 0.7], speed=speed)
+    rows = np.vstack([[0.1, 0.7], robot.rows[:-4], WALK[0]])
+    assert np.max(np.abs(np.diff(rows, axis=0))) <= speed * TICK + ROUNDING
+    assert len(rows) == 1 + int(np.ceil(0.3 / (speed * TICK)))
+    assert np.array_equal(robot.rows[-4:], WALK)
+    assert robot.times == [100.0 + k * TICK for k in range(len(robot.times))]
+    assert report.sent == len(robot.rows)
+
+
+def test_a_late_ramp_waits_and_skips_nothing():
+    robot = Robot()
+    robot.stall_at, robot.stall = 5, 20.0 * TICK
+    report = robot.play(cycles=1, current=[0.1, 0.7], speed=0.5)
+    assert np.min(np.diff(robot.times)) >= TICK
+    assert report.skipped == 0
+    assert report.overruns == 1
+
+
+def test_a_robot_that_is_there_already_is_not_led():
+    robot = Robot()
+    assert robot.play(cycles=1, current=WALK[0], speed=0.5).sent == 4
+
+
+@given(
+    st.floats(-3.0, 3.0),
+    st.floats(-3.0, 3.0),
+    st.floats(0.01, 10.0),
+    st.sampled_from([0.002, 0.008, 0.02]),
+)
+def test_a_ramp_is_even_keeps_its_speed_and_wastes_no_time(start, goal, speed, period):
+    rows = ramp([start, 0.0], [goal, 0.0], speed=speed, period=period)
+    steps = np.diff(np.concatenate([[start], rows[:, 0], [goal]]))
+    assert np.allclose(steps, steps[0], rtol=0.0, atol=ROUNDING)
+    assert np.max(np.abs(steps)) <= speed * period + ROUNDING
+    assert len(rows) <= abs(goal - start) / (speed * period) + ROUNDING
+    assert not rows[:, 1].any()
+
+
+def test_timed_requests_go_on_for_ever_without_drift():
+    late = next(islice(planner.timed_requests(WALK, period=0.008), 10**5 + 1, None))
+    assert late.time == (10**5 + 1) * 0.008
+    assert np.array_equal(late.requests, WALK[1])
+
+
+def test_timed_requests_of_one_joint_end_after_their_cycles():
+    timed = list(planner.timed_requests([0.1, 0.2], period=0.5, cycles=2))
+    assert [request.time for request in timed] == [0.0, 0.5, 1.0, 1.5]
+    assert [request.requests.tolist() for request in timed] == [[0.1], [0.2], [0.1], [0.2]]
+    assert not timed[0].requests.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"cycles": 0}, "cycles: got 0, expected a whole number from 1 up"),
+        ({"cycles": 1.5}, "cycles: got 1.5, expected a whole number from 1 up"),
+        ({"current": [0.0, 0.0]}, "current and speed: got one of them, expected both or none"),
+        ({"speed": 1.0}, "current and speed: got one of them, expected both or none"),
+        (
+            {"current": [0.0], "speed": 1.0},
+            "current: got 1 angles, expected 2, one per joint of the requests",
+        ),
+        (
+            {"current": [0.0, 0.0], "speed": -1.0},
+            "speed: got -1.0, expected a positive number of rad/s",
+        ),
+        (
+            {"current": [0.0, 0.0], "speed": 1e-6},
+            "speed: got 1e-06 rad/s, for a ramp of 1e+06 s; expected a faster one",
+        ),
+        (
+            {"requests": [[0.0, np.nan]]},
+            "requests, column 1: 1 of 1 samples are not finite, the first at index 0 (nan); remove "
+            "or interpolate them first",
+        ),
+        (
+            {"requests": np.zeros((2, 2, 2))},
+            "requests: got shape (2, 2, 2), expected (n, k), a row of requests per period",
+        ),
+        (
+            {"requests": [[0.0], [0.0, 1.0]]},
+            "requests: got rows of different lengths, expected one request per joint, shape (n, k)",
+        ),
+    ],
+)
+def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
+    robot = Robot()
+    with pytest.raises(planner.InvalidInput) as caught:
+        robot.play(**{"cycles": 1, **changes})
+    assert str(caught.value) == message
+    assert robot.rows == []
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), float("inf"), "8 ms"])
+def test_a_period_is_a_positive_time(period):
+    with pytest.raises(planner.InvalidInput, match=r"expected a positive number of seconds"):
+        planner.timed_requests(WALK, period=period)
