@@ -43,7 +43,7 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
         for picture in pictures
     }
     return (
-        _environment()
+        environment()
         .get_template("report.html")
         .render(
             results=results,
@@ -61,7 +61,8 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
     )
 
 
-def _environment() -> jinja2.Environment:
+def environment() -> jinja2.Environment:
+    """Where every page finds its template, and how it writes numbers."""
     import jinja2
 
     environment = jinja2.Environment(
