@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner._version import __version__
+    from planner.approximation.curve import PiecewiseLinear
     from planner.approximation.fit import fit_pwl
+    from planner.approximation.stack import CurveStack
     from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
         Infeasible,
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from planner.inversion.line import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
+    from planner.inversion.switching import closed_form_requests
     from planner.model.joint import JointModel
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Certificate",
+    "CurveStack",
     "FootInversion",
     "Identification",
     "Infeasible",
@@ -57,12 +61,14 @@ __all__ = [
     "MissingExtra",
     "NoSteadyCycle",
     "OutsideEquation13",
+    "PiecewiseLinear",
     "PlannerError",
     "Playback",
     "SolverFailed",
     "TimedRequest",
     "__version__",
     "certify",
+    "closed_form_requests",
     "cross_check",
     "fit_pwl",
     "half_ellipse",
@@ -84,7 +90,9 @@ __all__ = [
 
 _HOMES = {
     "planner._version": ("__version__",),
+    "planner.approximation.curve": ("PiecewiseLinear",),
     "planner.approximation.fit": ("fit_pwl",),
+    "planner.approximation.stack": ("CurveStack",),
     "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
         "Infeasible",
@@ -111,6 +119,7 @@ _HOMES = {
     "planner.inversion.line": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
+    "planner.inversion.switching": ("closed_form_requests",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),

@@ -9,9 +9,11 @@ import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.fit import fit_pwl
+from planner.approximation.stack import CurveStack
 from planner.inversion.line import Rule, check_rule, line_offset
 from planner.inversion.refinement import MOST_WORK, refined_curve
 from planner.inversion.result import Inversion
+from planner.inversion.switching import requests_of, switching_time
 from planner.inversion.tracking import Tracking, follow
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
@@ -118,19 +120,6 @@ def requests_along(
     rule: Rule,
     offset_of: Callable[..., float | Array] = line_offset,
 ) -> Array:
-    """The inverted lines of ``curve``, each until l + a/2 before the next begins [rad], (n,)."""
-    samples = np.arange(curve.samples, dtype=np.float64)
-    ahead = switching_time(model) / model.period  # [samples]
-    slopes = curve.slope_at(samples + ahead)  # of the line that counts at each request
-    slopes = np.clip(slopes, -model.v_max, model.v_max)
-    lines = curve(samples + ahead) - slopes * ahead * model.period
-    requests: Array = lines + offset_of(model, slopes, rule=rule)
+    """The inverted lines of one curve, each until l + a/2 before the next begins [rad], (n,)."""
+    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, offset_of=offset_of)[0]
     return requests
-
-
-def switching_time(model: JointModel) -> float:
-    """How long before the angles the requests change from line to line: l + a/2 [s].
-
-    A request that is held acts (hold - 1) / 2 ticks later on average than the line it stands for.
-    """
-    return model.lag + model.acceleration_time / 2.0 + (model.hold - 1) / 2.0 * model.tick

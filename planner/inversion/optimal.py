@@ -11,7 +11,7 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
-from planner.inversion.closed_form import closed_form, requests_along, switching_time
+from planner.inversion.closed_form import closed_form, requests_along
 from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
 from planner.inversion.goal import FollowAngles
 from planner.inversion.limits import check_within, checked_limits, checked_tolerance
@@ -19,6 +19,7 @@ from planner.inversion.line import RULES, Rule, interpolated_offset
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
+from planner.inversion.switching import switching_time
 from planner.inversion.tracking import Tracking, follow, in_reach
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start

@@ -1,0 +1,56 @@
+"""A stack of curves: what it holds, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.stack import CurveStack
+from planner.exceptions import InvalidInput
+
+OVER = {"samples": 10, "tick": 0.5}
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_its_slopes_and_lengths_are_those_of_every_curve(cyclic):
+    rows = [[0.0, 2.5, 7.0], [1.0, 3.0, 8.5]], [[0.0, 1.0, -2.0], [3.0, 3.0, 4.0]]
+    stack = CurveStack(knots=rows[0], values=rows[1], cyclic=cyclic, **OVER)
+    for k, v, lengths, slopes in zip(*rows, stack.lengths, stack.slopes, strict=True):
+        curve = PiecewiseLinear(knots=k, values=v, cyclic=cyclic, **OVER)
+        np.testing.assert_array_equal(lengths, curve.lengths)
+        np.testing.assert_array_equal(slopes, curve.slopes)
+
+
+def test_knots_may_be_shared():
+    stack = CurveStack(knots=[0.0, 4.0], values=np.zeros((3, 2)), cyclic=True, **OVER)
+    np.testing.assert_array_equal(stack.knots, [[0.0, 4.0]] * 3)
+
+
+@pytest.mark.parametrize(
+    ("knots", "values", "message"),
+    [
+        ([0.0, 4.0], [0.0, 1.0], r"expected \(m, 1 or more\)"),
+        ([0.0, 4.0, 5.0], [[0.0, 1.0]], r"knots: got shape \(3,\)"),
+        ([[0.0, 4.0], [5.0, 4.0]], np.zeros((2, 2)), "curve 1 must increase"),
+        ([[0.0, 4.0], [0.0, 10.0]], np.zeros((2, 2)), "fit into one cycle"),
+        ([0.0, 4.0], [[0.0, 1.0], [0.0, np.nan]], "curve 1 has others"),
+    ],
+)
+def test_rows_that_are_no_curves_are_refused(knots, values, message):
+    with pytest.raises(InvalidInput, match=message):
+        CurveStack(knots=knots, values=values, cyclic=True, **OVER)
+
+
+def test_a_tick_of_nothing_is_refused():
+    with pytest.raises(InvalidInput, match="tick: got 0"):
+        CurveStack(knots=[0.0], values=[[0.0]], samples=10, tick=0, cyclic=True)
+
+
+def test_only_curves_that_agree_are_stacked():
+    one = PiecewiseLinear(knots=[0.0, 4.0], values=[0.0, 1.0], cyclic=True, **OVER)
+    other = PiecewiseLinear(knots=[0.0], values=[0.0], cyclic=True, **OVER)
+    with pytest.raises(InvalidInput, match="curve 1 has another number"):
+        CurveStack.of([one, other])
+    with pytest.raises(InvalidInput, match="got none"):
+        CurveStack.of([])
