@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -89,11 +90,47 @@ def read_models(path: Path | str) -> ModelFile:
 
 def write_model(path: Path | str, model: JointModel) -> None:
     """Write one model for every joint as TOML, each key with its unit; ``-`` is standard output."""
-    lines = [
-        f"{field.name} = {getattr(model, field.name)!r}  # [{field.metadata.get('unit', '-')}]"
-        for field in fields(model)
-    ]
-    write_text(path, "\n".join(lines) + "\n")
+    write_text(path, models_text({"": model}))
+
+
+def models_text(
+    models: Mapping[str, JointModel],
+    *,
+    remarks: Sequence[str] = (),
+    about: Mapping[str, Mapping[str, str]] | None = None,
+) -> str:
+    """Models as TOML that :func:`read_models` reads, with comments.
+
+    Args:
+        models: By joint, a table for each; the joint "" stands above all tables.
+        remarks: Comments at the top.
+        about: By joint, comments by key that take the place of the key's unit, and under "" one
+            above the joint's keys.
+    """
+    blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
+    for joint, model in models.items():
+        said = (about or {}).get(joint, {})
+        lines = [f"[{_key(joint)}]"] if joint else []
+        lines += [_comment(line) for line in said.get("", "").splitlines()]
+        lines += [
+            f"{field.name} = {getattr(model, field.name)!r}  "
+            + _comment(said.get(field.name, f"[{field.metadata.get('unit', '-')}]"))
+            for field in fields(model)
+        ]
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _comment(text: str) -> str:
+    """A comment on one line, without what TOML forbids in it."""
+    return "# " + "".join(mark if mark.isprintable() else " " for mark in text)
+
+
+def _key(joint: str) -> str:
+    """The joint as a key of TOML, in quotes where it needs them."""
+    if re.fullmatch(r"[A-Za-z0-9_-]+", joint):
+        return joint
+    return json.dumps(joint, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:

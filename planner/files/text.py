@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from planner.exceptions import InvalidFile
@@ -70,8 +72,22 @@ def write_text(path: Path | str, text: str) -> None:
 
 def write_bytes(path: Path | str, content: bytes) -> None:
     """Write ``content`` to a file, whole or not at all; see :func:`write_text`."""
+    with staged(path, content):
+        pass
+
+
+@contextmanager
+def staged(path: Path | str, content: bytes) -> Iterator[None]:
+    """Write ``content`` aside, and put it in place only if the block does not raise.
+
+    So that of several files all appear or none: the last one is written in the block of the others.
+
+    Raises:
+        InvalidFile: As :func:`write_text` does.
+    """
     target = Path(path)
     if target.exists() and not target.is_file():  # a device or a named pipe takes what it is given
+        yield
         _write_through(target, content)
         return
     try:
@@ -80,12 +96,17 @@ def write_bytes(path: Path | str, content: bytes) -> None:
         raise _cannot_write(path, error) from error
     aside = Path(name)
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        aside.chmod(_permissions(target))
-        aside.replace(target.resolve())
-    except OSError as error:
-        raise _cannot_write(path, error) from error
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+        except OSError as error:
+            raise _cannot_write(path, error) from error
+        yield
+        try:
+            aside.chmod(_permissions(target))
+            aside.replace(target.resolve())
+        except OSError as error:
+            raise _cannot_write(path, error) from error
     finally:
         aside.unlink(missing_ok=True)
 
