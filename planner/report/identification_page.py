@@ -1,0 +1,124 @@
+"""The report of an identification as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner._version import __version__
+from planner.identification.identification import Identification
+from planner.identification.speed_cloud import speed_cloud
+from planner.report.figures import Picture
+from planner.report.identification_figures import IdentificationPictures, identification_pictures
+from planner.report.identification_words import (
+    Error,
+    Parameter,
+    Units,
+    errors,
+    known,
+    parameters,
+    telling_error,
+    units_of,
+    verdict,
+)
+from planner.report.page import PARAMETERS, environment
+from planner.report.render import to_inline_svg
+from planner.report.results import versions
+from planner.report.style import ROLES
+
+LIBRARIES = ("request-planner", "python", "numpy", "scipy", "matplotlib")
+"""Whose versions stand at the end of the page."""
+
+
+class Joint(NamedTuple):
+    """What the page says about one joint.
+
+    Attributes:
+        name: Its name; empty where the logs have none.
+        anchor: Its identifier on the page.
+        found: What was identified.
+        verdict: The verdict in a sentence.
+        known: What is determined, in a sentence.
+        error: The error that tells most [rad].
+        where: On which rows it was measured.
+        units: Units in which it is told.
+        parameters: Rows of the table of parameters.
+        errors: Rows of the table of errors.
+        saturated: Share of the measured intervals that were wholly at the top speed.
+        pictures: Its pictures.
+    """
+
+    name: str
+    anchor: str
+    found: Identification
+    verdict: str
+    known: str
+    error: float
+    where: str
+    units: Units
+    parameters: list[Parameter]
+    errors: list[Error]
+    saturated: float
+    pictures: IdentificationPictures
+
+
+def identification_page(identifications: Mapping[str, Identification]) -> str:
+    """The whole page: what holds and what does not first, where it comes from last.
+
+    Args:
+        identifications: By joint; "" for one without a name.
+    """
+    joints = [
+        _joint(name, found, f"joint{k}_" if len(identifications) > 1 else "")
+        for k, (name, found) in enumerate(identifications.items(), 1)
+    ]
+    found = versions()
+    return (
+        environment()
+        .get_template("identification.html")
+        .render(
+            joints=joints,
+            drawn=_drawn,
+            roles=ROLES,
+            words=PARAMETERS,
+            made_by=f"request-planner {__version__} identify",
+            versions={name: found[name] for name in LIBRARIES},
+        )
+    )
+
+
+def _joint(name: str, found: Identification, prefix: str) -> Joint:
+    error, where = telling_error(found)
+    said = verdict(found)
+    return Joint(
+        name=name,
+        anchor=re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),
+        found=found,
+        verdict=said[0].upper() + said[1:],
+        known=known(found),
+        error=error,
+        where=where,
+        units=units_of(found),
+        parameters=parameters(found),
+        errors=errors(found),
+        saturated=_saturated(found),
+        pictures=identification_pictures(found, prefix=prefix),
+    )
+
+
+def _saturated(found: Identification) -> float:
+    clouds = [speed_cloud(found.model, fit) for fit in found.fits]
+    intervals = sum(len(cloud.errors) for cloud in clouds)
+    return sum(int(np.sum(cloud.saturated)) for cloud in clouds) / max(1, intervals)
+
+
+def _drawn(picture: Picture) -> Any:
+    """The picture as an element of the page."""
+    from markupsafe import Markup
+
+    return Markup(  # its words are escaped where it is drawn
+        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
+    )

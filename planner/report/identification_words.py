@@ -1,0 +1,241 @@
+"""An identification in words and figures, for the terminal and for the page alike."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from planner.identification.identification import Alternative, Identification, Interval
+
+NAMES = {
+    "v_max": "top speed",
+    "theta_0": "error from which on it moves at top speed",
+    "gain": "speed per error, v_max / theta_0",
+    "lag": "lag",
+    "acceleration_time": "acceleration time",
+    "offset": "static sag",
+}
+"""What the parameters are called in words, in the order of tables."""
+
+ALTERNATIVES = {
+    "raw": "the request itself",
+    "delay": "best pure delay",
+    "first_order": "delay and first-order lag",
+}
+"""What the simpler descriptions are called in words."""
+
+MODEL = "the joint model"
+
+ROUGH = 0.2
+"""An interval whose half width is beyond this part of the estimate is called rough."""
+
+
+class Units(NamedTuple):
+    """How what is in radians inside is told outside.
+
+    Attributes:
+        factor: What one radian is.
+        angle: Its unit.
+        speed: Unit of speeds.
+        si: Whether it is worth telling in SI too: not for shares of a range.
+    """
+
+    factor: float
+    angle: str
+    speed: str
+    si: bool
+
+
+def units_of(identification: Identification) -> Units:
+    """Degrees for angles; for shares of a range, shares."""
+    if identification.unit == "rad":
+        return Units(math.degrees(1.0), "deg", "deg/s", True)
+    return Units(1.0, "of range", "ranges/s", False)
+
+
+class Parameter(NamedTuple):
+    """One row of the table of parameters, ready to be printed.
+
+    Attributes:
+        name: As in the model's file; ``gain`` for v_max / theta_0.
+        words: What it is.
+        value: The estimate, with its unit.
+        interval: The 95 % interval in the same unit.
+        si: Both in SI.
+        judgement: How well it is known.
+        known: Whether it is bounded on both sides.
+    """
+
+    name: str
+    words: str
+    value: str
+    interval: str
+    si: str
+    judgement: str
+    known: bool
+
+
+def parameters(identification: Identification) -> list[Parameter]:
+    """Every parameter with its interval, in the order of :data:`NAMES`."""
+    units = units_of(identification)
+    outside = {
+        "v_max": (units.factor, units.speed),
+        "theta_0": (units.factor, units.angle),
+        "gain": (1.0, "1/s"),
+        "lag": (1e3, "ms"),
+        "acceleration_time": (1e3, "ms"),
+        "offset": (units.factor, units.angle),
+    }
+    inside = {"v_max": "rad/s", "theta_0": "rad", "offset": "rad"}
+    rows = []
+    for name, words in NAMES.items():
+        factor, unit = outside[name]
+        value, interval = estimate(identification, name)
+        scaled = Interval(factor * interval.lower, factor * interval.upper)
+        si = ""
+        if units.si and name in inside:
+            si = f"{_figure(value, interval)} {inside[name]}, {_between(interval)}"
+        rows.append(
+            Parameter(
+                name=name,
+                words=words,
+                value=f"{_figure(factor * value, scaled)} {unit}",
+                interval=_between(scaled),
+                si=si,
+                judgement=judgement(name, factor * value, scaled, unit),
+                known=interval.bounded,
+            )
+        )
+    return rows
+
+
+def estimate(identification: Identification, name: str) -> tuple[float, Interval]:
+    """A parameter, ``gain`` among them, and its interval, in SI."""
+    if name == "gain":
+        return identification.gain, identification.gain_interval
+    return getattr(identification.model, name), identification.intervals[name]
+
+
+def judgement(name: str, value: float, interval: Interval, unit: str) -> str:
+    """How well a parameter is known, in words."""
+    lower, upper = (math.isfinite(end) for end in interval)
+    if not lower and not upper:
+        return "not determined"
+    if not lower or not upper:
+        return f"only bounded from {'below' if lower else 'above'}"
+    half = 0.5 * (interval.upper - interval.lower)
+    if name in ("lag", "offset"):  # may be 0, which no percentage is of
+        return f"± {half:.2g} {unit}"
+    rough = value == 0.0 or half > ROUGH * abs(value)
+    return f"{'only ' if rough else ''}± {_percent(half, value)}"
+
+
+class Error(NamedTuple):
+    """How far off one description of the joint is.
+
+    Attributes:
+        words: The description.
+        detail: Its parameters, as far as it has any worth telling.
+        rms: Error over all rows [rad].
+        held_out: Error on the rows held out [rad]; None where there are none.
+        ours: Whether it is the joint model.
+    """
+
+    words: str
+    detail: str
+    rms: float
+    held_out: float | None
+    ours: bool
+
+
+def errors(identification: Identification) -> list[Error]:
+    """The errors of the simpler descriptions, and of the joint model at the end."""
+    made = []
+    for other in identification.alternatives:
+        times = [
+            f"{1e3 * other.parameters[name]:.0f} ms"
+            for name in ("delay", "time_constant")
+            if name in other.parameters
+        ]
+        words = ALTERNATIVES.get(other.name, other.name)
+        made.append(Error(words, " + ".join(times), other.rms, other.held_out_rms, False))
+    made.append(Error(MODEL, "", identification.rms, identification.held_out_rms, True))
+    return made
+
+
+def verdict(identification: Identification) -> str:
+    """Whether the model holds, and what it adds, in one sentence."""
+    units = units_of(identification)
+    error, where = telling_error(identification)
+    told = f"{units.factor * error:.3g} {units.angle} rms {where}"
+    others = {other.name: held_out_or_all(other) for other in identification.alternatives}
+    compared = []
+    if others.get("raw", 0.0) > 0.0:
+        compared.append(f"{_percent(error, others['raw'])} of the raw error")
+    if "delay" in others and error > 0.0:
+        compared.append(f"{compared_with(error, others['delay'])} the best pure delay")
+    tail = f": {told}" + (f", {' and '.join(compared)}" if compared else "")
+    return ("the model holds" if identification.accepted else "THE MODEL DOES NOT FIT") + tail
+
+
+def known(identification: Identification) -> str:
+    """Which parameters the logs determine, in a sentence."""
+    rows = parameters(identification)
+    missing = [row.words for row in rows if not row.known]
+    if not missing:
+        return "The logs determine every parameter."
+    if {row.name for row in rows if not row.known} == {"v_max", "theta_0"}:
+        return (
+            "The logs do not reach the top speed: they determine v_max / theta_0, but neither of "
+            "the two alone."
+        )
+    return f"The logs do not determine: {'; '.join(missing)}."
+
+
+def telling_error(identification: Identification) -> tuple[float, str]:
+    """The error that tells most [rad], and on which rows it was measured."""
+    if identification.held_out_rms is not None:
+        return identification.held_out_rms, "on rows held out"
+    return identification.rms, "on the rows it was fitted to"
+
+
+def held_out_or_all(other: Alternative) -> float:
+    """Its error on the rows held out where there are any, on all otherwise [rad]."""
+    return other.rms if other.held_out_rms is None else other.held_out_rms
+
+
+def compared_with(error: float, other: float) -> str:
+    """How an error compares with another one, as in "2.5 times closer than"."""
+    if error <= 0.0:
+        return "infinitely closer than"
+    ratio = other / error
+    if ratio >= 1.05:
+        return f"{ratio:.{1 if ratio < 10 else 0}f} times closer than"
+    return "no closer than" if ratio > 0.95 else f"{1.0 / ratio:.1f} times farther off than"
+
+
+def _figure(value: float, interval: Interval) -> str:
+    """A number with as many decimals as its interval deserves."""
+    text = f"{value:.{_decimals(value, interval)}f}"
+    return text.replace("-", "−") if float(text) else text.lstrip("-")
+
+
+def _between(interval: Interval) -> str:
+    lower, upper = (math.isfinite(end) for end in interval)
+    if lower and upper:
+        return f"{_figure(interval.lower, interval)} to {_figure(interval.upper, interval)}"
+    if lower:
+        return f"at least {_figure(interval.lower, interval)}"
+    return f"at most {_figure(interval.upper, interval)}" if upper else "unknown"
+
+
+def _decimals(value: float, interval: Interval) -> int:
+    """Two figures of the interval's half width, or three of the number."""
+    half = 0.5 * (interval.upper - interval.lower)
+    if math.isfinite(half) and half > 0.0:
+        return min(6, max(0, 1 - math.floor(math.log10(half))))
+    return min(6, max(0, 2 - math.floor(math.log10(abs(value))))) if value else 1
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100.0 * part / abs(whole):.2g} %" if whole else "∞ %"

@@ -1,0 +1,125 @@
+"""Identifications made by hand: what a fit of a simulated joint would be, without the fit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from planner.identification.excitation import excite
+from planner.identification.expectation import at_period
+from planner.identification.identification import (
+    Alternative,
+    Identification,
+    Interval,
+    LogFit,
+)
+from planner.identification.log import Log
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+
+NOISE = math.radians(0.2)
+"""Standard deviation of the made-up sensor [rad]."""
+
+
+def made_up_log(kind="random_steps", *, duration=20.0, name="bench.csv", joint="hip", unit="rad"):
+    """What the Aibo's joint would answer to a test signal at 50 Hz."""
+    signal = excite(kind, limits=(-0.7, 0.9), period=0.02, duration=duration)
+    model = at_period(JointModel.ers210a(), 0.02)
+    noise = NOISE * np.random.default_rng(5).standard_normal(len(signal.times))
+    angles = simulate(model, signal.requests, cyclic=False) + noise
+    return Log(
+        times=3.0 + signal.times,
+        requests=signal.requests,
+        angles=angles,
+        torque_on=signal.times < 0.9 * duration,
+        name=name,
+        joint=joint,
+        unit=unit,
+        notes=("requested: column 'goal' [deg], guessed by its name",),
+    )
+
+
+def made_up_fit(log, model):
+    """The true model on a log, its last third held out."""
+    used = log.torque_on.copy()
+    used[:4] = False
+    held_out = used & (np.arange(len(used)) > 0.6 * len(used))
+    angles = simulate(model, log.requests, cyclic=False)
+    predicted = np.where(used, angles, np.nan)
+    residuals = (log.angles - predicted)[used]
+    return LogFit(
+        log=log,
+        used=used,
+        predicted=predicted,
+        held_out=held_out,
+        held_out_predicted=np.where(held_out, angles + 0.004, np.nan),
+        weights=np.where(used, np.where(np.arange(len(used)) % 97 == 0, 0.3, 1.0), 0.0),
+        rms=float(np.sqrt(np.mean(residuals**2))),
+    )
+
+
+def made_up(*logs, **changes):
+    """An identification of such logs that found the truth; fields may be changed."""
+    logs = logs or (made_up_log(),)
+    model = at_period(JointModel.ers210a(), 0.02)
+    fits = tuple(made_up_fit(log, model) for log in logs)
+    raw = np.concatenate([(fit.log.requests - fit.log.angles)[fit.used] for fit in fits])
+    rms = float(np.sqrt(np.mean([fit.rms**2 for fit in fits])))
+    half = {"v_max": 0.03, "theta_0": 0.004, "lag": 5e-4, "acceleration_time": 2e-3, "offset": 4e-4}
+    fields = {
+        "model": model,
+        "fits": fits,
+        "rms": rms,
+        "held_out_rms": 1.1 * rms,
+        "noise": NOISE,
+        "signal": 0.4,
+        "intervals": {
+            name: Interval(getattr(model, name) - by, getattr(model, name) + by)
+            for name, by in half.items()
+        },
+        "gain_interval": Interval(43.1, 46.2),
+        "covariance": np.diag([(by / 1.96) ** 2 for by in half.values()]),
+        "alternatives": (
+            Alternative(
+                name="raw",
+                rms=float(np.sqrt(np.mean(raw**2))),
+                held_out_rms=1.02 * float(np.sqrt(np.mean(raw**2))),
+                parameters={},
+            ),
+            Alternative(
+                name="delay",
+                rms=0.06,
+                held_out_rms=0.063,
+                parameters={"delay": 0.11, "offset": 0.001},
+            ),
+            Alternative(
+                name="first_order",
+                rms=0.04,
+                held_out_rms=0.041,
+                parameters={"delay": 0.05, "time_constant": 0.06, "offset": 0.001},
+            ),
+        ),
+        "warnings": (),
+        "accepted": True,
+    }
+    return Identification(**{**fields, **changes})
+
+
+def never_saturated():
+    """The same, where the logs bound the top speed from below only."""
+    right = made_up()
+    return dataclasses.replace(
+        right,
+        intervals={
+            **right.intervals,
+            "v_max": Interval(3.0, math.inf),
+            "theta_0": Interval(0.07, math.inf),
+        },
+        covariance=None,
+        warnings=(
+            "the joint never saturates in this log: only v_max/theta_0 = 44.6 per second is known; "
+            "record steps larger than about 0.5 rad",
+        ),
+    )
