@@ -16,7 +16,7 @@ from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
 
-COMMANDS = ("compare", "fit", "gait", "plan", "reproduce", "simulate")
+COMMANDS = ("compare", "export", "fit", "gait", "plan", "reproduce", "simulate")
 """Each is the function of this name in the module of this name."""
 
 FAILED = 1

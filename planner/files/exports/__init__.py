@@ -1,0 +1,1 @@
+"""Requests in the formats of robots: a module for each."""

@@ -1,0 +1,89 @@
+"""CSV at a controller's rate: time, and every joint in radians, degrees or a servo's ticks."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput
+from planner.files.clock import TIME
+from planner.files.table import DECIMALS, write_table
+from planner.files.text import write_text
+from planner.files.units import ANGLES
+from planner.robot.schedule import Schedule
+
+UNITS = (*ANGLES, "ticks")
+"""Units of the columns, which are also the ends of their names."""
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """How a servo counts its angle.
+
+    Attributes:
+        per_turn: Ticks of a full turn.
+        zero: The tick at angle 0, of every joint.
+        zeros: The same of single joints.
+    """
+
+    per_turn: int = 4096
+    zero: int = 2048
+    zeros: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.per_turn < 2:
+            raise InvalidInput(f"ticks per turn: got {self.per_turn}, expected at least 2")
+
+
+def write_controller_csv(
+    path: Path | str, schedule: Schedule, *, unit: str = "rad", ticks: Ticks | None = None
+) -> None:
+    """Write ``t_s`` and one ``<joint>_<unit>`` column per joint; ``-`` is standard output.
+
+    Raises:
+        InvalidInput: A unit that is none of :data:`UNITS`, or requests beyond a servo's turn.
+        InvalidFile: The file cannot be written.
+    """
+    names = [TIME, *(f"{name}_{unit}" for name in schedule.names)]
+    if unit in ANGLES:
+        angles = schedule.requests / ANGLES[unit]
+        write_table(path, names, np.column_stack([schedule.times, angles]))
+        return
+    if unit not in UNITS:
+        raise InvalidInput(f"unit: got '{unit}', expected {', '.join(UNITS)}")
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(names)
+    times = np.round(schedule.times, DECIMALS).tolist()
+    rows = zip(times, to_ticks(schedule, ticks or Ticks()).tolist(), strict=True)
+    writer.writerows([time, *row] for time, row in rows)
+    write_text(path, stream.getvalue())
+
+
+def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
+    """The nearest tick to every request, shape (n, k).
+
+    Raises:
+        InvalidInput: A zero for a joint that is not there, or a request outside a turn.
+    """
+    for name in ticks.zeros:
+        if name not in schedule.names:
+            raise InvalidInput(f"zero tick: no joint '{name}'; joints: {', '.join(schedule.names)}")
+    zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
+    counted = np.rint(zeros + schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
+    beyond = np.argwhere((counted < 0) | (counted >= ticks.per_turn))
+    if beyond.size:
+        k, j = beyond[0]
+        raise InvalidInput(
+            f"{schedule.names[j]}: request {k}, {np.degrees(schedule.requests[k, j]):.2f} deg, is "
+            f"tick {counted[k, j]:.0f}, expected 0 to {ticks.per_turn - 1}; check the zero tick "
+            "and the ticks per turn"
+        )
+    return counted.astype(np.int64)

@@ -1,0 +1,157 @@
+"""From a plan to a robot's file, at the command line."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.files.joint_path import read_joint_path, write_joint_path
+
+
+@pytest.fixture
+def requests(tmp_path):
+    rows = np.radians(np.column_stack([np.arange(10.0), 20.0 - np.arange(10.0)]))
+    write_joint_path(tmp_path / "requests.csv", ["hip", "knee"], rows, period=0.008)
+    return tmp_path / "requests.csv"
+
+
+def test_a_plan_goes_to_a_controller_through_a_pipe(run, desired):
+    plan = run("plan", desired, "--method", "closed-form").stdout
+    result = run("export", "-", "--format", "csv", stdin=plan)
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[0] == "t_s,hip_rad,knee_rad"
+    assert len(result.stdout.splitlines()) == 89
+    assert result.stderr == "88 rows of hip, knee at 125 Hz, 0.704 s\n"
+
+
+def test_cycles_rate_unit_and_names(run, requests, tmp_path):
+    file = tmp_path / "out.csv"
+    result = run(
+        "export", requests, "--format", "csv", "--unit", "deg", "--cycles", 3, "--rate-hz", 50,
+        "--joint-names", "lf_1, lf_2", "-o", file,
+    )  # fmt: skip
+    assert result.exit_code == 0
+    assert result.stdout == ""
+    assert "18 requests fall between the rows and are not among them" in result.stderr
+    written = read_joint_path(file)
+    assert written.names == ("lf_1", "lf_2")
+    hip = np.degrees(written.angles[:, 0])
+    assert np.allclose(hip, [0, 2, 5, 7, 0, 2, 5, 7, 0, 2, 5, 7], rtol=0.0, atol=1e-9)
+
+
+def test_ticks_of_single_joints(run, requests):
+    result = run(
+        "export", requests, "--format", "csv", "--unit", "ticks", "--ticks-per-turn", 360,
+        "--zero-tick", 180, "--zero-tick", "knee=100", "--joint", "knee",
+    )  # fmt: skip
+    assert result.stdout.splitlines()[:3] == ["t_s,knee_ticks", "0.0,120", "0.008,119"]
+
+
+def test_json_says_what_was_written(run, requests, tmp_path):
+    pytest.importorskip("yaml", reason="needs the extra yaml")
+    file = tmp_path / "out.yaml"
+    result = run("export", requests, "--format", "yaml", "--lead-s", 2, "-o", file, "--json")
+    assert json.loads(result.stdout) == {
+        "format": "yaml",
+        "joints": ["hip", "knee"],
+        "rows": 10,
+        "period_s": 0.008,
+        "duration_s": 0.08,
+        "requests_never_sent": 0,
+    }
+    assert "  time_from_start: {sec: 2, nanosec: 0}" in file.read_text()
+
+
+@pytest.mark.parametrize(
+    ("kind", "package", "file"),
+    [
+        ("bag", "rosbags", "walk.db3"),
+        ("mcap", "rosbags", "walk.mcap"),
+        ("lerobot", "pyarrow", "meta/info.json"),
+    ],
+)
+def test_folders_appear_whole(run, requests, tmp_path, kind, package, file):
+    pytest.importorskip(package, reason="needs an extra")
+    result = run("export", requests, "--format", kind, "-o", "out/walk")
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "out" / "walk" / file).is_file()
+    assert [each.name for each in (tmp_path / "out").iterdir()] == ["walk"]
+
+
+def test_a_file_without_times_needs_a_period(run, tmp_path):
+    (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n3\n")
+    result = run("export", "bare.csv", "--format", "csv", "--period-s", "0.5")
+    assert [line.split(",")[0] for line in result.stdout.splitlines()] == [
+        "t_s",
+        "0.0",
+        "0.5",
+        "1.0",
+    ]
+
+
+WRONG = {
+    "no format": (
+        ["requests.csv"],
+        "Missing option '--format'. Choose from: csv, yaml, bag, mcap, "
+        "lerobot See 'request-planner export --help'.",
+    ),
+    "an option of another format": (
+        ["requests.csv", "--format", "yaml", "--unit", "deg"],
+        "--unit has no effect on --format yaml, only on csv. See 'request-planner export --help'.",
+    ),
+    "ticks without the unit": (
+        ["requests.csv", "--format", "csv", "--zero-tick", "3"],
+        "--zero-tick needs --unit ticks. See 'request-planner export --help'.",
+    ),
+    "a tick that is none": (
+        ["requests.csv", "--format", "csv", "--unit", "ticks", "--zero-tick", "knee=1.5"],
+        "--zero-tick: got 'knee=1.5', expected N or JOINT=N, such as knee=2048. "
+        "See 'request-planner export --help'.",
+    ),
+    "a folder on standard output": (
+        ["requests.csv", "--format", "bag"],
+        "--format bag is a folder: name it with --output. See 'request-planner export --help'.",
+    ),
+    "lines without a rate": (
+        ["requests.csv", "--format", "csv", "--between", "linear"],
+        "--between needs --rate-hz: without it there is a row per request. "
+        "See 'request-planner export --help'.",
+    ),
+    "no times": (
+        ["bare.csv", "--format", "csv"],
+        "bare.csv: no column t_s, so no time between requests; add it, or --period-s",
+    ),
+    "two periods": (
+        ["requests.csv", "--format", "csv", "--period-s", "0.02"],
+        "requests.csv: one sample every 0.008 s, expected one every 0.02 s, the time between "
+        "requests; resample the path, drop column t_s, or set tick and hold in the model",
+    ),
+    "no cycles": (
+        ["requests.csv", "--format", "csv", "--cycles", "0"],
+        "cycles: got 0, expected a whole number from 1 up",
+    ),
+    "too few names": (
+        ["requests.csv", "--format", "csv", "--joint-names", "a"],
+        "joint names: got a, expected 2 different names, one per column of the requests",
+    ),
+    "no rate": (
+        ["requests.csv", "--format", "csv", "--rate-hz", "0"],
+        "rate: got 0 Hz, expected a positive number",
+    ),
+    "a period that is none": (
+        ["bare.csv", "--format", "csv", "--period-s", "nan"],
+        "period: got nan, expected a positive number of seconds",
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+@pytest.mark.usefixtures("requests")
+def test_wrong_input_is_one_line_and_status_2(run, tmp_path, arguments, message):
+    (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n")
+    result = run("export", *arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr == f"request-planner: {message}\n"

@@ -1,0 +1,145 @@
+"""CSV for a controller: held requests at its rate, in its unit."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.exceptions import InvalidInput
+from planner.files.exports.controller_csv import Ticks, to_ticks, write_controller_csv
+from planner.files.joint_path import read_joint_path
+from planner.robot import resample
+from planner.robot.resample import never_sent, repeated, resampled
+from planner.robot.schedule import Schedule
+
+ROUNDING = 1e-10
+"""Twelve decimals of a degree are written [rad]."""
+
+
+def _numbered(rows, period):
+    """A joint whose request is the number of the request."""
+    return Schedule(("knee",), np.arange(float(rows))[:, None], period)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_what_is_written_is_read_back_as_a_joint_path(schedule, tmp_path, unit):
+    file = tmp_path / "requests.csv"
+    write_controller_csv(file, schedule, unit=unit)
+    assert file.read_text().splitlines()[0] == f"t_s,hip_{unit},on_{unit},knee_{unit}"
+    given = read_joint_path(file)
+    assert np.max(np.abs(given.angles - schedule.requests)) <= ROUNDING
+    assert np.max(np.abs(given.times - schedule.times)) <= ROUNDING
+
+
+def test_ticks_are_whole_numbers_nearest_to_the_requests(tmp_path):
+    file = tmp_path / "ticks.csv"
+    turns = Schedule(("hip", "knee"), np.array([[0.0, 0.0], [0.25, -0.125]]) * 2.0 * np.pi, 0.02)
+    write_controller_csv(file, turns, unit="ticks", ticks=Ticks(zeros={"knee": 1000}))
+    rows = list(csv.reader(file.read_text().splitlines()))
+    assert rows == [
+        ["t_s", "hip_ticks", "knee_ticks"],
+        ["0.0", "2048", "1000"],
+        ["0.02", "3072", "488"],
+    ]
+
+
+@given(st.lists(st.floats(-3.14, 3.14), min_size=1, max_size=9), st.integers(2, 65536))
+def test_a_tick_is_at_most_half_a_tick_away(angles, per_turn):
+    requests = Schedule(("knee",), np.array(angles)[:, None] / 2.0, 0.02)
+    ticks = to_ticks(requests, Ticks(per_turn=per_turn, zero=per_turn // 2))
+    back = (ticks - per_turn // 2) * 2.0 * np.pi / per_turn
+    assert np.max(np.abs(back - requests.requests)) <= np.pi / per_turn + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("angle", "ticks", "message"),
+    [
+        (
+            np.pi,
+            Ticks(),
+            "knee: request 0, 180.00 deg, is tick 4096, expected 0 to 4095; check the zero tick "
+            "and the ticks per turn",
+        ),
+        (0.0, Ticks(zeros={"ankle": 3}), "zero tick: no joint 'ankle'; joints: knee"),
+    ],
+)
+def test_a_servo_cannot_go_beyond_its_turn(angle, ticks, message):
+    with pytest.raises(InvalidInput) as caught:
+        to_ticks(Schedule(("knee",), np.array([[angle]]), 0.02), ticks)
+    assert str(caught.value) == message
+
+
+def test_unusable_units_and_servos_are_refused(schedule, tmp_path):
+    with pytest.raises(InvalidInput, match="unit: got 'turns', expected deg, rad, ticks"):
+        write_controller_csv(tmp_path / "a.csv", schedule, unit="turns")
+    with pytest.raises(InvalidInput, match="ticks per turn: got 1, expected at least 2"):
+        Ticks(per_turn=1)
+
+
+def test_a_slower_controller_sends_what_is_held_at_its_times():
+    slow = resampled(_numbered(8, 0.008), 50.0)
+    assert slow.requests[:, 0].tolist() == [0.0, 2.0, 5.0, 7.0]  # at 0, 20, 40, 60 ms
+    assert never_sent(_numbered(8, 0.008), 50.0) == 4
+
+
+def test_a_faster_controller_repeats_what_is_held():
+    fast = resampled(_numbered(3, 0.02), 100.0)
+    assert fast.requests[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
+    assert fast.period == 0.01
+    assert never_sent(_numbered(3, 0.02), 100.0) == 0
+
+
+def test_a_straight_line_leads_to_the_next_request_and_the_last_is_held():
+    fast = resampled(_numbered(3, 0.02), 100.0, between="linear")
+    assert np.allclose(fast.requests[:, 0], [0.0, 0.5, 1.0, 1.5, 2.0, 2.0], atol=ROUNDING)
+
+
+@given(st.integers(1, 200), st.sampled_from([0.001, 0.008, 1.0 / 30.0, 0.02, 0.1]))
+def test_the_own_rate_changes_nothing(rows, period):
+    given_rows = _numbered(rows, period)
+    same = resampled(given_rows, 1.0 / period)
+    assert np.array_equal(same.requests, given_rows.requests)
+
+
+@given(st.integers(1, 60), st.floats(1e-3, 1.0), st.floats(0.5, 2000.0))
+def test_a_held_row_is_the_request_of_its_time(rows, period, rate):
+    given_rows = _numbered(rows, period)
+    held = resampled(given_rows, rate)
+    numbers = held.requests[:, 0]
+    slack = 2.0 * resample.ON_TIME * max(period, 1.0 / rate)
+    assert (held.times >= numbers * period - slack).all()
+    assert (held.times <= (numbers + 1.0) * period + slack).all()
+    assert held.duration - given_rows.duration + slack >= 0.0
+    assert held.duration - given_rows.duration <= 1.0 / rate + slack
+
+
+def test_cycles_follow_each_other(schedule):
+    twice = repeated(schedule, 2)
+    assert np.array_equal(twice.requests[64:], schedule.requests)
+    assert twice.duration == 2.0 * schedule.duration
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_rate_is_positive(schedule, rate):
+    with pytest.raises(InvalidInput, match=r"rate: got .* Hz, expected a positive number"):
+        resampled(schedule, rate)
+
+
+def test_schedules_without_end_are_refused_before_they_are_made(schedule):
+    with pytest.raises(InvalidInput, match="expected at most 1000000; ask for a lower rate"):
+        resampled(schedule, 1e12)
+    with pytest.raises(InvalidInput, match="expected at most 1000000; ask for fewer cycles"):
+        repeated(schedule, 10**12)
+    with pytest.raises(InvalidInput, match="between: got 'spline', expected 'hold' or 'linear'"):
+        resampled(schedule, 50.0, between="spline")
+
+
+def test_names_belong_to_columns(schedule):
+    assert schedule.renamed(["a", "b", "c"]).names == ("a", "b", "c")
+    for names in (["a", "b"], ["a", "b", "b"]):
+        with pytest.raises(InvalidInput, match="expected 3 different names, one per column"):
+            schedule.renamed(names)

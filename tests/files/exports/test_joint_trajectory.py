@@ -1,0 +1,151 @@
+"""The ROS message, as YAML and in bags, read back by the libraries that ROS people use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidFile, InvalidInput, MissingExtra
+from planner.files.exports.bag import TOPIC, write_bag
+from planner.files.exports.joint_trajectory import TYPE, joint_trajectory
+from planner.files.exports.trajectory_yaml import trajectory_yaml, write_trajectory_yaml
+from planner.files.output_folder import list_files
+from planner.robot.schedule import Schedule
+
+ROUNDING = 1e-12
+"""Twelve decimals are written [rad]."""
+
+
+def _nanoseconds(duration):
+    return duration["sec"] * 10**9 + duration["nanosec"]
+
+
+def test_every_request_is_a_point_at_its_nanosecond(schedule):
+    message = joint_trajectory(schedule)
+    assert message["joint_names"] == ["hip", "on", "knee"]
+    times = [_nanoseconds(point["time_from_start"]) for point in message["points"]]
+    assert times == [8_000_000 * k for k in range(64)]
+    positions = np.array([point["positions"] for point in message["points"]])
+    assert np.max(np.abs(positions - schedule.requests)) <= ROUNDING
+    assert "velocities" not in message["points"][0]
+    assert message["header"]["stamp"] == {"sec": 0, "nanosec": 0}
+
+
+def test_times_carry_over_into_seconds_and_do_not_drift():
+    third = Schedule(("knee",), np.zeros((4000, 1)), 1.0 / 30.0)
+    points = joint_trajectory(third, lead=1.5)["points"]
+    assert points[0]["time_from_start"] == {"sec": 1, "nanosec": 500_000_000}
+    assert points[3000]["time_from_start"] == {"sec": 101, "nanosec": 500_000_000}
+    assert points[1]["time_from_start"] == {"sec": 1, "nanosec": 533_333_333}
+
+
+def test_velocities_are_those_of_the_requests_and_end_at_rest(schedule):
+    points = joint_trajectory(schedule, velocities=True)["points"]
+    velocities = np.array([point["velocities"] for point in points])
+    phase = 2.0 * np.pi * np.arange(64) / 64
+    exact = 0.4 * np.cos(phase) * 2.0 * np.pi / (64 * 0.008)
+    assert (
+        np.max(np.abs(velocities[1:-1, 0] - exact[1:-1])) < 0.01
+    )  # h² / 6 of the third derivative
+    assert velocities[-1].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_single_request_is_a_trajectory_at_rest():
+    points = joint_trajectory(Schedule(("knee",), np.ones((1, 1)), 0.1), velocities=True)["points"]
+    assert points == [
+        {"positions": [1.0], "time_from_start": {"sec": 0, "nanosec": 0}, "velocities": [0.0]}
+    ]
+
+
+@pytest.mark.parametrize(
+    ("period", "lead", "message"),
+    [
+        (1e-10, 0.0, "ROS has whole nanoseconds"),
+        (1e9, 0.0, "ROS has whole nanoseconds up to 2147483647 s"),
+        (0.008, -1.0, "lead: got -1 s, expected 0 or more"),
+        (0.008, float("nan"), "lead: got nan s, expected 0 or more"),
+    ],
+)
+def test_times_that_ros_has_not_are_refused(period, lead, message):
+    with pytest.raises(InvalidInput, match=message):
+        joint_trajectory(Schedule(("knee",), np.zeros((9, 1)), period), lead=lead)
+
+
+def test_yaml_is_read_back_by_the_parser_of_ros(schedule, tmp_path):
+    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
+    message = joint_trajectory(schedule, velocities=True)
+    file = tmp_path / "trajectory.yaml"
+    write_trajectory_yaml(file, message)
+    assert yaml.safe_load(file.read_text()) == message
+    lines = file.read_text().splitlines()
+    assert lines[:2] == ["header:", "  stamp: {sec: 0, nanosec: 0}"]
+    assert "joint_names: [hip, 'on', knee]" in lines  # bare, YAML 1.1 takes it for true
+    assert "  time_from_start: {sec: 0, nanosec: 8000000}" in lines
+
+
+def test_small_numbers_stay_numbers_in_yaml():
+    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
+    tiny = joint_trajectory(Schedule(("knee",), np.array([[1e-7], [-3e-12]]), 0.1))
+    assert yaml.safe_load(trajectory_yaml(tiny)) == tiny
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_a_bag_is_read_back(schedule, tmp_path, storage):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
+    from rosbags.typesys import Stores, get_typestore
+
+    out = tmp_path / "walk"
+    write_bag(out, joint_trajectory(schedule, lead=2.0), storage=storage)
+    ending = {"sqlite3": "db3", "mcap": "mcap"}[storage]
+    assert list_files(out) == ["metadata.yaml", "results.json", f"walk.{ending}"]
+    with rosbag2.Reader(out) as reader:
+        ((connection, stamp, content),) = reader.messages()
+    assert (connection.topic, connection.msgtype, stamp) == (TOPIC, TYPE, 0)
+    message = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(content, TYPE)
+    assert message.joint_names == ["hip", "on", "knee"]
+    positions = np.array([point.positions for point in message.points])
+    assert np.max(np.abs(positions - schedule.requests)) <= ROUNDING
+    assert [point.time_from_start.nanosec for point in message.points[:2]] == [0, 8_000_000]
+    assert message.points[0].time_from_start.sec == 2
+    assert len(message.points[0].velocities) == 0
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_the_same_requests_make_the_same_bag_wherever_it_is(schedule, tmp_path, storage):
+    pytest.importorskip("rosbags", reason="needs the extra bags")
+    message = joint_trajectory(schedule, velocities=True)
+    for place in ("one", "two"):
+        write_bag(tmp_path / place / "walk", message, storage=storage, topic="/arm/goal")
+    one, two = tmp_path / "one" / "walk", tmp_path / "two" / "walk"
+    for name in list_files(one):
+        assert (one / name).read_bytes() == (two / name).read_bytes(), name
+
+
+def test_a_bag_replaces_a_bag_but_nothing_else(schedule, tmp_path):
+    pytest.importorskip("rosbags", reason="needs the extra bags")
+    message = joint_trajectory(schedule)
+    write_bag(tmp_path / "walk", message)
+    write_bag(tmp_path / "walk", message, storage="mcap")
+    assert list_files(tmp_path / "walk") == ["metadata.yaml", "results.json", "walk.mcap"]
+    (tmp_path / "walk" / "notes.txt").write_text("mine")
+    with pytest.raises(InvalidFile, match=r"holds files that no earlier run made \(notes.txt\)"):
+        write_bag(tmp_path / "walk", message)
+    assert (tmp_path / "walk" / "walk.mcap").exists()
+
+
+@pytest.mark.parametrize("topic", ["", "/", "a b"])
+def test_a_topic_has_a_name(schedule, tmp_path, topic):
+    pytest.importorskip("rosbags", reason="needs the extra bags")
+    with pytest.raises(InvalidInput, match=r"expected a name such as /joint_trajectory"):
+        write_bag(tmp_path / "walk", joint_trajectory(schedule), topic=topic)
+    assert list_files(tmp_path) == []
+
+
+def test_what_is_not_installed_is_named(schedule, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "yaml", None)
+    monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
+    with pytest.raises(MissingExtra, match=r"request-planner\[yaml\]"):
+        write_trajectory_yaml(tmp_path / "a.yaml", joint_trajectory(schedule))
+    with pytest.raises(MissingExtra, match=r"request-planner\[bags\]"):
+        write_bag(tmp_path / "a", joint_trajectory(schedule))
+    assert list_files(tmp_path) == []
