@@ -7,7 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.logs.bag import bag_joints, is_bag_folder, read_bag
+from planner.files.logs.bam import bam_joints, read_bam
 from planner.files.logs.csv_log import csv_joints, read_csv_log
+from planner.files.logs.lerobot import lerobot_joints, read_lerobot
+from planner.files.logs.lerobot_meta import is_dataset
 from planner.files.logs.options import LogOptions
 from planner.files.text import STANDARD_STREAM
 
@@ -16,15 +20,31 @@ if TYPE_CHECKING:
 
 
 class Format(NamedTuple):
-    """What one format can do.
+    """What is known of one format.
 
     Attributes:
+        name: What it is called.
         read: The logs of a path.
         joints: The joints of a path.
+        options: The options that mean something to it, besides joint, unit and ticks_per_turn.
     """
 
+    name: str
     read: Callable[[Path | str, LogOptions], tuple[Log, ...]]
     joints: Callable[[Path | str, LogOptions], tuple[str, ...]]
+    options: tuple[str, ...] = ()
+
+
+CSV = Format("CSV", read_csv_log, csv_joints, ("time", "requested", "actual", "torque"))
+BAM = Format("JSON of BAM", read_bam, bam_joints)
+LEROBOT = Format("a LeRobot dataset", read_lerobot, lerobot_joints, ("episodes",))
+BAG = Format("a bag", read_bag, bag_joints, ("topic", "command_topic"))
+
+BY_SUFFIX = {".parquet": LEROBOT, ".json": BAM, ".mcap": BAG, ".bag": BAG, ".db3": BAG}
+"""Formats by the end of a file's name; any other is CSV."""
+
+OWN = tuple(name for form in (CSV, LEROBOT, BAG) for name in form.options)
+"""Options that mean something to one format only."""
 
 
 def read_logs(
@@ -48,21 +68,41 @@ def read_logs(
     every = [paths] if isinstance(paths, Path | str) else list(paths)
     if not every:
         raise InvalidInput("no log; give at least one file")
-    return tuple(log for path in every for log in _format(path).read(path, chosen))
+    return tuple(log for path in every for log in _format(path, chosen).read(path, chosen))
 
 
-def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str, ...]:
+def joints_in(path: Path | str, *, options: LogOptions | None = None) -> tuple[str, ...]:
     """Names of the joints that a log holds; "" for one that has no name.
 
     Raises as :func:`read_logs` does.
     """
-    return _format(path).joints(path, LogOptions() if options is None else options)
+    chosen = LogOptions() if options is None else options
+    return _format(path, chosen).joints(path, chosen)
 
 
-def _format(path: Path | str) -> Format:
+def _format(path: Path | str, options: LogOptions) -> Format:
+    """The format of a path, for which the options have to be meant."""
+    form = _recognised(path)
+    for name in OWN:
+        if getattr(options, name) is not None and name not in form.options:
+            raise InvalidFile(
+                path, f"--{name.replace('_', '-')} means nothing to {form.name}; leave it out"
+            )
+    return form
+
+
+def _recognised(path: Path | str) -> Format:
     place = Path(path)
-    if str(path) != STANDARD_STREAM and place.is_dir():
-        raise InvalidFile(
-            path, "a folder; expected a file, or a folder with meta/info.json or metadata.yaml"
-        )
-    return Format(read_csv_log, csv_joints)
+    if str(path) == STANDARD_STREAM:
+        return CSV
+    if not place.is_dir():
+        return BY_SUFFIX.get(place.suffix.lower(), CSV)
+    if is_dataset(place):
+        return LEROBOT
+    if is_bag_folder(place):
+        return BAG
+    raise InvalidFile(
+        path,
+        "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
+        "(metadata.yaml), or a file",
+    )
