@@ -21,7 +21,7 @@ from planner.approximation.objective import (
     slacks,
 )
 from planner.approximation.requirements import at_rest, held
-from planner.approximation.small_qp import minimize_quadratic
+from planner.approximation.small_qp import minimize_damped, minimize_quadratic
 from planner.trajectory import Array
 
 LARGEST_WINDOW = 16
@@ -129,9 +129,10 @@ def _descend(
     for _ in range(rounds):
         if here.error <= none:
             break
-        hessian = here.hessian + damping * np.diag(_scale(here))
-        step = minimize_quadratic(
-            hessian[cells],
+        step, damping, promised = minimize_damped(
+            here.hessian[cells],
+            _scale(here)[free],
+            damping,
             here.gradient[free],
             rows,
             np.maximum(slacks(problem, here.knots, here.values), 0.0),
@@ -143,7 +144,6 @@ def _descend(
         move[free] = step
         there = evaluate(problem, here.knots + move[:size], here.values + move[size:])
         gain = here.error - there.error
-        promised = -2.0 * float(here.gradient @ move) - float(move @ hessian @ move)
         if gain > 0.0:
             here = there
             if gain <= PROGRESS * here.error and damping < 1.0:

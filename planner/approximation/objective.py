@@ -203,6 +203,13 @@ def _scatter(size: int, segments: int) -> tuple[npt.NDArray[np.intp], npt.NDArra
     return twice, pairs.reshape(16, -1)
 
 
+@lru_cache(maxsize=64)
+def pairs_of(size: int, segments: int) -> npt.NDArray[np.intp]:
+    """Where the entries of the segments go in one row: gradient, diagonal, Hessian, (24, S)."""
+    twice, pairs = _scatter(size, segments)
+    return np.concatenate([twice, 4 * size + pairs])
+
+
 def sums_by(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:
     """Sums of the weights that share a number, for the numbers 0, 1, ..., count-1."""
     sums: Array = np.bincount(by.ravel(), weights.ravel(), minlength=count).astype(

@@ -15,11 +15,13 @@ from planner.approximation.guided import GuidedKnots
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
+from planner.approximation.nudged import nudged
 from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
 from planner.approximation.requirements import at_rest, gaps, reachable, spread
 from planner.approximation.small_values import small_values
+from planner.approximation.together import descend_all
 from planner.approximation.tube import rechained
 from planner.approximation.values import solve_values
 from planner.approximation.whole import WholeKnots
@@ -166,12 +168,10 @@ class Search:
         if extended is not None:
             starts.append(extended)
         best = self._best_of(starts)
-        if segments > LARGEST_WINDOW:
+        if segments > LARGEST_WINDOW or best.error <= WORTH_GUIDING * self.ideal_error:
             return best
         anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
-        guided = None
-        if best.error > WORTH_GUIDING * self.ideal_error:
-            guided = self._guided(best, float(best.knots[anchor]))
+        guided = self._guided(best, float(best.knots[anchor]))
         if guided is not None and guided.error < WORTH_A_DESCENT * best.error:
             best = min(best, self._best_of([guided]), key=_error)
         if self.problem.cyclic:
@@ -180,7 +180,13 @@ class Search:
         chained = None if around is None else self.valued(around)
         if chained is not None and chained.error < WORTH_A_DESCENT * best.error:
             best = min(best, self._best_of([chained]), key=_error)
-        return best
+        return self._nudged(best)
+
+    def _nudged(self, best: Candidate) -> Candidate:
+        """The curve with its knots moved across samples, where they may lie between them."""
+        if self.problem.whole or self.problem.required.size:
+            return best
+        return min(best, nudged(self.problem, best), key=_error)
 
     @property
     def _nothing_to_gain(self) -> float:
@@ -190,9 +196,13 @@ class Search:
         return curve.knots.size if self.problem.cyclic else curve.knots.size - 1
 
     def _best_of(self, starts: list[Candidate]) -> Candidate:
-        begun = [
-            self._descend(curve, FIRST_ROUNDS) for curve in sorted(starts, key=_error)[:DESCENTS]
-        ]
+        if starts[0].knots.size > LARGEST_WINDOW:
+            begun = [
+                self._descend(curve, FIRST_ROUNDS)
+                for curve in sorted(starts, key=_error)[:DESCENTS]
+            ]
+        else:
+            begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS)
         return self._descend(min(begun, key=_error), ROUNDS)
 
     def valued(self, knots: Array) -> Candidate:

@@ -1,6 +1,8 @@
-"""A small convex quadratic programme, solved exactly enough to be iterated."""
+"""Small convex quadratic programmes, solved exactly enough to be iterated."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +10,17 @@ from planner.trajectory import Array
 
 FEASIBLE = 1e-9
 """Violation of a constraint, relative to the step, up to which an answer is believed."""
+
+MOST_DAMPING = 1e12
+"""Damping beyond which a Hessian is given up."""
+
+
+class Damped(NamedTuple):
+    """A step, and the damping with which it was found."""
+
+    step: Array | None  # (k,)
+    damping: float
+    promised: float  # by how much the step should lower twice the programme
 
 
 def minimize_quadratic(hessian: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
@@ -26,34 +39,80 @@ def minimize_quadratic(hessian: Array, gradient: Array, rows: Array, bounds: Arr
     Returns:
         p, shape (k,); None if H is not positive definite or no trustworthy answer was found.
     """
-    from scipy.optimize import nnls
+    inverse = _inverse_factor(hessian)
+    return None if inverse is None else _from_factor(inverse, gradient, rows, bounds)
 
-    try:
-        factor = np.linalg.cholesky(hessian)
-    except np.linalg.LinAlgError:
+
+def minimize_damped(
+    hessian: Array, scale: Array, damping: float, gradient: Array, rows: Array, bounds: Array
+) -> Damped:
+    """:func:`minimize_quadratic` with as much damping on the diagonal as makes H definite.
+
+    Args:
+        hessian: H, shape (k, k).
+        scale: What a damping of one adds to its diagonal, shape (k,).
+        damping: The least damping.
+        gradient: g, shape (k,).
+        rows: A, shape (m, k).
+        bounds: b, shape (m,).
+
+    Returns:
+        The step, None where no trustworthy one was found.
+    """
+    diagonal = np.arange(scale.size)
+    while damping < MOST_DAMPING:
+        damped = hessian.copy()
+        damped[diagonal, diagonal] += damping * scale
+        inverse = _inverse_factor(damped)
+        if inverse is None:
+            damping *= 10.0
+            continue
+        step = _from_factor(inverse, gradient, rows, bounds)
+        if step is None:
+            break
+        promised = -2.0 * float(gradient @ step) - float(step @ (damped @ step))
+        return Damped(step, damping, promised)
+    return Damped(None, damping, 0.0)
+
+
+def _inverse_factor(hessian: Array) -> Array | None:
+    """L⁻¹ of H = LLᵀ, shape (k, k); None if H is not positive definite."""
+    from scipy.linalg import lapack
+
+    factor, failed = lapack.dpotrf(hessian, lower=1)
+    if failed:
         return None
     # The inverse, as LAPACK's triangular solves start threads that wait for each other even at this
     # size, milliseconds on a busy machine.
-    inverse = np.linalg.inv(factor)
-    free, normals = inverse @ gradient, inverse @ rows.T
-    shortfall = -(bounds + normals.T @ free)  # of z = 0, as normals.T z <= bounds + normals.T free
-    if np.all(shortfall <= 0.0):
-        z = np.zeros_like(free)
-    else:
-        scale = float(np.max(np.abs(shortfall)))
-        system = np.vstack([-normals, shortfall / scale])
-        target = np.zeros(free.size + 1)
-        target[-1] = 1.0
-        try:
-            multipliers, _ = nnls(system, target)
-        except RuntimeError:  # it did not end; the caller damps more and asks again
-            return None
-        residual = target - system @ multipliers
-        if residual[-1] <= 0.0:
-            return None
-        z = scale * -residual[:-1] / residual[-1]
-    step = inverse.T @ (z - free)
-    size = float(np.max(np.abs(rows) @ np.abs(step), initial=0.0))
-    if np.max(rows @ step - bounds, initial=0.0) > FEASIBLE * max(size, 1e-300):
+    inverse, failed = lapack.dtrtri(factor, lower=1)
+    return None if failed else np.asarray(inverse)
+
+
+def _from_factor(inverse: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
+    """The minimiser, from the inverse of the Hessian's factor."""
+    from scipy.optimize import nnls
+
+    free = inverse @ gradient
+    normals = rows @ inverse.T
+    shortfall = -(bounds + normals @ free)  # of z = 0, as normals z <= bounds + normals free
+    worst = float(shortfall.max()) if shortfall.size else 0.0
+    if worst <= 0.0:
+        return np.asarray(-(free @ inverse))
+    scale = max(worst, -float(shortfall.min()))
+    system = np.empty((free.size + 1, shortfall.size))
+    np.negative(normals.T, out=system[:-1])
+    np.divide(shortfall, scale, out=system[-1])
+    target = np.zeros(free.size + 1)
+    target[-1] = 1.0
+    try:
+        multipliers, _ = nnls(system, target)
+    except RuntimeError:  # it did not end; the caller damps more and asks again
+        return None
+    residual = target - system @ multipliers
+    if residual[-1] <= 0.0:
+        return None
+    step = ((-scale / residual[-1]) * residual[:-1] - free) @ inverse
+    size = float((np.abs(rows) @ np.abs(step)).max())
+    if (rows @ step - bounds).max() > FEASIBLE * max(size, 1e-300):
         return None
     return np.asarray(step)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.stack import CurveStack
+from planner.approximation.stack import CurveStack, lines_in_force
 from planner.exceptions import InvalidInput
 from planner.inversion.line import AT_TOP_SPEED, Rule, check_rule, line_offset
 from planner.model.joint import JointModel, checked_model
@@ -100,33 +99,6 @@ def requests_of(
     requests = np.take_along_axis(per_sample, line, axis=1) * since
     requests += np.take_along_axis(at_first, line, axis=1)
     return np.asarray(requests)
-
-
-def lines_in_force(
-    first: npt.NDArray[np.intp], samples: int, *, cyclic: bool
-) -> npt.NDArray[np.intp]:
-    """Which line counts at every sample.
-
-    Args:
-        first: Sample from which on each line counts, of a cycle any turn, not decreasing and no
-            further than a cycle apart, shape (m, s).
-        samples: Number of samples n.
-        cyclic: Whether the last line of a cycle counts until the first begins anew.
-
-    Returns:
-        Numbers of lines, shape (m, n). Where several begin at once, the last of them counts.
-    """
-    count, size = first.shape
-    turn, place = np.divmod(first, samples) if cyclic else (None, np.clip(first, 0, samples))
-    row = (samples + 1) * np.arange(count)[:, np.newaxis]
-    begun = np.bincount((row + place).ravel(), minlength=count * (samples + 1))
-    line = np.cumsum(begun.reshape(count, samples + 1)[:, :samples], axis=1)
-    if turn is None:
-        # The first line is in force even before it begins.
-        return np.maximum(line - 1, 0)
-    # Lines of an earlier turn begin at the end of this one, after all others.
-    earlier = np.count_nonzero(turn == turn[:, :1], axis=1)[:, np.newaxis]
-    return np.asarray((line - 1 + earlier) % size)
 
 
 def switching_time(model: JointModel) -> float:

@@ -9,10 +9,10 @@ import pytest
 
 import planner
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.stack import CurveStack
+from planner.approximation.stack import CurveStack, lines_in_force
 from planner.exceptions import InvalidInput
 from planner.inversion.line import RULES, line_offset
-from planner.inversion.switching import closed_form_requests, lines_in_force, switching_time
+from planner.inversion.switching import closed_form_requests, switching_time
 from planner.model.joint import JointModel
 from tests.instances import REFERENCE_JOINTS, random_model
 
