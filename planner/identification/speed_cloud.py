@@ -41,14 +41,15 @@ def speed_cloud(model: JointModel, fit: LogFit) -> SpeedCloud:
     after = intervals + 1
     steps = log.times[after] - log.times[intervals]
     middle = 0.5 * (log.times[after] + log.times[intervals]) + 0.5 * model.tick
-    here = 0.5 * (log.angles[after] + log.angles[intervals])
+    speeds = (log.angles[after] - log.angles[intervals]) / steps
+    # Equation 3 compares with the angle one tick before, on average half a tick before the middle.
+    here = 0.5 * (log.angles[after] + log.angles[intervals] - speeds * model.tick)
     mean, least, most = _windows(
         log, middle - model.lag - model.acceleration_time, middle - model.lag
     )
     errors, low, high = (values + model.offset - here for values in (mean, least, most))
     saturated = (low >= model.theta_0) | (high <= -model.theta_0)
     inside = (low >= -model.theta_0) & (high <= model.theta_0)
-    speeds = (log.angles[after] - log.angles[intervals]) / steps
     return SpeedCloud(errors, speeds, saturated, ~(inside | saturated))
 
 
