@@ -1,0 +1,156 @@
+"""The report of an identification: one page that needs nothing else, whatever was found."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import shutil
+import struct
+import subprocess
+
+import pytest
+
+from planner.identification.identification import PARAMETERS, Interval
+from planner.report.identification_page import identification_page
+from planner.report.style import ROLES
+from tests.report.made_up import made_up, made_up_log, never_saturated
+from tests.report.test_page import Page
+
+WIDTH, HEIGHT = 420, 900
+"""Of the screenshot [pixels]: a phone's."""
+
+
+@pytest.fixture(scope="module")
+def one():
+    return identification_page({"hip": made_up(made_up_log(), made_up_log("chirp", name="b.csv"))})
+
+
+@pytest.fixture(scope="module")
+def several():
+    refused = dataclasses.replace(never_saturated(), accepted=False, held_out_rms=None)
+    gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
+    return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
+
+
+@pytest.fixture(params=["one", "several"])
+def text(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_elements_are_closed_and_identifiers_unique(text):
+    page = Page(text)
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
+
+
+def test_nothing_is_loaded_from_anywhere(text):
+    addresses = set(re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", text))
+    assert {address for address in addresses if "www.w3.org" not in address} == set()
+    assert not {link for link in Page(text).links if not link.startswith(("#", "data:,"))}
+    for loader in ("@import", "<script", "<img", "<iframe", "<object"):
+        assert loader not in text, loader
+
+
+def test_the_same_identification_gives_the_same_page():
+    assert identification_page({"": made_up()}) == identification_page({"": made_up()})
+
+
+def test_every_picture_is_described(one, several):
+    # The cloud, the intervals, the errors; and for every log two.
+    for text, count in ((one, 3 + 2 * 2), (several, 3 * (3 + 2))):
+        labels = Page(text).labels
+        assert len(labels) == count
+        assert all(label and len(label) > 40 for label in labels)
+
+
+def test_pictures_wear_the_colours_of_the_page(text):
+    body = text[text.index("<body>") :]
+    for variable, role in ROLES.items():
+        assert role.light not in body, role.label
+        assert f"--{variable}: {role.dark};" in text
+
+
+def test_the_verdict_comes_first_and_says_what_the_model_adds(one):
+    verdict = re.search(r'<p class="verdict">(.*?)</p>', one, re.DOTALL)[1]
+    assert verdict.startswith("<strong>The model holds</strong>: 0.219 deg rms on rows held out")
+    assert "16 times closer than the best pure delay" in verdict
+    assert "determine every parameter" in verdict
+    assert one.index('class="verdict"') < one.index("<table")
+
+
+def test_what_is_not_determined_is_said_in_words_and_marked(several):
+    assert "only v_max/theta_0 = 44.6 per second is known" in several
+    assert "neither of the two alone" in several
+    assert several.count('<tr class="unknown">') == 2
+    assert "at least 172" in several
+    assert "THE MODEL DOES NOT FIT" in several
+    assert "The model holds for 2 of 3 joints" in several
+
+
+def test_names_from_logs_are_text_and_nothing_else(several):
+    assert "<gripper>" not in several
+    assert "&lt;gripper&gt; &amp; co" in several
+    assert "&lt;img src=x&gt;.csv" in several
+
+
+def test_where_it_comes_from_is_told_log_by_log(one):
+    for words in ("bench.csv", "b.csv", "of 1000", "50.0 Hz", "guessed by its name", "numpy"):
+        assert words in one
+
+
+def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
+    nothing = Interval(-math.inf, math.inf)
+    unknown = made_up(
+        intervals=dict.fromkeys(PARAMETERS, nothing),
+        gain_interval=nothing,
+        covariance=None,
+        held_out_rms=None,
+        alternatives=(),
+        accepted=False,
+    )
+    assert identification_page({"": unknown}).count("not determined") >= 5
+
+
+@pytest.fixture
+def browser():
+    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    if found is None:
+        pytest.skip("Chromium is not installed")
+    return found
+
+
+def test_chromium_opens_the_page_without_a_complaint_and_takes_a_picture_of_it(
+    browser, several, tmp_path
+):
+    page, picture = tmp_path / "report.html", tmp_path / "picture.png"
+    page.write_text(several)
+    done = subprocess.run(
+        [
+            browser,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--host-resolver-rules=MAP * ~NOTFOUND",
+            "--enable-logging=stderr",
+            f"--user-data-dir={tmp_path / 'profile'}",
+            f"--window-size={WIDTH},{HEIGHT}",
+            f"--screenshot={picture}",
+            page.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "CONSOLE" not in done.stderr
+    content = picture.read_bytes()
+    assert content[:8] == b"\x89PNG\r\n\x1a\n"
+    assert struct.unpack(">II", content[16:24])[1] == HEIGHT
+    assert len(content) > 20_000  # an empty page of this size takes a few thousand bytes
