@@ -64,11 +64,21 @@ def best_time_shift(
             in the foot's space. The lead with the least rms is taken, the smallest such lead.
     """
     unshifted = direct(models, desired)
-    leads = range(len(desired))
-    distances = [distance(np.roll(unshifted, -lead, axis=0)) for lead in leads]
-    best = min(leads, key=lambda lead: distances[lead].rms)
+    best = best_lead(unshifted, distance)
     requests = np.roll(desired, -best, axis=0)
     angles = np.roll(unshifted, -best, axis=0)
     for array in (requests, angles):
         array.setflags(write=False)
-    return TimeShift(best, requests, angles, distances[best])
+    return TimeShift(best, requests, angles, distance(angles))
+
+
+def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
+    """By how many samples to be early: the lead with the least rms, the smallest such lead.
+
+    Args:
+        unshifted: A cycle of the joints' angles when the desired angles are requested [rad],
+            shape (n, joints).
+        distance: Distance from the goal for given angles [rad], shape (n, joints).
+    """
+    leads = range(len(unshifted))
+    return min(leads, key=lambda lead: distance(np.roll(unshifted, -lead, axis=0)).rms)

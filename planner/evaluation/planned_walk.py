@@ -97,7 +97,9 @@ def _plan_joint(
         for method in ("closed_form_plain", "closed_form")
     )
     clock.start("optimal", f"the optimised requests for the {name}")
-    optimal = invert_optimal(model, desired, limits=limits)
+    # A joint that sags cannot rest at a limit of its requests; it is led as near as it can be.
+    resting = np.clip(desired, limits[0] + model.offset, limits[1] + model.offset)
+    optimal = invert_optimal(model, resting, limits=limits)
     clock.start("bounds", f"the lower bound for the {name}")
     _ = plain.lower_bound, refined.lower_bound, optimal.lower_bound
     return JointOutcome(

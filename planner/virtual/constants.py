@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-MOTOR = "FAULHABER 1524T006SR, data sheet"
+MOTOR = "data sheet of the FAULHABER 1331T006SR, 13 mm across"
 GUESS = "guess"
 CHOICE = "choice"
 
@@ -25,22 +25,22 @@ class Constants:
     field carries its unit and its source as metadata; a guess is said to be one.
     """
 
-    terminal_resistance: float = _constant(5.1, "ohm", MOTOR)
-    torque_constant: float = _constant(6.0e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
-    rotor_inertia: float = _constant(5.8e-8, "kg m^2", MOTOR)
+    terminal_resistance: float = _constant(2.83, "ohm", MOTOR)
+    torque_constant: float = _constant(5.35e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
+    rotor_inertia: float = _constant(7.1e-8, "kg m^2", MOTOR)
     gear_ratio: float = _constant(
-        203.0, "1", f"{CHOICE}: with this motor the leg's top speed comes near the paper's"
+        235.0, "1", f"{CHOICE}: with this motor the leg's top speed comes near the paper's"
     )
     coulomb_friction: float = _constant(
-        0.09, "N m", f"{GUESS}: a twentieth of the stall torque, for small spur gears"
+        0.1, "N m", f"{GUESS}: a thirtieth of the stall torque, for a train of small spur gears"
     )
     viscous_friction: float = _constant(
-        0.008, "N m s/rad", f"{GUESS}: a twentieth of the back-EMF's"
+        0.01, "N m s/rad", f"{GUESS}: a fiftieth of what the back-EMF brakes"
     )
     battery_voltage: float = _constant(7.2, "V", "nominal, two lithium-ion cells in series")
-    battery_resistance: float = _constant(0.15, "ohm", f"{GUESS}: two cells and their wires")
+    battery_resistance: float = _constant(0.1, "ohm", f"{GUESS}: two cells and their wires")
     supply_noise: float = _constant(
-        0.05, "V", f"{GUESS}: standard deviation, from what else draws current"
+        0.03, "V", f"{GUESS}: standard deviation, from what else draws current"
     )
     supply_memory: float = _constant(0.1, "s", f"{GUESS}: time over which that noise forgets")
     control_period: float = _constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
@@ -52,14 +52,14 @@ class Constants:
         8.0, "1/rad", f"{CHOICE}: the whole voltage at an error of about 7 degrees"
     )
     integral_gain: float = _constant(
-        4.0, "1/(rad s)", f"{CHOICE}: slow, as the Aibo's own integral gain is small"
+        0.5, "1/(rad s)", f"{CHOICE}: slow, as the Aibo's own integral gain is small"
     )
-    derivative_gain: float = _constant(0.01, "s/rad", f"{CHOICE}: no overshoot to be seen")
+    derivative_gain: float = _constant(0.005, "s/rad", f"{CHOICE}: no overshoot to be seen")
     derivative_filter: float = _constant(
         4e-3, "s", f"{CHOICE}: time constant of the speed's filter"
     )
     integral_share: float = _constant(
-        0.15, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
+        0.02, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
     )
     duty_steps: int = _constant(255, "1", "the Aibo's PWM saturates at 255 steps either way")
     sensor_bits: int = _constant(10, "bit", "Sony: the potentiometer is read with 10 bits")

@@ -1,0 +1,171 @@
+"""The paper's experiment on the virtual robot: step tests, models from them, plans, execution."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from planner.evaluation.baselines import best_lead
+from planner.evaluation.clock import Clock
+from planner.evaluation.metrics import angle_distance
+from planner.evaluation.outcome import PlannedWalk
+from planner.evaluation.paper import SEGMENTS
+from planner.evaluation.planned_walk import foot_outcome, plan_walk
+from planner.evaluation.virtual_outcome import Run, VirtualOutcome
+from planner.exceptions import NoSteadyCycle
+from planner.gait import ReferenceWalk, reference_walk
+from planner.identification.identification import Identification
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.inversion.result import Inversion
+from planner.model.step_test import step_test
+from planner.trajectory import Array
+from planner.virtual.robot import VirtualRobot
+
+AMPLITUDES = (20.0, 40.0, 70.0)
+"""Heights of the step tests [degrees]: small to large within the range that the walk needs."""
+
+STEP_CYCLES = 3
+"""Cycles of each step test, as the paper repeats them."""
+
+STILL = 16
+"""Requests of rest that a step test's log begins with, longer than any lag."""
+
+SETTLING = 1.0
+"""Time in which the leg takes up the pose that a test begins with [s]."""
+
+CYCLES = 20
+"""Cycles of each walk, as in the paper."""
+
+STEADY = 2
+"""Change from cycle to cycle, rms, up to which a walk is steady [counts of the sensor]."""
+
+MOST_DROPPED = 20
+"""Cycles after which a walk that is not steady will not be."""
+
+
+def play_experiment(
+    *,
+    segments: int = SEGMENTS,
+    cycles: int = CYCLES,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda _: None,
+) -> VirtualOutcome:
+    """Play the paper's experiment on a robot whose joints are not the planner's model.
+
+    Step tests of each joint are recorded by its sensor, a model is identified from them, the walk
+    is planned on the models by every method, and the robot executes every plan.
+
+    Args:
+        segments: Lines of each approximation.
+        cycles: Cycles of each walk, once it is steady.
+        seed: Of the robot's noise.
+        progress: Told what is being done.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        NoSteadyCycle: The robot does not settle into a cycle.
+    """
+    clock = Clock(progress)
+    robot = VirtualRobot(seed=seed)
+    walk = reference_walk()
+    identifications = []
+    for j, name in enumerate(walk.joint_names):
+        clock.start("step_tests", f"the step tests of the {name}")
+        logs = [record_step_test(robot, walk, j, amplitude) for amplitude in AMPLITUDES]
+        clock.start("identification", f"the model of the {name}")
+        identifications.append(identify(logs, tick=robot.constants.request_period))
+    clock.stop()
+    planned = plan_walk([each.model for each in identifications], segments=segments, clock=clock)
+    runs = {}
+    for method, requests in planned_requests(planned).items():
+        clock.start("execution", f"{cycles} cycles of the walk: {method.replace('_', ' ')}")
+        runs[method] = execute(robot, requests, cycles=cycles)
+    lead = best_lead(
+        runs["direct"].sensed.mean(axis=0), lambda angles: foot_outcome(walk, angles).distance
+    )
+    runs["shift"] = execute(robot, np.roll(walk.desired, -lead, axis=0), cycles=cycles)
+    clock.stop()
+    return VirtualOutcome(
+        constants=robot.constants,
+        seed=seed,
+        identifications=tuple(identifications),
+        planned=planned,
+        runs={method: runs[method] for method in planned.foot},
+        shift_samples=lead,
+        seconds=clock.seconds,
+    )
+
+
+def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, amplitude: float) -> Log:
+    """The sensor's log of a step test around the middle of the joint's range in the walk.
+
+    That is Equation 1, shifted to where the joint will work; the other joints rest in the middle
+    of theirs.
+
+    Args:
+        robot: The robot.
+        walk: The walk that the joints are tested for.
+        joint: Which of them.
+        amplitude: Height of the step [degrees].
+    """
+    middle = (walk.desired.min(axis=0) + walk.desired.max(axis=0)) / 2.0
+    height = np.radians(amplitude)
+    cycles = np.tile(step_test(float(height)), STEP_CYCLES)
+    requests = np.tile(middle, (STILL + len(cycles), 1))
+    requests[:, joint] += np.concatenate([np.zeros(STILL), cycles]) - height / 2.0
+    robot.rest(SETTLING, requests[0])
+    recording = robot.play(requests)
+    return Log(
+        times=recording.times - recording.times[0],
+        requests=recording.requests[:, joint],
+        angles=recording.sensed[:, joint],
+        name=f"step test of {amplitude:g} degrees",
+        joint=walk.joint_names[joint],
+    )
+
+
+def planned_requests(planned: PlannedWalk) -> dict[str, Array]:
+    """What is sent to the robot, by method [rad], (n, k); the time shift is found on the robot."""
+    joints = planned.joints
+
+    def columns(plans: list[Inversion]) -> Array:
+        return np.column_stack([plan.requests for plan in plans])
+
+    return {
+        "direct": planned.walk.desired,
+        "closed_form_plain": columns([joint.closed_form_plain for joint in joints]),
+        "closed_form": columns([joint.closed_form for joint in joints]),
+        "optimal": columns([joint.optimal for joint in joints]),
+        "foot_optimal": planned.foot_plan.requests,
+    }
+
+
+def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
+    """Repeat a cycle of requests until it is steady, and then as often as asked.
+
+    A walk is steady when the sensors repeat themselves from cycle to cycle.
+
+    Raises:
+        NoSteadyCycle: It still is not after many cycles.
+    """
+    robot.rest(SETTLING, requests[0])
+    last, change = None, np.inf
+    for dropped in range(1, MOST_DROPPED + 1):
+        sensed = robot.play(requests).sensed
+        if last is not None:
+            change = max(
+                angle_distance(now, before).rms
+                for now, before in zip(sensed.T, last.T, strict=True)
+            )
+        if change <= STEADY * robot.constants.count:
+            played = [robot.play(requests) for _ in range(cycles)]
+            return Run(
+                requests=requests,
+                sensed=np.stack([each.sensed for each in played]),
+                angles=np.stack([each.angles for each in played]),
+                dropped=dropped,
+            )
+        last = sensed
+    raise NoSteadyCycle(change, MOST_DROPPED)
