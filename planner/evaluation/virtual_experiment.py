@@ -15,7 +15,6 @@ from planner.evaluation.planned_walk import foot_outcome, plan_walk
 from planner.evaluation.virtual_outcome import Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
 from planner.gait import ReferenceWalk, reference_walk
-from planner.identification.identification import Identification
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.result import Inversion

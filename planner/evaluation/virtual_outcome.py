@@ -13,7 +13,6 @@ import numpy as np
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.outcome import PlannedWalk, approximation
 from planner.identification.identification import Identification
-from planner.inversion.result import Inversion
 from planner.model.response import simulate
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
