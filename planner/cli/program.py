@@ -16,7 +16,17 @@ from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
 
-COMMANDS = ("compare", "export", "fit", "gait", "plan", "reproduce", "simulate")
+COMMANDS = (
+    "compare",
+    "excite",
+    "export",
+    "fit",
+    "gait",
+    "identify",
+    "plan",
+    "reproduce",
+    "simulate",
+)
 """Each is the function of this name in the module of this name."""
 
 FAILED = 1

@@ -1,0 +1,215 @@
+"""``request-planner excite``: test signals that make a joint show what it is."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import options
+from planner.cli.models import load_models
+from planner.cli.say import deliver
+
+if TYPE_CHECKING:
+    from planner.identification.excitation import Excitation
+    from planner.identification.identification import Identification
+    from planner.model.joint import JointModel
+
+KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
+
+
+@click.command(short_help="Write requests that make a joint show its parameters.")
+@click.option(
+    "--kind",
+    type=click.Choice(KINDS),
+    default="steps",
+    show_default=True,
+    help="The step tests of Equation 1, or a richer signal.",
+)
+@click.option(
+    "--limits-deg",
+    "limits_deg",
+    type=float,
+    nargs=2,
+    metavar="LOW HIGH",
+    required=True,
+    help="What no request may go beyond.",
+)
+@click.option(
+    "--centre-deg",
+    type=float,
+    metavar="DEG",
+    help="Where the signal begins and ends.  [default: the middle of the limits]",
+)
+@click.option(
+    "--rate-hz",
+    type=float,
+    metavar="HZ",
+    help="Requests per second.  [default: those of the expected model]",
+)
+@click.option(
+    "--duration-s",
+    type=float,
+    default=20.0,
+    show_default=True,
+    metavar="S",
+    help="Length of the signal, rests included.",
+)
+@click.option(
+    "--amplitude-deg",
+    type=float,
+    multiple=True,
+    metavar="DEG",
+    help="Height of a step test; several times for several.  [default: an eighth, half and the "
+    "whole of the range]",
+)
+@click.option("--cycles", type=int, metavar="N", help="Cycles of each step test.  [default: 3]")
+@click.option(
+    "--highest-hz",
+    type=float,
+    metavar="HZ",
+    help="Highest frequency of multisine and chirp.  [default: a tenth of the rate, at most 5]",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N")
+@click.option(
+    "--joint", default="requested", show_default=True, metavar="NAME", help="Names the column."
+)
+@options.model
+@click.option(
+    "--noise-deg",
+    type=float,
+    default=0.2,
+    show_default=True,
+    metavar="DEG",
+    help="Expected noise of the measured angles, standard deviation.",
+)
+@click.option(
+    "--resolution-deg",
+    type=float,
+    default=0.3,
+    show_default=True,
+    metavar="DEG",
+    help="Expected step of the sensor.",
+)
+@options.output
+@options.as_json
+def excite(*, joint: str, output: str, as_json: bool, **choices: Any) -> None:
+    """Write test requests inside limits, and say what they will tell about the joint.
+
+    Move the joint slowly to the centre, play the requests one by one at their times, and record
+    t_s, requested_deg and actual_deg right after each. The expected intervals come from simulating
+    the joint of --model, with noise, and identifying it again.
+
+    \b
+    Example, step tests within 45 degrees either way, and a joint that is like the Aibo's:
+        request-planner excite --limits-deg -45 45 -o steps.csv
+    A richer signal at 50 Hz for a joint that was identified before:
+        request-planner excite --kind random-steps --limits-deg -60 30 --rate-hz 50 \\
+            --model joint.toml --joint elbow -o elbow.csv
+    """  # noqa: D301
+    from planner.files.joint_path import write_joint_path
+    from planner.identification.expectation import expect
+
+    _check(choices)
+    (model,) = load_models(choices["model"], [joint])
+    made = _make(choices, model)
+    expected = expect(
+        made,
+        model,
+        noise=math.radians(choices["noise_deg"]),
+        resolution=math.radians(choices["resolution_deg"]),
+        seed=choices["seed"],
+    )
+    deliver(
+        _document(made, expected),
+        _summary(made, expected, choices["model"]),
+        lambda file: write_joint_path(file, [joint], made.requests[:, None], period=made.period),
+        output=output,
+        as_json=as_json,
+    )
+
+
+def _check(choices: dict[str, Any]) -> None:
+    """Refuse options that the kind ignores, and numbers that are none.
+
+    Raises:
+        click.UsageError: The message says which.
+    """
+    kind = choices["kind"]
+    for name, kinds in (
+        ("amplitude_deg", ("steps",)),
+        ("cycles", ("steps",)),
+        ("highest_hz", ("multisine", "chirp")),
+    ):
+        if choices[name] not in (None, ()) and kind not in kinds:
+            option = f"--{name.replace('_', '-')}"
+            raise click.UsageError(f"{option} has no effect with --kind {kind}.")
+    rate = choices["rate_hz"]
+    if rate is not None and not 0.0 < rate < math.inf:
+        raise click.UsageError(f"--rate-hz: got {rate:g}, expected more than 0.")
+
+
+def _make(choices: dict[str, Any], model: JointModel) -> Excitation:
+    from planner.identification.excitation import excite as make
+
+    low, high = choices["limits_deg"]
+    centre = choices["centre_deg"]
+    amplitudes = [math.radians(height) for height in choices["amplitude_deg"]]
+    return make(
+        choices["kind"].replace("-", "_"),
+        limits=(math.radians(low), math.radians(high)),
+        period=model.period if choices["rate_hz"] is None else 1.0 / choices["rate_hz"],
+        duration=choices["duration_s"],
+        centre=None if centre is None else math.radians(centre),
+        amplitudes=amplitudes or None,
+        cycles=3 if choices["cycles"] is None else choices["cycles"],
+        highest=choices["highest_hz"],
+        seed=choices["seed"],
+    )
+
+
+def _document(made: Excitation, expected: Identification) -> dict[str, Any]:
+    import numpy as np
+
+    answer = expected.to_dict()
+    return {
+        "kind": made.kind,
+        "period_s": made.period,
+        "centre_deg": math.degrees(made.centre),
+        "amplitudes_deg": [math.degrees(height) for height in made.amplitudes],
+        "identifiable": made.meaning,
+        "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
+        "warnings": list(expected.warnings),
+        "requests_deg": np.degrees(made.requests).tolist(),
+    }
+
+
+def _summary(made: Excitation, expected: Identification, model: str) -> str:
+    import textwrap
+
+    from planner.report.identification_text import SYMBOLS
+    from planner.report.identification_words import parameters
+    from planner.report.text_table import text_table
+
+    found = parameters(expected)
+    missing = [SYMBOLS[row.name] for row in found if not row.known]
+    verdict = f"would leave undetermined: {', '.join(missing)}" if missing else "would show it all"
+    steps = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
+    rows = [
+        [SYMBOLS[row.name], row.value, row.interval, "yes" if row.known else "no", row.judgement]
+        for row in found
+    ]
+    header = ["parameter", "identified", "95 % interval", "determined", "known"]
+    seconds = len(made.requests) * made.period
+    return "\n".join(
+        [
+            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {verdict} (a joint like {model})",
+            f"begins and ends at {math.degrees(made.centre):.4g} deg; the largest jump is "
+            f"{math.degrees(made.largest_jump):.4g} deg"
+            + (f"; step tests of {steps} deg" if steps else ""),
+            *textwrap.wrap(made.meaning, 96),
+            text_table(header, rows),
+            *(f"warning: {warning}" for warning in expected.warnings),
+        ]
+    )

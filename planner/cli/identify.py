@@ -1,0 +1,165 @@
+"""``request-planner identify``: logs of a joint in, its model out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import options
+from planner.cli.log_options import log_options, to_log_options
+from planner.cli.say import Progress, deliver, naming
+
+if TYPE_CHECKING:
+    from planner.identification.identification import Identification
+    from planner.identification.log import Log
+
+
+@click.command(short_help="Find the model of a joint from logs of it.")
+@click.argument("logs", nargs=-1, required=True, metavar="LOG...")
+@log_options
+@click.option(
+    "--tick-ms",
+    type=float,
+    metavar="MS",
+    help="Time step of the model.  [default: chosen from the rate of the log]",
+)
+@click.option(
+    "--hold",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Ticks for which one request is held.  [default: chosen from the rate of the log]",
+)
+@click.option(
+    "--hold-out/--no-hold-out",
+    default=True,
+    show_default=True,
+    help="Whether to test the model on rows that it was not fitted to.",
+)
+@click.option("--report", metavar="FILE", help="Also write a page with pictures, as HTML.")
+@click.option(
+    "-o",
+    "--out",
+    "--output",
+    "output",
+    default="-",
+    metavar="FILE",
+    help="Where to write the model as TOML; '-' is standard output.  [default: -]",
+)
+@options.as_json
+def identify(
+    *, logs: tuple[str, ...], report: str | None, output: str, as_json: bool, **choices: Any
+) -> None:
+    """Find the parameters of a joint from LOGs of requested against actual angles.
+
+    A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
+    of BAM, or a ROS bag; several of one joint are fitted together. With --joint all every joint
+    gets a table in the model file. Where the model does not fit, it is written all the same, and
+    the exit status is 1.
+
+    \b
+    Example, step tests, what they tell, and a plan with the model that they gave:
+        request-planner excite --limits-deg -45 45 -o steps.csv
+        (play steps.csv on the robot, record log.csv)
+        request-planner identify log.csv --out joint.toml --report report.html
+        request-planner plan desired.csv --model joint.toml -o requests.csv
+    """  # noqa: D301
+    from planner.files.joint_model import models_text
+    from planner.files.text import staged, write_text
+    from planner.report.identification_remarks import model_comments, remarks
+    from planner.report.identification_text import identification_text
+
+    if report == "-":
+        raise click.UsageError("--report: standard output takes the model; name a file.")
+    found = _identified(_by_joint(logs, choices), choices)
+    # One model stands above all tables, so that it serves whatever a path calls the joint.
+    tables = found if choices["joint"] == "all" else {"": next(iter(found.values()))}
+    text = models_text(
+        {joint: each.model for joint, each in tables.items()},
+        remarks=remarks(),
+        about=model_comments(tables),
+    )
+    page = nullcontext() if report is None else staged(report, _page(found).encode())
+    with page:
+        deliver(
+            _document(found, every=choices["joint"] == "all"),
+            identification_text(found),
+            lambda file: write_text(file, text),
+            output=output,
+            as_json=as_json,
+        )
+    refused = [joint for joint, each in found.items() if not each.accepted]
+    if refused:
+        which = f" of {', '.join(refused)}" if len(found) > 1 else ""
+        raise click.ClickException(
+            f"the model{which} does not fit its log; it is written all the same"
+        )
+
+
+def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, list[Log]]:
+    """The logs, by joint where every joint is asked for; what was guessed goes to standard error.
+
+    Raises:
+        click.UsageError: The logs are of several joints, and nobody asked for all.
+    """
+    from planner.files.logs.read import read_logs
+
+    logs = read_logs(paths, options=to_log_options(choices))
+    for note in dict.fromkeys(
+        f"{log.name}{f' ({log.joint})' if log.joint else ''}: {note}"
+        for log in logs
+        for note in log.notes
+    ):
+        click.echo(f"request-planner: {note}", err=True)
+    named = list(dict.fromkeys(log.joint for log in logs if log.joint))
+    if choices["joint"] == "all":
+        unnamed = [log for log in logs if not log.joint]
+        by_joint = {joint: [log for log in logs if log.joint == joint] for joint in named}
+        return {"": unnamed, **by_joint} if unnamed else by_joint
+    if len(named) > 1:
+        raise click.UsageError(
+            f"the logs are of different joints ({', '.join(named)}): choose one with --joint, or "
+            "'all' for a model of each."
+        )
+    return {named[0] if named else "": list(logs)}
+
+
+def _identified(
+    logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
+) -> dict[str, Identification]:
+    from planner.identification.identify import identify as run
+
+    tick_ms = choices["tick_ms"]
+    if tick_ms is not None and not 0.0 < tick_ms < math.inf:
+        raise click.UsageError(f"--tick-ms: got {tick_ms:g}, expected more than 0 milliseconds.")
+    found = {}
+    progress = Progress()
+    try:
+        for joint, own in logs.items():
+            progress(f"identifying {joint or 'the joint'}")
+            with naming(joint) if joint else nullcontext():
+                found[joint] = run(
+                    own,
+                    tick=None if tick_ms is None else 1e-3 * tick_ms,
+                    hold=choices["hold"],
+                    hold_out=choices["hold_out"],
+                )
+    finally:
+        progress.done()
+    return found
+
+
+def _page(found: Mapping[str, Identification]) -> str:
+    from planner.report.identification_page import identification_page
+
+    return identification_page(found)
+
+
+def _document(found: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:
+    if every:
+        return {"joints": {joint: each.to_dict() for joint, each in found.items()}}
+    ((joint, identification),) = found.items()
+    return {"joint": joint, **identification.to_dict()}
