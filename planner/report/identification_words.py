@@ -9,8 +9,8 @@ from planner.identification.identification import Alternative, Identification, I
 
 NAMES = {
     "v_max": "top speed",
-    "theta_0": "error from which on it moves at top speed",
-    "gain": "speed per error, v_max / theta_0",
+    "theta_0": "error that calls for top speed",
+    "gain": "speed per error below that",
     "lag": "lag",
     "acceleration_time": "acceleration time",
     "offset": "static sag",
