@@ -1,0 +1,129 @@
+"""What is said of an identification: in words, in a table, in the comments of a model file."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+
+import pytest
+
+from planner.files.joint_model import models_text, read_models
+from planner.identification.identification import Interval
+from planner.report.identification_remarks import model_comments, remarks
+from planner.report.identification_text import identification_text
+from planner.report.identification_words import (
+    compared_with,
+    judgement,
+    known,
+    parameters,
+    verdict,
+)
+from tests.report.made_up import made_up, made_up_log, never_saturated
+
+
+def row(identification, name):
+    return next(row for row in parameters(identification) if row.name == name)
+
+
+def test_a_parameter_is_told_in_degrees_and_in_si_with_the_digits_that_its_interval_deserves():
+    found = row(made_up(), "v_max")
+    assert found.value == "312.5 deg/s"
+    assert found.interval == "310.8 to 314.2"
+    assert found.si == "5.454 rad/s, 5.424 to 5.484"
+    assert row(made_up(), "lag").value == "32.00 ms"
+
+
+def test_shares_of_a_range_are_not_told_as_angles():
+    found = row(made_up(made_up_log(unit="1")), "v_max")
+    assert found.value == "5.454 ranges/s"
+    assert found.si == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "interval", "words"),
+    [
+        ("v_max", Interval(0.99, 1.01), "± 1 %"),
+        ("v_max", Interval(0.5, 1.5), "only ± 50 %"),
+        ("lag", Interval(0.0, 2.0), "± 1 rad/s"),
+        ("v_max", Interval(0.5, math.inf), "only bounded from below"),
+        ("v_max", Interval(-math.inf, 2.0), "only bounded from above"),
+        ("v_max", Interval(-math.inf, math.inf), "not determined"),
+    ],
+)
+def test_how_well_a_parameter_is_known_is_said_in_words(name, interval, words):
+    assert judgement(name, 1.0, interval, "rad/s") == words
+
+
+@pytest.mark.parametrize(
+    ("error", "other", "words"),
+    [
+        (1.0, 2.5, "2.5 times closer than"),
+        (1.0, 25.4, "25 times closer than"),
+        (1.0, 1.02, "no closer than"),
+        (2.0, 1.0, "2.0 times farther off than"),
+        (0.0, 1.0, "infinitely closer than"),
+    ],
+)
+def test_two_errors_are_compared_in_words(error, other, words):
+    assert compared_with(error, other) == words
+
+
+def test_the_verdict_says_whether_the_model_holds_and_on_which_rows():
+    assert verdict(made_up()).startswith("the model holds: 0.219 deg rms on rows held out, 0.97 %")
+    unheld = made_up(held_out_rms=None, accepted=False)
+    assert verdict(unheld).startswith("THE MODEL DOES NOT FIT: 0.199 deg rms on the rows it was")
+
+
+def test_what_is_not_determined_is_named():
+    assert known(made_up()) == "The logs determine every parameter."
+    assert "neither of the two alone" in known(never_saturated())
+    right = made_up()
+    vague = {**right.intervals, "lag": Interval(-math.inf, 0.1)}
+    assert known(made_up(intervals=vague)) == "The logs do not determine: lag."
+
+
+def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_the_warnings():
+    lines = identification_text({"hip": never_saturated()}).splitlines()
+    assert lines[0].startswith("hip: the model holds: ")
+    assert lines[-1].startswith("warning: the joint never saturates")
+    told = {line.split("  ")[0]: line for line in lines}
+    assert "at least 172" in told["top speed v_max"]
+    assert "only bounded from below" in told["threshold theta_0"]
+    assert told["best pure delay (110 ms)"].split()[-2:] == ["3.44", "3.61"]
+    assert told["the joint model"].split()[-2:] == ["0.199", "0.219"]
+
+
+def test_several_joints_stand_in_one_table():
+    refused = dataclasses.replace(never_saturated(), accepted=False)
+    lines = identification_text({"hip": made_up(), "knee": refused}).splitlines()
+    assert lines[0] == "the model holds for 1 of 2 joints"
+    assert lines[2].split()[:2] == ["hip", "holds"]
+    assert lines[3].split()[:7] == "knee DOES NOT FIT at least 172".split()
+    assert lines[4].startswith("knee: warning: the joint never")
+
+
+def test_the_model_file_is_read_again_to_the_last_digit_and_says_where_it_comes_from(tmp_path):
+    odd = 'front "left" # knee'
+    found = {"hip": made_up(), odd: never_saturated()}
+    text = models_text(
+        {joint: each.model for joint, each in found.items()},
+        remarks=remarks(),
+        about=model_comments(found),
+    )
+    file = tmp_path / "joint.toml"
+    file.write_text(text)
+    assert read_models(file).for_joints(["hip", odd]) == (found["hip"].model, found[odd].model)
+    assert "# From bench.csv: 896 of 1000 rows." in text
+    assert "# [rad/s], 5.4242 to 5.4842" in text
+    assert "# [rad/s], at least 3" in text
+    assert "# Warning: the joint never saturates" in text
+
+
+def test_no_name_of_a_log_can_break_the_model_file():
+    found = {"": made_up(made_up_log(name="a\nv_max = 1\r\x00\udcff.csv", unit="1"))}
+    text = models_text({"": found[""].model}, remarks=remarks(), about=model_comments(found))
+    assert tomllib.loads(text)["v_max"] == found[""].model.v_max
+    assert "shares of the joint's range" in text
+    assert "# [1/s], " in text
+    text.encode()
