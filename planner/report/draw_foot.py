@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.evaluation.outcome import Reproduction
+    from planner.evaluation.outcome import PlannedWalk, Reproduction
     from planner.trajectory import Array
 
 ROLES = {
@@ -46,28 +46,28 @@ SKETCHED = 22
 
 def draw_direct_foot(reproduction: Reproduction) -> Figure:
     """Figure 1: desired path of the foot, and what comes of requesting the desired angles."""
-    figure, axes = _side_view(height=2.75)
+    figure, axes = side_view(height=2.75)
     desired = reproduction.walk.desired_foot
     actual = reproduction.foot["direct"].positions
-    _draw_path(axes, desired, DESIRED)
-    _draw_path(axes, actual, DIRECT)
+    draw_path(axes, desired, DESIRED)
+    draw_path(axes, actual, DIRECT)
     for k in range(0, len(desired), 8):
-        axes.plot(*_seen(np.array([desired[k], actual[k]])), color=GRID.light, lw=1.0, zorder=1)
+        axes.plot(*seen(np.array([desired[k], actual[k]])), color=GRID.light, lw=1.0, zorder=1)
     _mark_direction(axes, desired, 70, DESIRED)
     _mark_direction(axes, actual, 77, DIRECT)
-    _legend(axes, 2)
+    legend(axes, 2)
     return figure
 
 
 def draw_foot_paths(reproduction: Reproduction) -> Figure:
     """Figure 8: the paths of the foot under the methods, with the leg at one instant."""
-    figure, axes = _side_view(height=4.1)
-    _draw_leg(axes, reproduction)
-    _draw_path(axes, reproduction.walk.desired_foot, DESIRED, zorder=6)
+    figure, axes = side_view(height=4.1)
+    draw_leg(axes, reproduction)
+    draw_path(axes, reproduction.walk.desired_foot, DESIRED, zorder=6)
     for method, role in ROLES.items():
         if method not in UNSEEN:
-            _draw_path(axes, reproduction.foot[method].positions, role)
-    _legend(axes, 2)
+            draw_path(axes, reproduction.foot[method].positions, role)
+    legend(axes, 2)
     return figure
 
 
@@ -87,11 +87,12 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
     axes.set_xticks(range(0, samples + 1, samples // 8))
     axes.set_xlabel(f"time [samples of {1000.0 * reproduction.model.period:g} ms]")
     axes.set_ylabel("distance [cm]")
-    _legend(axes, 2)
+    legend(axes, 2)
     return figure
 
 
-def _side_view(height: float) -> tuple[Figure, Axes]:
+def side_view(height: float) -> tuple[Figure, Axes]:
+    """Axes for paths of the foot, seen from the side, so high [inch]."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
@@ -103,13 +104,15 @@ def _side_view(height: float) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _seen(positions: Array) -> tuple[Array, Array]:
+def seen(positions: Array) -> tuple[Array, Array]:
+    """What is seen of positions [m] from the side [cm]."""
     return 100.0 * positions[:, 0], 100.0 * positions[:, 2]
 
 
-def _draw_path(axes: Axes, positions: Array, role: Role, zorder: float = 4) -> None:
+def draw_path(axes: Axes, positions: Array, role: Role, zorder: float = 4) -> None:
+    """A closed path of the foot [m], shape (n, 3)."""
     closed = np.vstack([positions, positions[:1]])
-    axes.plot(*_seen(closed), zorder=zorder, **role.line)
+    axes.plot(*seen(closed), zorder=zorder, **role.line)
 
 
 def _mark_direction(axes: Axes, positions: Array, sample: int, role: Role) -> None:
@@ -123,10 +126,11 @@ def _mark_direction(axes: Axes, positions: Array, sample: int, role: Role) -> No
     )
 
 
-def _draw_leg(axes: Axes, reproduction: Reproduction) -> None:
+def draw_leg(axes: Axes, planned: PlannedWalk) -> None:
+    """The leg at one instant, and the ground."""
     hip = np.zeros(3)
-    joints = np.vstack([hip, reproduction.knee[SKETCHED], reproduction.walk.desired_foot[SKETCHED]])
-    across, up = _seen(joints)
+    joints = np.vstack([hip, planned.knee[SKETCHED], planned.walk.desired_foot[SKETCHED]])
+    across, up = seen(joints)
     axes.plot(across, up, color=GRID.light, lw=9, solid_joinstyle="round", zorder=1.5)
     axes.plot(across, up, "o", color=SURFACE.light, ms=6, mec=MUTED.light, mew=1.2, zorder=2)
     for name, x, z, shift in zip(("hip", "knee"), across, up, ((9, 2), (-9, 6)), strict=False):
@@ -139,7 +143,7 @@ def _draw_leg(axes: Axes, reproduction: Reproduction) -> None:
             fontsize=8.5,
             ha="left" if shift[0] > 0 else "right",
         )
-    ground = 100.0 * float(reproduction.walk.desired_foot[:, 2].min())
+    ground = 100.0 * float(planned.walk.desired_foot[:, 2].min())
     axes.axhline(ground, color=MUTED.light, lw=0.6, zorder=1)
     axes.annotate(
         "ground",
@@ -154,7 +158,8 @@ def _draw_leg(axes: Axes, reproduction: Reproduction) -> None:
     )
 
 
-def _legend(axes: Axes, columns: int) -> None:
+def legend(axes: Axes, columns: int) -> None:
+    """The legend above the axes."""
     figure = axes.figure
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=columns, labelcolor=INK.light)

@@ -36,6 +36,37 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
         pictures: The pictures, in order; drawn into the page.
         files: Files of the run to link to, relative to the page.
     """
+    return experiment_page(
+        "report.html",
+        results,
+        pictures,
+        files,
+        hero=HERO,
+        gap_of=GAPS,
+        kept=KEPT,
+        parameters=PARAMETERS,
+    )
+
+
+def experiment_page(
+    template: str,
+    results: Mapping[str, Any],
+    pictures: Sequence[Picture],
+    files: Sequence[str],
+    *,
+    hero: str,
+    **more: object,
+) -> str:
+    """The page of an experiment whose results are shaped like those of the paper's.
+
+    Args:
+        template: Name of the template.
+        results: The content of ``results.json``.
+        pictures: The pictures, in order; drawn into the page.
+        files: Files of the run to link to, relative to the page.
+        hero: Name of the picture beside the verdict.
+        more: What else the template needs.
+    """
     drawings = {
         picture.name: to_inline_svg(
             picture.figure, name=picture.name, description=picture.description
@@ -44,19 +75,17 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
     }
     return (
         environment()
-        .get_template("report.html")
+        .get_template(template)
         .render(
             results=results,
             table2=table2_rows(results),
             foot=foot_rows(results),
             pictures=pictures,
             drawings=drawings,
-            hero=next(picture for picture in pictures if picture.name == HERO),
+            hero=next(picture for picture in pictures if picture.name == hero),
             files=files,
-            gap_of=GAPS,
-            kept=KEPT,
             roles=ROLES,
-            parameters=PARAMETERS,
+            **more,
         )
     )
 

@@ -43,10 +43,17 @@ NORMS = {"L2": "L₂", "Linf": "L∞"}
 
 @dataclass(frozen=True)
 class Cell:
-    """One of our figures, and the paper's where it has one."""
+    """One of our figures, and the paper's where it has one.
+
+    Attributes:
+        ours: Ours; a mean where it was measured over several cycles.
+        paper: The paper's.
+        deviation: Standard deviation of ours over the cycles; None where it is computed.
+    """
 
     ours: float
     paper: float | None
+    deviation: float | None = None
 
     @property
     def difference(self) -> str:
@@ -87,13 +94,12 @@ def foot_rows(results: Mapping[str, Any]) -> list[Row]:
     return rows
 
 
-def paper_text(results: Mapping[str, Any]) -> str:
-    """All tables as plain text, for the terminal."""
-    joints = list(results["table2"])
+def distances_text(results: Mapping[str, Any]) -> str:
+    """Table 2 and the foot as plain text."""
     blocks = [
         "Distances between joint trajectories [deg]: ours / the paper's (difference)",
         text_table(
-            ["", "", *joints],
+            ["", "", *results["table2"]],
             [
                 [row.label if row.norm == NORMS["L2"] else "", row.norm, *map(_text, row.cells)]
                 for row in table2_rows(results)
@@ -105,6 +111,15 @@ def paper_text(results: Mapping[str, Any]) -> str:
             ["", *NORMS.values()],
             [[row.label, *map(_text, row.cells)] for row in foot_rows(results)],
         ),
+    ]
+    return "\n".join(blocks)
+
+
+def paper_text(results: Mapping[str, Any]) -> str:
+    """All tables as plain text, for the terminal."""
+    joints = list(results["table2"])
+    blocks = [
+        distances_text(results),
         "",
         "No requests whatever track better than this [deg rms]; gap: how far above a plan is",
         text_table(
@@ -152,10 +167,17 @@ def _row(label: str, norm: str, entries: list[Mapping[str, Any]]) -> Row:
 
 
 def _cell(entry: Mapping[str, Any], norm: str) -> Cell:
-    return Cell(entry[norm], None if entry["paper"] is None else entry["paper"][norm])
+    return Cell(
+        entry[norm],
+        None if entry["paper"] is None else entry["paper"][norm],
+        entry["std"][norm] if "std" in entry else None,
+    )
 
 
 def _text(cell: Cell) -> str:
+    ours = f"{cell.ours:.2f}"
+    if cell.deviation is not None:
+        ours += f" ± {cell.deviation:.2f}"
     if cell.paper is None:
-        return f"{cell.ours:.2f}"
-    return f"{cell.ours:.2f} / {cell.paper:.2f} ({cell.difference})"
+        return ours
+    return f"{ours} / {cell.paper:.2f} ({cell.difference})"

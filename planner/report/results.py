@@ -49,19 +49,19 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
         "methods": dict(METHODS),
         "table2": {
             joint: {
-                comparison: _entry(distance, published(joint, comparison))
+                comparison: distance_entry(distance, published(joint, comparison))
                 for comparison, distance in comparisons.items()
             }
             for joint, comparisons in reproduction.table2.items()
         },
         "foot": {
-            method: _entry(distance, published_foot(method))
+            method: distance_entry(distance, published_foot(method))
             for method, distance in reproduction.foot_table.items()
         },
         "best_shift_samples": reproduction.shift.samples,
         "baseline_deviation": reproduction.baseline_deviation,
-        "bounds": {joint.name: _bound(joint) for joint in reproduction.joints},
-        "limits": {joint.name: _limits(joint) for joint in reproduction.joints},
+        "bounds": {joint.name: bound_entry(joint) for joint in reproduction.joints},
+        "limits": {joint.name: limits_entry(joint) for joint in reproduction.joints},
         "step_tests": {
             f"{amplitude:g}": {
                 "lag_ticks": response.lag,
@@ -83,10 +83,10 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
     }
 
 
-def versions() -> dict[str, str]:
+def versions(*more: str) -> dict[str, str]:
     """Versions of this project, of Python, and of the libraries whose numbers these are."""
     found = {"request-planner": __version__, "python": platform.python_version()}
-    for library in LIBRARIES:
+    for library in (*LIBRARIES, *more):
         try:
             found[library] = version(library)
         except PackageNotFoundError:  # installed by other means than a package
@@ -94,7 +94,8 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _entry(distance: Distance, published: Published | None) -> dict[str, Any]:
+def distance_entry(distance: Distance, published: Published | None) -> dict[str, Any]:
+    """A distance beside the paper's own, if it has one."""
     paper = None
     if published is not None:
         paper = {
@@ -106,7 +107,8 @@ def _entry(distance: Distance, published: Published | None) -> dict[str, Any]:
     return {"L2": distance.rms, "Linf": distance.max, "paper": paper}
 
 
-def _bound(joint: JointOutcome) -> dict[str, Any]:
+def bound_entry(joint: JointOutcome) -> dict[str, Any]:
+    """What no requests can go below, and how far above it the plans are."""
     return {
         "rms": math.degrees(joint.optimal.lower_bound),
         "gap": joint.optimal.gap,
@@ -116,7 +118,7 @@ def _bound(joint: JointOutcome) -> dict[str, Any]:
     }
 
 
-def _limits(joint: JointOutcome) -> dict[str, Any]:
+def limits_entry(joint: JointOutcome) -> dict[str, Any]:
     """The limits of a joint, and how far the farthest request of each plan is beyond them."""
     lower, upper = joint.limits
     return {
