@@ -57,10 +57,10 @@ def read_chain(path: str | os.PathLike[str], *, base: str, foot: str) -> ChainIn
             neither revolute nor continuous, or one that mimics another.
     """
     path = Path(path)
-    model, mimics = _read_model(path)
-    start = _frame(model, base, role="base")
-    end = _frame(model, foot, role="foot")
-    joints = _joints_between(model, start, end)
+    model, mimics = read_model(path)
+    start = find_frame(model, base, role="base")
+    end = find_frame(model, foot, role="foot")
+    joints = joints_between(model, start, end)
     names = tuple(str(model.names[joint]) for joint in joints)
     if copies := [name for name in names if name in mimics]:
         raise UnsupportedLeg(
@@ -83,7 +83,7 @@ def read_chain(path: str | os.PathLike[str], *, base: str, foot: str) -> ChainIn
     return ChainInRobot(chain, names, limits)
 
 
-def _read_model(path: Path) -> tuple[Any, set[str]]:
+def read_model(path: Path) -> tuple[Any, set[str]]:
     """Pinocchio's model, and the names of the joints that mimic others."""
     import pinocchio
 
@@ -142,7 +142,7 @@ def _captured_stderr() -> Iterator[Any]:
             os.close(terminal)
 
 
-def _frame(model: Any, name: str, *, role: str) -> Any:
+def find_frame(model: Any, name: str, *, role: str) -> Any:
     """The frame of that name; where a link and a joint share it, their frames coincide."""
     # getFrameId returns nframes for a name it does not know, and refuses shared names.
     for frame in model.frames:
@@ -152,7 +152,7 @@ def _frame(model: Any, name: str, *, role: str) -> Any:
     raise UnknownFrame(name, list(known), role=role)
 
 
-def _joints_between(model: Any, start: Any, end: Any) -> list[int]:
+def joints_between(model: Any, start: Any, end: Any) -> list[int]:
     """The joints that move ``end`` in ``start``, from the base to the foot."""
     above = [int(joint) for joint in model.supports[end.parentJoint]]
     if start.parentJoint not in above:
@@ -205,6 +205,18 @@ def _limits(path: Path, model: Any, joints: list[int]) -> Limits:
     return Limits(read_only(lower), read_only(upper))
 
 
+def configuration(model: Any, joints: list[int], angles: Array) -> Any:
+    """Pinocchio's coordinates with these joints at these angles and the others at rest."""
+    import pinocchio
+
+    coordinates = pinocchio.neutral(model)
+    for joint, angle in zip(joints, angles, strict=True):
+        kind = model.joints[joint]
+        both = [angle] if kind.nq == 1 else [np.cos(angle), np.sin(angle)]
+        coordinates[kind.idx_q : kind.idx_q + kind.nq] = both
+    return coordinates
+
+
 def _check_against_pinocchio(
     model: Any, chain: Chain, start: Any, end: Any, joints: list[int]
 ) -> None:
@@ -214,12 +226,7 @@ def _check_against_pinocchio(
     data = model.createData()
     for pose in (0.0, 0.7, -1.9):
         angles = pose * np.arange(1.0, len(joints) + 1.0)
-        configuration = pinocchio.neutral(model)
-        for joint, angle in zip(joints, angles, strict=True):
-            kind = model.joints[joint]
-            both = [angle] if kind.nq == 1 else [np.cos(angle), np.sin(angle)]
-            configuration[kind.idx_q : kind.idx_q + kind.nq] = both
-        pinocchio.forwardKinematics(model, data, configuration)
+        pinocchio.forwardKinematics(model, data, configuration(model, joints, angles))
         from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
         expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
         found = chain.foot(np.cos(angles), np.sin(angles))[:, 0]

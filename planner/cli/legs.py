@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from kinematics import Leg
 
 
-class ShippedLeg(NamedTuple):
-    """Where a shipped leg is described, and the frames at its two ends."""
+class Place(NamedTuple):
+    """Where a leg is described, and the frames at its two ends."""
 
     urdf: str
     base: str
@@ -20,9 +20,9 @@ class ShippedLeg(NamedTuple):
 
 
 SHIPPED = {
-    "reference": ShippedLeg("reference_leg.urdf", "hip", "foot"),
+    "reference": Place("reference_leg.urdf", "hip", "foot"),
     **{
-        f"{end}-{side}": ShippedLeg("ers210a.urdf", "body", f"{end}_{side}_ball")
+        f"{end}-{side}": Place("ers210a.urdf", "body", f"{end}_{side}_ball")
         for end in ("front", "hind")
         for side in ("left", "right")
     },
@@ -64,19 +64,31 @@ def load_leg(leg: str | None, urdf: str | None, base: str | None, foot: str | No
         click.UsageError: The options contradict each other or do not suffice.
         KinematicsError: The leg cannot be made.
     """
+    place = find_leg(leg, urdf, base, foot)
+    if place is None:
+        return None
+    from kinematics import Leg
+
+    return Leg.from_urdf(place.urdf, base=place.base, foot=place.foot)
+
+
+def find_leg(leg: str | None, urdf: str | None, base: str | None, foot: str | None) -> Place | None:
+    """Where that leg is described; None where the options name none.
+
+    Raises:
+        click.UsageError: The options contradict each other or do not suffice.
+    """
     if leg is not None:
         if urdf is not None or base is not None or foot is not None:
             raise click.UsageError("--leg is a shipped leg: leave out --urdf, --base and --foot.")
-        from kinematics import Leg, urdf_path
+        from kinematics import urdf_path
 
         shipped = SHIPPED[leg]
-        return Leg.from_urdf(urdf_path(shipped.urdf), base=shipped.base, foot=shipped.foot)
+        return shipped._replace(urdf=str(urdf_path(shipped.urdf)))
     if urdf is None:
         if base is not None or foot is not None:
             raise click.UsageError("--base and --foot name frames of a URDF: add --urdf.")
         return None
     if base is None or foot is None:
         raise click.UsageError("--urdf needs --base and --foot, the frames at the leg's two ends.")
-    from kinematics import Leg
-
-    return Leg.from_urdf(urdf, base=base, foot=foot)
+    return Place(urdf, base, foot)

@@ -26,6 +26,7 @@ COMMANDS = (
     "plan",
     "reproduce",
     "simulate",
+    "view",
 )
 """Each is the function of this name in the module of this name."""
 

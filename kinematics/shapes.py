@@ -1,0 +1,166 @@
+"""What a robot looks like: the visual shapes of its links, from its URDF."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from kinematics.chain import Array, read_only
+from kinematics.exceptions import InvalidUrdf
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each from 0 to 1."""
+
+PLAIN: Colour = (0.7, 0.72, 0.75, 1.0)
+"""Colour of a shape without a material."""
+
+MESHES = ("stl", "obj", "dae")
+"""Formats of meshes that are taken up; links with others only are drawn as bones."""
+
+MOST_BYTES = 8 * 2**20
+"""Largest mesh that is taken up [bytes]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A solid, fixed to a link.
+
+    Attributes:
+        kind: What it is.
+        size: Edges of a box; radius and length, along z, of a cylinder; radius of a sphere [m];
+            scale of a mesh along each axis.
+        placement: From its own frame to the link's, shape (4, 4), read-only.
+        colour: Its colour.
+        mesh: Content of the mesh's file; empty for other kinds.
+        mesh_format: One of :data:`MESHES`; empty for other kinds.
+    """
+
+    kind: Literal["box", "cylinder", "sphere", "mesh"]
+    size: tuple[float, ...]
+    placement: Array
+    colour: Colour = PLAIN
+    mesh: bytes = b""
+    mesh_format: str = ""
+
+
+def read_shapes(path: Path) -> dict[str, tuple[Shape, ...]]:
+    """The visual shapes of every link of a robot; meshes that cannot be found are left out.
+
+    Args:
+        path: The URDF. Meshes are looked for below its folder and those above: ``package://a/b`` is
+            ``a/b`` below one of them.
+
+    Raises:
+        InvalidUrdf: The file cannot be read, or a shape cannot be.
+    """
+    try:
+        root = ElementTree.parse(BytesIO(path.read_bytes())).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise InvalidUrdf(path, f"cannot be read ({error}); expected a URDF file") from error
+    materials = {
+        material.get("name", ""): colour
+        for material in root.findall("material")
+        if (colour := _colour(path, material)) is not None
+    }
+    return {
+        link.get("name", ""): tuple(
+            shape
+            for visual in link.findall("visual")
+            if (shape := _shape(path, visual, materials)) is not None
+        )
+        for link in root.findall("link")
+    }
+
+
+def _shape(path: Path, visual: ElementTree.Element, materials: dict[str, Colour]) -> Shape | None:
+    """The shape of a visual element; None where it is none that can be drawn."""
+    geometry = visual.find("geometry")
+    solid = next(iter(geometry), None) if geometry is not None else None
+    if solid is None:
+        return None
+    placement = _placement(path, visual.find("origin"))
+    material = visual.find("material")
+    colour = PLAIN
+    if material is not None:
+        colour = _colour(path, material) or materials.get(material.get("name", ""), PLAIN)
+    match solid.tag:
+        case "box":
+            return Shape("box", _numbers(path, solid, "size", 3), placement, colour)
+        case "cylinder":
+            radius, length = (_numbers(path, solid, name, 1)[0] for name in ("radius", "length"))
+            return Shape("cylinder", (radius, length), placement, colour)
+        case "sphere":
+            return Shape("sphere", _numbers(path, solid, "radius", 1), placement, colour)
+        case "mesh":
+            file = _find_mesh(path, solid.get("filename", ""))
+            if file is None:
+                return None
+            scale = _numbers(path, solid, "scale", 3, default="1 1 1")
+            return Shape("mesh", scale, placement, colour, file.read_bytes(), _format(file))
+    return None
+
+
+def _find_mesh(path: Path, name: str) -> Path | None:
+    """The file of a mesh, where there is one of a format and size that can be taken up."""
+    package = name.startswith("package://")
+    relative = name.removeprefix("package://").removeprefix("file://")
+    folders = list(path.resolve().parents) if package else [path.resolve().parent]
+    for folder in folders:
+        file = folder / relative
+        if _format(file) in MESHES and file.is_file() and file.stat().st_size <= MOST_BYTES:
+            return file
+    return None
+
+
+def _format(file: Path) -> str:
+    return file.suffix.lower().removeprefix(".")
+
+
+def _colour(path: Path, material: ElementTree.Element) -> Colour | None:
+    colour = material.find("color")
+    if colour is None:
+        return None
+    red, green, blue, opacity = _numbers(path, colour, "rgba", 4)
+    return red, green, blue, opacity
+
+
+def _placement(path: Path, origin: ElementTree.Element | None) -> Array:
+    """The frame of an ``<origin>``: turned about x, y and z, in this order, and then moved."""
+    placement = np.eye(4)
+    if origin is not None:
+        roll, pitch, yaw = _numbers(path, origin, "rpy", 3, default="0 0 0")
+        turns = [_turn(axis, angle) for axis, angle in ((2, yaw), (1, pitch), (0, roll))]
+        placement[:3, :3] = turns[0] @ turns[1] @ turns[2]
+        placement[:3, 3] = _numbers(path, origin, "xyz", 3, default="0 0 0")
+    return read_only(placement)
+
+
+def _turn(axis: int, angle: float) -> Array:
+    """The rotation about a coordinate axis."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    turn = np.eye(3)
+    turn[one, one] = turn[other, other] = math.cos(angle)
+    turn[other, one] = math.sin(angle)
+    turn[one, other] = -turn[other, one]
+    return turn
+
+
+def _numbers(
+    path: Path, element: ElementTree.Element, name: str, count: int, *, default: str = ""
+) -> tuple[float, ...]:
+    text = element.get(name, default)
+    try:
+        numbers = tuple(float(part) for part in text.split())
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise InvalidUrdf(
+            path, f"<{element.tag} {name}={text!r}>: expected {count} numbers separated by spaces"
+        )
+    return numbers
