@@ -136,15 +136,13 @@ def _damage_told(path: Path | str) -> Iterator[None]:
         from compression import zstd
     else:
         from backports import zstd
-    faults: tuple[type[Exception], ...] = (
-        *(rosbag1.ReaderError, rosbag2.ReaderError, TypesysError, YAMLError),
-        *(apsw.Error, zstd.ZstdError, *_UNEXPECTED),
-    )
+    own: tuple[type[Exception], ...] = (rosbag1.ReaderError, rosbag2.ReaderError, TypesysError)
+    below: tuple[type[Exception], ...] = (YAMLError, apsw.Error, zstd.ZstdError)
     try:
         yield
     except InvalidFile:
         raise
-    except faults as error:
+    except (*own, *below, *_UNEXPECTED) as error:
         raise InvalidFile(
             path, f"not a bag that can be read ({_words(error)}); is it cut short?"
         ) from error

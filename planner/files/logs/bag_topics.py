@@ -106,5 +106,5 @@ def _check(bag: Bag, topic: str, kinds: tuple[str, ...], option: str) -> None:
 
 
 def _listed(bag: Bag, topics: list[str] | None = None) -> str:
-    names = topics or list(bag.topics)
+    names = sorted(topics or bag.topics)
     return ", ".join(f"{name} ({bag.topics[name]})" for name in names[:20]) or "none"

@@ -79,8 +79,9 @@ def parse_json(path: Path | str) -> Any:
     Raises:
         InvalidFile: There is no such file, or it is not JSON.
     """
+    text = read_text(path)
     try:
-        return json.loads(read_text(path))
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise InvalidFile(
             path, f"not JSON ({error.msg}); is the file cut short?", line=error.lineno

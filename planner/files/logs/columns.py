@@ -81,6 +81,7 @@ TORQUES = frozenset(["torque_on", "torque_enable", "torque_enabled"])
 """Names for whether the torque is on."""
 
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+_SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
 _SEPARATORS = "_.-/: "
 
 
@@ -114,11 +115,9 @@ class Pair(NamedTuple):
 
 def meaning(column: str) -> Meaning | None:
     """What an angle's column means by its name; None where the name tells nothing."""
-    stem, _ = split_name(column, ANGLE_NAMES)
+    stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
     spans = [word.span() for word in _WORD.finditer(stem)]
     words = [stem[start:end].lower() for start, end in spans]
-    if {"set", "point"} <= set(words):
-        return meaning(re.sub("set.?point", "setpoint", column, flags=re.IGNORECASE))
     if "current" in words and PLAIN & set(words):  # the present position, and no ampere
         words = ["present" if word == "current" else word for word in words]
     if OTHER & set(words):

@@ -82,11 +82,14 @@ def _guessed_time(table: Table) -> str:
         return TIME
     found = time_columns(table.names)
     if len(found) != 1:
-        what = f"{len(found)} columns may be ({', '.join(found)})" if found else "no column is"
+        what = (
+            f"{len(found)} columns may be the time ({', '.join(found)})"
+            if found
+            else "no column is the time"
+        )
         raise InvalidFile(
             table.path,
-            f"{what} the time; columns: {', '.join(table.names)}; name it with --time, or rename "
-            f"it {TIME}",
+            f"{what}; columns: {', '.join(table.names)}; name it with --time, or rename it {TIME}",
             line=1,
         )
     return found[0]

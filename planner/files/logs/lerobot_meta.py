@@ -67,6 +67,8 @@ def find_dataset(path: Path) -> Dataset:
     Raises:
         InvalidFile: No description beside the file, or one that cannot be understood.
     """
+    if not path.exists():
+        raise InvalidFile(path, "no such file; check the name and the folder")
     places = [path] if path.is_dir() else list(path.absolute().parents)[:3]
     root = next((place for place in places if is_dataset(place)), None)
     if root is None:

@@ -33,6 +33,8 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
     try:
         with parquet.ParquetFile(path) as file:
             _check(path, file, names)
+            if not file.metadata.num_rows:
+                raise InvalidFile(path, "no rows; is the file cut short?")
             table = file.read(columns=list(names), use_threads=False)
         return {name: _numbers(path, table.column(name), name) for name in names}
     except InvalidFile:

@@ -147,8 +147,8 @@ def _order(
         return (joint,)
     raise InvalidFile(
         bag.path,
-        f"topic {topic}: {count} numbers without names for {len(names)} joints "
-        f"({', '.join(names)}); "
+        f"topic {topic}: got {count} without names, expected a number for each of {len(names)} "
+        f"joints ({', '.join(names)}); "
         + (
             "choose the joint with --joint"
             if count == 1
@@ -179,8 +179,8 @@ def _check(bag: Bag, topic: str, k: int, what: str, names: Any, angles: Any) -> 
     if len(names) != len(angles) or len(set(names)) != len(names):
         raise InvalidFile(
             bag.path,
-            f"topic {topic}, message {k + 1}: {len(angles)} angles in '{what}' for {len(names)} "
-            f"joints ({', '.join(map(str, names[:20]))}); expected one for each",
+            f"topic {topic}, message {k + 1}: got {len(angles)} in '{what}', expected an angle for "
+            f"each of {len(names)} joints ({', '.join(map(str, names[:20]))})",
         )
 
 

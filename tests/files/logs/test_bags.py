@@ -1,0 +1,351 @@
+"""Bags: requested and actual angles by type of topic, the command held at each state's time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rosbags import rosbag1, rosbag2
+
+from planner import InvalidFile, LogOptions, joints_in, read_logs
+from planner.files.logs.controller_state import CONTROLLER_STATE
+from tests.files.logs.bags import (
+    HUMBLE,
+    JOINTS,
+    NEW,
+    OLD,
+    PERIOD,
+    START,
+    Kit,
+    angles,
+    forget_definitions,
+    only_file,
+    store,
+    write,
+)
+
+EXACT = 1e-12
+"""Angles and times come through unchanged but for one product of float64 [rad, s]."""
+
+RECEIPT = 300_000
+"""How long after its stamp a message is received [ns]."""
+
+STATE = "/arm_controller/controller_state"
+
+
+def _controller_bag(path, layout=NEW, *, storage="sqlite3", compression=None):
+    types = store(layout, ros1=storage == "ros1")
+    kit = Kit(types)
+    rows = zip(*angles(), strict=True)
+    messages = [
+        (STATE, START + k * PERIOD + RECEIPT, kit.state(START + k * PERIOD, *row))
+        for k, row in enumerate(rows)
+    ]
+    return write(path, types, messages, storage=storage, compression=compression)
+
+
+def _command_bag(path, command, *, late=0, topic="/commands", extra=(), types=None, storage="mcap"):
+    """Joint states every PERIOD; before each, a command (from the second on, if ``late``)."""
+    types = types or store()
+    kit = Kit(types)
+    requested, actual = angles()
+    messages = []
+    for k in range(len(actual)):
+        stamp = START + k * PERIOD
+        if k >= late:
+            messages.append((topic, stamp - PERIOD // 2, command(kit, stamp, requested[k])))
+        messages.append(("/joint_states", stamp + RECEIPT, kit.joint_state(stamp, actual[k])))
+        messages.extend((name, stamp, build(kit, stamp)) for name, build in extra)
+    messages.sort(key=lambda message: message[1])
+    return write(path, types, messages, storage=storage)
+
+
+def _assert_holds_the_angles(log, joint):
+    requested, actual = (values[:, JOINTS.index(joint)] for values in angles())
+    np.testing.assert_allclose(log.requests, requested, atol=EXACT)
+    np.testing.assert_allclose(log.angles, actual, atol=EXACT)
+    np.testing.assert_allclose(log.times, 1e-9 * PERIOD * np.arange(len(actual)), atol=EXACT)
+    assert log.joint == joint
+    assert log.unit == "rad"
+    assert log.torque_on.all()
+
+
+@pytest.mark.parametrize("layout", [OLD, HUMBLE, NEW], ids=["old", "humble", "new"])
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap", "ros1"])
+def test_a_controllers_state_is_read_by_the_bags_own_definition(tmp_path, storage, layout):
+    path = tmp_path / ("run.bag" if storage == "ros1" else "run")
+    _controller_bag(path, layout, storage=storage)
+    logs = read_logs(path, options=LogOptions(joint="all"))
+    for log, joint in zip(logs, JOINTS, strict=True):
+        _assert_holds_the_angles(log, joint)
+    assert logs[0].notes == (
+        f"actual from {STATE}, requested from {STATE}",
+        "time from its header",
+        "angles in rad, as is the custom of ROS (REP 103)",
+    )
+
+
+@pytest.mark.parametrize(("storage", "ending"), [("sqlite3", ".db3"), ("mcap", ".mcap")])
+def test_a_single_file_of_a_bag_is_read_without_its_folder(tmp_path, storage, ending):
+    file = only_file(_controller_bag(tmp_path / "run", storage=storage), ending)
+    alone = file.rename(tmp_path / f"alone{ending}")
+    _assert_holds_the_angles(*read_logs(alone, options=LogOptions(joint="knee")), "knee")
+
+
+@pytest.mark.parametrize("layout", [OLD, HUMBLE, NEW], ids=["old", "humble", "new"])
+def test_a_bag_without_definitions_tells_the_layout_by_its_bytes(tmp_path, layout):
+    folder = _controller_bag(tmp_path / "run", layout)
+    forget_definitions(only_file(folder, ".db3"))
+    _assert_holds_the_angles(*read_logs(folder, options=LogOptions(joint="knee")), "knee")
+
+
+@pytest.mark.parametrize(
+    ("storage", "compression"),
+    [
+        ("ros1", (rosbag1.Writer.CompressionFormat.BZ2,)),
+        ("ros1", (rosbag1.Writer.CompressionFormat.LZ4,)),
+        ("sqlite3", (rosbag2.CompressionMode.MESSAGE, rosbag2.CompressionFormat.ZSTD)),
+        ("sqlite3", (rosbag2.CompressionMode.FILE, rosbag2.CompressionFormat.ZSTD)),
+        ("mcap", (rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD)),
+    ],
+    ids=["bz2", "lz4", "zstd messages", "zstd file", "zstd chunks"],
+)
+def test_compressed_bags_are_read(tmp_path, storage, compression):
+    path = tmp_path / ("run.bag" if storage == "ros1" else "run")
+    _controller_bag(path, storage=storage, compression=compression)
+    _assert_holds_the_angles(*read_logs(path, options=LogOptions(joint="hip")), "hip")
+
+
+COMMANDS = {
+    "trajectory": lambda kit, stamp, row: kit.trajectory(stamp - 1000, row),
+    "trajectory without stamps": lambda kit, _, row: kit.trajectory(0, row),
+    "joint states": lambda kit, stamp, row: kit.joint_state(stamp - 1000, row),
+    "joints in another order": lambda kit, stamp, row: kit.joint_state(
+        stamp - 1000, row[::-1], JOINTS[::-1]
+    ),
+    "numbers": lambda kit, _, row: kit.numbers(row),
+    "another controller": lambda kit, stamp, row: kit.state(stamp - 1000, row, [0.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_joint_states_are_held_against_the_commands_before_them(tmp_path, command):
+    folder = _command_bag(tmp_path / "run", COMMANDS[command])
+    options = LogOptions(joint="knee", topic="/joint_states", command_topic="/commands")
+    _assert_holds_the_angles(*read_logs(folder, options=options), "knee")
+
+
+def test_the_only_topics_of_their_types_need_no_option(tmp_path):
+    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"])
+    (log,) = read_logs(folder, options=LogOptions(joint="hip"))
+    _assert_holds_the_angles(log, "hip")
+    assert log.notes[0] == "actual from /joint_states, requested from /commands"
+
+
+def test_one_number_is_for_the_chosen_joint(tmp_path):
+    folder = _command_bag(
+        tmp_path / "run",
+        lambda kit, _, row: kit.number(row[1]),
+        topic="/knee_controller/command",
+        extra=[("/hip_controller/command", lambda kit, _: kit.number(0.0))],
+    )
+    (log,) = read_logs(folder, options=LogOptions(joint="knee"))
+    _assert_holds_the_angles(log, "knee")
+    assert "the number of /knee_controller/command taken for knee" in log.notes
+
+
+def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
+    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"], late=7)
+    (log,) = read_logs(folder, options=LogOptions(joint="hip"))
+    np.testing.assert_allclose(log.requests, angles()[0][7:, 0], atol=EXACT)
+    assert log.times[0] == 0.0
+    assert "7 states before the first request left out" in log.notes
+
+
+def test_slow_commands_are_held(tmp_path):
+    types = store()
+    kit = Kit(types)
+    states = [
+        ("/joint_states", START + k * PERIOD, kit.joint_state(START + k * PERIOD, [0.1, 0.2]))
+        for k in range(9)
+    ]
+    commands = [
+        ("/c", START + k * PERIOD - 1, kit.trajectory(0, [k, 2 * k])) for k in range(0, 9, 3)
+    ]
+    messages = sorted(states + commands, key=lambda message: message[1])
+    write(tmp_path / "run", types, messages)
+    (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="knee"))
+    np.testing.assert_allclose(log.requests, [0, 0, 0, 6, 6, 6, 12, 12, 12], atol=EXACT)
+
+
+def test_stamps_of_simulated_time_are_kept_only_if_both_topics_have_them(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles()
+    messages = []
+    for k in range(len(actual)):
+        simulated, received = 1 + 2 * k * PERIOD, START + k * PERIOD
+        messages += [
+            ("/numbers", received, kit.numbers(requested[k])),
+            ("/trajectories", received, kit.trajectory(simulated, requested[k])),
+            ("/joint_states", received + 10, kit.joint_state(simulated, actual[k])),
+        ]
+    write(tmp_path / "run", types, messages)
+    for topic, period in (("/numbers", PERIOD), ("/trajectories", 2 * PERIOD)):
+        options = LogOptions(joint="hip", command_topic=topic)
+        (log,) = read_logs(tmp_path / "run", options=options)
+        assert log.period == pytest.approx(1e-9 * period, abs=EXACT)
+        np.testing.assert_allclose(log.requests, requested[:, 0], atol=EXACT)
+
+
+def test_repeated_and_disordered_states_are_put_in_order(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles()
+    order = [0, 1, 3, 2, 2, *range(4, len(actual))]
+    messages = [
+        (STATE, START + k, kit.state(START + j * PERIOD, requested[j], actual[j]))
+        for k, j in enumerate(order)
+    ]
+    write(tmp_path / "run", types, messages)
+    (log,) = read_logs(tmp_path / "run", options=LogOptions(joint="knee"))
+    _assert_holds_the_angles(log, "knee")
+    assert "1 repeated states left out" in log.notes
+
+
+def test_the_option_of_the_unit_overrules_the_custom(tmp_path):
+    folder = _controller_bag(tmp_path / "run")
+    (log,) = read_logs(folder, options=LogOptions(joint="hip", unit="deg"))
+    np.testing.assert_allclose(log.requests, np.radians(angles()[0][:, 0]), atol=EXACT)
+
+
+def test_the_joints_of_a_bag_are_those_of_its_topics(tmp_path):
+    assert joints_in(_controller_bag(tmp_path / "run")) == JOINTS
+
+
+def _refused(path, **options):
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(path, options=LogOptions(**options))
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    return message.removeprefix(str(path))
+
+
+def test_what_a_bag_does_not_tell_is_asked_for(tmp_path):
+    numbers = lambda kit, _: kit.numbers([0.0, 0.0])  # noqa: E731
+    folder = _command_bag(
+        tmp_path / "run", COMMANDS["trajectory"], extra=[("/more", numbers), ("/x", numbers)]
+    )
+    listed = {
+        "/commands": "trajectory_msgs/msg/JointTrajectory",
+        "/more": "std_msgs/msg/Float64MultiArray",
+        "/x": "std_msgs/msg/Float64MultiArray",
+    }
+    candidates = ", ".join(f"{name} ({kind})" for name, kind in listed.items())
+    every = candidates.replace(
+        "Trajectory)", "Trajectory), /joint_states (sensor_msgs/msg/JointState)"
+    )
+    assert _refused(folder) == (
+        f": several topics may tell the requested angles; topics: {candidates}; "
+        "choose one with --command-topic"
+    )
+    assert _refused(folder, command_topic="/command") == (
+        f": --command-topic: no topic '/command' (did you mean '/commands'?); topics: {every}"
+    )
+    assert _refused(folder, topic="/more") == (
+        ": --topic: topic /more holds std_msgs/msg/Float64MultiArray, expected one of "
+        f"{CONTROLLER_STATE}, sensor_msgs/msg/JointState"
+    )
+    assert _refused(folder, command_topic="/commands") == (
+        ": 2 joints (hip, knee); choose one with --joint NAME, or --joint all"
+    )
+    assert _refused(folder, command_topic="/commands", joint="kneee") == (
+        ": no joint 'kneee' (did you mean 'knee'?); joints: hip, knee"
+    )
+    assert _refused(folder, episodes="0") == ": --episodes means nothing to a bag; leave it out"
+
+
+def test_a_bag_with_two_controllers_asks_which(tmp_path):
+    types = store()
+    kit = Kit(types)
+    messages = [
+        (name, START + k * PERIOD, kit.state(START + k * PERIOD, [0, 0], [0, 0]))
+        for k in range(4)
+        for name in ("/left", "/right")
+    ]
+    write(tmp_path / "run", types, messages)
+    assert _refused(tmp_path / "run", joint="hip") == (
+        f": several topics tell actual angles; topics: /left ({CONTROLLER_STATE}), /right "
+        f"({CONTROLLER_STATE}); choose one with --topic"
+    )
+
+
+def test_a_bag_of_other_things_says_what_it_holds(tmp_path):
+    types = store()
+    kit = Kit(types)
+    write(tmp_path / "other", types, [("/speed", START, kit.number(1.0))])
+    assert _refused(tmp_path / "other") == (
+        ": no topic tells actual angles; topics: /speed (std_msgs/msg/Float64); expected "
+        f"{CONTROLLER_STATE} or sensor_msgs/msg/JointState"
+    )
+    write(tmp_path / "states", types, [("/s", START, kit.joint_state(START, [0, 0]))])
+    assert _refused(tmp_path / "states") == (
+        ": no topic tells the requested angles; topics: /s (sensor_msgs/msg/JointState); record "
+        "the topic of the commands too, or a controller's state"
+    )
+
+
+def test_commands_without_names_must_fit_the_joints(tmp_path):
+    three = _command_bag(tmp_path / "three", lambda kit, _, row: kit.numbers([*row, 0.0]))
+    assert _refused(three, joint="hip") == (
+        ": topic /commands: got 3 without names, expected a number for each of 2 joints (hip, "
+        "knee); choose a topic with names by --command-topic"
+    )
+    one = _command_bag(tmp_path / "one", lambda kit, _, row: kit.number(row[0]))
+    assert _refused(one, joint="all") == (
+        ": topic /commands: got 1 without names, expected a number for each of 2 joints (hip, "
+        "knee); choose the joint with --joint"
+    )
+
+
+def test_messages_that_contradict_themselves_are_refused_with_their_place(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles(4)
+    states = [kit.state(START + k * PERIOD, requested[k], actual[k]) for k in range(4)]
+    states[2].feedback.positions = np.array([1.0])
+    write(tmp_path / "run", types, [(STATE, START + k, state) for k, state in enumerate(states)])
+    assert _refused(tmp_path / "run", joint="hip") == (
+        f": topic {STATE}, message 3: got 1 in 'feedback', expected an angle for each of 2 "
+        "joints (hip, knee)"
+    )
+
+
+def test_a_missing_reading_and_a_repeated_time_are_refused_with_their_place(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles(4)
+    actual[2, 1] = np.nan
+    rows = [(START + k * PERIOD, requested[k], actual[k]) for k in range(4)]
+    write(tmp_path / "nan", types, [(STATE, START, kit.state(*row)) for row in rows])
+    assert _refused(tmp_path / "nan", joint="knee") == (
+        ": joint knee, state 3: actual angle: got nan, expected a finite number; remove or "
+        "interpolate the sample"
+    )
+    rows[3] = (START + PERIOD, requested[3], actual[3])
+    write(tmp_path / "twice", types, [(STATE, START, kit.state(*row)) for row in rows])
+    assert _refused(tmp_path / "twice", joint="hip") == (
+        ": joint hip, state 3: time is 0.01 s after 0.01 s, expected times that increase; sort the "
+        "rows and remove doubles"
+    )
+
+
+def test_commands_after_all_states_are_refused(tmp_path):
+    types = store()
+    kit = Kit(types)
+    messages = [("/joint_states", START + k, kit.joint_state(START + k, [0, 0])) for k in range(4)]
+    write(tmp_path / "run", types, [*messages, ("/c", START + 9, kit.numbers([0, 0]))])
+    assert _refused(tmp_path / "run", joint="hip") == (
+        ", joint hip: no request before the last state: 1 requests on topic /c; expected the same "
+        "clock and time in both topics"
+    )

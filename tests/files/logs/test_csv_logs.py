@@ -1,0 +1,424 @@
+"""CSV logs: what the columns are is guessed and said; their units are said or asked for."""
+
+from __future__ import annotations
+
+import io
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from planner import InvalidFile, LogOptions, joints_in, read_logs
+
+EXACT = 1e-12
+"""Angles and times come through unchanged but for one product of float64 [rad, s]."""
+
+REQUESTED = np.array([0.0, 10.0, 20.0, 20.0])
+ACTUAL = np.array([0.0, 2.0, 9.0, 17.0])
+TIMES = np.array([0.0, 0.01, 0.02, 0.04])
+
+
+def _csv(tmp_path, header, *, times=TIMES, requested=REQUESTED, actual=ACTUAL, more="", cut=","):
+    rows = [cut.join(map(str, row)) + more for row in zip(times, requested, actual, strict=True)]
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join([header, *rows]) + "\n")
+    return file
+
+
+def _read(file, **options):
+    (log,) = read_logs(file, options=LogOptions(**options))
+    return log
+
+
+NAMES = {
+    "canonical": "t_s,requested_deg,actual_deg",
+    "short": "t_s,req_deg,act_deg",
+    "goal and present": "time_s,goal_position_deg,present_position_deg",
+    "command and position": "time_s,command_deg,position_deg",
+    "target and measured": "timestamp_s,target_deg,measured_deg",
+    "desired and actual": "stamp_s,desired_angle_deg,actual_angle_deg",
+    "setpoint and feedback": "t_s,set_point_deg,feedback_deg",
+    "words run together": "t_s,goalPosition_deg,presentPosition_deg",
+    "capitals": "Time_S,Requested_Deg,Actual_Deg",
+    "units in brackets": "time [s],goal position [deg],current position [deg]",
+    "units in round brackets": "time (s),cmd (deg),pos (deg)",
+    "units spelt out": "time_sec,requested_degrees,actual_degrees",
+}
+
+
+@pytest.mark.parametrize("names", NAMES)
+def test_columns_are_guessed_from_what_people_call_them(tmp_path, names):
+    log = _read(_csv(tmp_path, NAMES[names]))
+    np.testing.assert_allclose(log.times, TIMES, atol=EXACT)
+    np.testing.assert_allclose(log.requests, np.radians(REQUESTED), atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(ACTUAL), atol=EXACT)
+    assert log.torque_on.all()
+    assert log.joint == ""
+
+
+def test_what_was_guessed_is_said_in_words(tmp_path):
+    header = "t_s,req_deg,act_deg,torque_on"
+    log = _read(_csv(tmp_path, header, more=",1"))
+    assert log.notes == (
+        "time from column 't_s', requested from 'req_deg', actual from 'act_deg', torque from "
+        "'torque_on'",
+        "angles in deg, as the columns said",
+    )
+    assert log.name == str(tmp_path / "run.csv")
+
+
+UNITS = {
+    "rad": (1.0, "rad"),
+    "deg": (math.pi / 180.0, "rad"),
+    "ticks": (2.0 * math.pi / 4096, "rad"),
+    "turns": (2.0 * math.pi, "rad"),
+    "range": (1.0, "1"),
+    "percent": (0.01, "1"),
+}
+
+
+@pytest.mark.parametrize("said", ["column", "option"])
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_unit_comes_from_the_column_or_from_the_option(tmp_path, unit, said):
+    factor, kind = UNITS[unit]
+    ending = f"_{unit}" if said == "column" else ""
+    requested, actual = 0.01 * REQUESTED, 0.01 * ACTUAL
+    file = _csv(tmp_path, f"t_s,req{ending},act{ending}", requested=requested, actual=actual)
+    log = _read(file, unit=unit if said == "option" else None, ticks_per_turn=4096)
+    np.testing.assert_allclose(log.requests, factor * requested, atol=EXACT)
+    np.testing.assert_allclose(log.angles, factor * actual, atol=EXACT)
+    assert log.unit == kind
+
+
+def test_minus_100_to_100_is_a_share_of_the_range(tmp_path):
+    log = _read(_csv(tmp_path, "t_s,req,act", requested=[-100, 0, 100, 50]), unit="range_m100_100")
+    np.testing.assert_allclose(log.requests, [0.0, 0.5, 1.0, 0.75], atol=EXACT)
+
+
+def test_the_two_columns_may_have_two_units(tmp_path):
+    log = _read(_csv(tmp_path, "t_s,req_deg,act_rad", actual=np.radians(ACTUAL)))
+    np.testing.assert_allclose(log.requests, np.radians(REQUESTED), atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(ACTUAL), atol=EXACT)
+    assert "angles in deg and rad, as the columns said" in log.notes
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("said", ["column", "option"])
+def test_times_may_be_in_any_unit(tmp_path, unit, said):
+    steps = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
+    times = [f"{time * steps[unit]:.12g}" for time in TIMES]
+    header = f"clock_{unit},req_deg,act_deg" if said == "column" else "clock,req_deg,act_deg"
+    log = _read(
+        _csv(tmp_path, header, times=times), time=f"clock:{unit}" if said == "option" else None
+    )
+    np.testing.assert_allclose(log.times, TIMES, atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("header", "times"),
+    [
+        ("t_s", [f"1732104192.{k:09d}" for k in (123456789, 123456790, 123456792)]),
+        ("time_ns", [1732104192123456789 + k for k in (0, 1, 3)]),
+    ],
+)
+def test_times_since_the_epoch_keep_their_last_nanosecond(tmp_path, header, times):
+    log = _read(
+        _csv(
+            tmp_path,
+            f"{header},req_deg,act_deg",
+            times=times,
+            requested=REQUESTED[:3],
+            actual=ACTUAL[:3],
+        )
+    )
+    np.testing.assert_allclose(log.times, [0.0, 1e-9, 3e-9], atol=1e-20)
+    assert "shifted to start at 0" in log.notes[0]
+
+
+@pytest.mark.parametrize("words", [("1", "0"), ("true", "false"), ("True", "False")])
+def test_rows_without_torque_are_marked(tmp_path, words):
+    on, off = words
+    file = tmp_path / "run.csv"
+    file.write_text(
+        f"t_s,req_rad,act_rad,torque_enable\n0,0,0,{on}\n1,0,0,{off}\n2,0,0,{on}\n3,0,0,{off}\n"
+    )
+    np.testing.assert_array_equal(_read(file).torque_on, [True, False, True, False])
+
+
+def test_the_torque_may_have_any_name_by_option(tmp_path):
+    file = _csv(tmp_path, "t_s,req_deg,act_deg,power", more=",0")
+    assert _read(file).torque_on.all()
+    assert not _read(file, torque="power").torque_on.any()
+
+
+@pytest.mark.parametrize("cut", [";", "\t"])
+def test_tables_of_spreadsheets_are_read(tmp_path, cut):
+    times, requested, actual = (
+        [str(value).replace(".", ",") for value in values] for values in (TIMES, REQUESTED, ACTUAL)
+    )
+    header = cut.join(["t_s", "req_deg", "act_deg"])
+    file = _csv(tmp_path, header, times=times, requested=requested, actual=actual, cut=cut)
+    log = _read(file)
+    np.testing.assert_allclose(log.times, TIMES, atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(ACTUAL), atol=EXACT)
+
+
+def test_columns_may_be_named_by_option(tmp_path):
+    file = _csv(tmp_path, "a,b,c")
+    log = _read(file, time="a:s", requested="b", actual="c", unit="deg")
+    np.testing.assert_allclose(log.requests, np.radians(REQUESTED), atol=EXACT)
+    swapped = _read(file, time="a:s", requested="c", actual="b", unit="deg")
+    np.testing.assert_allclose(swapped.requests, np.radians(ACTUAL), atol=EXACT)
+
+
+def test_naming_one_column_leaves_the_other_to_be_guessed(tmp_path):
+    file = _csv(tmp_path, "t_s,knee_goal_deg,b_deg")
+    np.testing.assert_allclose(_read(file, actual="b_deg").angles, np.radians(ACTUAL), atol=EXACT)
+
+
+JOINTS = "t_s,req_Wrist_Pitch,act_Wrist_Pitch,req_Jaw,act_Jaw,speed_Jaw"
+
+
+def _joints_file(tmp_path, header=JOINTS):
+    file = tmp_path / "run.csv"
+    file.write_text(header + "\n" + "".join(f"{k},{k},{k}.5,0.{k},0.{k}5,9\n" for k in range(4)))
+    return file
+
+
+def test_all_joints_are_read_each_in_its_unit(tmp_path):
+    file = _joints_file(tmp_path)
+    assert joints_in(file) == ("Wrist_Pitch", "Jaw")
+    wrist, jaw = read_logs(file, options=LogOptions(joint="all", unit="deg,Jaw=range"))
+    assert (wrist.joint, wrist.unit) == ("Wrist_Pitch", "rad")
+    assert (jaw.joint, jaw.unit) == ("Jaw", "1")
+    np.testing.assert_allclose(wrist.requests, np.radians(range(4)), atol=EXACT)
+    np.testing.assert_allclose(jaw.angles, [0.05, 0.15, 0.25, 0.35], atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t_s,req_Wrist_Pitch_deg,act_Wrist_Pitch_deg,req_Jaw_deg,act_Jaw_deg,speed_Jaw",
+        "t_s,Wrist_Pitch_req_deg,Wrist_Pitch_act_deg,Jaw_req_deg,Jaw_act_deg,Jaw_vel_deg",
+        "t_s,Wrist_Pitch.goal_deg,Wrist_Pitch.pos_deg,Jaw.goal_deg,Jaw.pos_deg,x",
+        "t_s,goal_Wrist_Pitch_deg,Wrist_Pitch_position_deg,goal_Jaw_deg,Jaw_position_deg,Jaw_load",
+    ],
+)
+def test_joints_may_be_named_before_or_after_what_is_measured(tmp_path, header):
+    file = _joints_file(tmp_path, header)
+    assert joints_in(file) == ("Wrist_Pitch", "Jaw")
+    np.testing.assert_allclose(
+        _read(file, joint="Wrist_Pitch").requests, np.radians(range(4)), atol=EXACT
+    )
+
+
+def test_standard_input_is_read(tmp_path, monkeypatch):
+    file = _csv(tmp_path, "t_s,req_deg,act_deg")
+    stream = io.TextIOWrapper(io.BytesIO(file.read_bytes()))
+    monkeypatch.setattr(sys, "stdin", stream)
+    assert len(_read("-").times) == len(TIMES)
+
+
+def test_several_files_are_several_logs_in_their_order(tmp_path):
+    file = _csv(tmp_path, "t_s,req_deg,act_deg")
+    other = tmp_path / "other.csv"
+    other.write_bytes(file.read_bytes())
+    assert [log.name for log in read_logs([file, str(other)])] == [str(file), str(other)]
+
+
+DOUBTS = {
+    "degrees called radians": (
+        "t_s,req_rad,act_deg",
+        {"requested": [0, 90, 45, 0]},
+        "requested angles reach 90 rad: are they degrees?",
+    ),
+    "radians called degrees": (
+        "t_s,req_deg,act_deg",
+        {"actual": [0, 1.5, 0.5, 0]},
+        "actual angles span only 1.5 degrees: are they radians?",
+    ),
+    "milliseconds called seconds": (
+        "t_s,req_deg,act_deg",
+        {"times": [0, 10, 20, 30]},
+        "one row every 10 s: is the unit of time right?",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTS)
+def test_a_unit_that_is_probably_wrong_is_doubted_in_words(tmp_path, case):
+    header, values, doubt = DOUBTS[case]
+    assert doubt in _read(_csv(tmp_path, header, **values)).notes
+
+
+GOOD = "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n"
+
+BAD = {
+    "empty": ("", {}, ": empty; expected a line of column names and one row per sample"),
+    "too short": (
+        "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n",
+        {},
+        ": rows of samples: got 2, expected at least 3",
+    ),
+    "cut short": (
+        "t_s,req_rad,act_rad\n0,0,0\n1,0,0\n2,0",
+        {},
+        ", line 4: got 2 cells, expected 3 (t_s, req_rad, act_rad); is the file cut short?",
+    ),
+    "not a number": (
+        "t_s,req_rad,act_rad\n0,0,0\n1,nan,0\n2,0,0\n",
+        {},
+        ", line 3: column 'req_rad': got 'nan', expected a finite number; remove or interpolate "
+        "the sample",
+    ),
+    "unsorted": (
+        "t_s,req_rad,act_rad\n0,0,0\n2,0,0\n1,0,0\n",
+        {},
+        ", line 4: time is 1 s after 2 s, expected times that increase; sort the rows and remove "
+        "doubles",
+    ),
+    "repeated": (
+        "t_s,req_rad,act_rad\n0,0,0\n\n1,0,0\n1,0,0\n",
+        {},
+        ", line 5: time is 1 s after 1 s, expected times that increase; sort the rows and remove "
+        "doubles",
+    ),
+    "no unit": (
+        "t_s,req,act\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: column 'req' has no unit; give --unit rad (or deg, ticks, turns, range, "
+        "percent), or rename it req_rad",
+    ),
+    "no unit of one column": (
+        "t_s,req_rad,act\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: column 'act' has no unit; give --unit rad (or deg, ticks, turns, range, "
+        "percent), or rename it act_rad",
+    ),
+    "no unit of time": (
+        "time,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: column 'time' has no unit; give --time time:s (or one of s, ms, us, ns), or "
+        "rename it time_s",
+    ),
+    "two units": (
+        GOOD,
+        {"unit": "deg"},
+        ", line 1: column 'req_rad' says rad, but --unit says deg; rename the column or leave the "
+        "option out",
+    ),
+    "ticks of no turn": (
+        "t_s,req_ticks,act_ticks\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: angles in ticks without the ticks of a turn; give --ticks-per-turn, such as "
+        "4096 for Dynamixel X and Feetech STS servos",
+    ),
+    "angle against share": (
+        "t_s,req_range,act_rad\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ": requests in range but angles in rad; expected angles for both, or shares of the range "
+        "for both",
+    ),
+    "percent called range": (
+        "t_s,req_range,act_range\n0,0,0\n1,0.5,0\n2,87,0\n",
+        {},
+        ", line 4: requested angle: got 87, expected a share of the range in range; check the unit",
+    ),
+    "no time": (
+        "req_rad,act_rad\n0,0\n1,0\n2,0\n",
+        {},
+        ", line 1: no column is the time; columns: req_rad, act_rad; name it with --time, or "
+        "rename it t_s",
+    ),
+    "two times": (
+        "time_s,time_ms,req_rad,act_rad\n0,0,0,0\n1,0,0,0\n2,0,0,0\n",
+        {},
+        ", line 1: 2 columns may be the time (time_s, time_ms); columns: time_s, time_ms, req_rad, "
+        "act_rad; name it with --time, or rename it t_s",
+    ),
+    "no request": (
+        "t_s,a_rad,actual_rad\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: 'actual_rad' is the actual angle, but no column names the requested one; "
+        "columns: t_s, a_rad, actual_rad; name it with --requested",
+    ),
+    "no angles": (
+        "t_s,x,y\n0,0,0\n1,0,0\n2,0,0\n",
+        {},
+        ", line 1: no column names a requested or an actual angle; columns: t_s, x, y; name them "
+        "with --requested and --actual",
+    ),
+    "two requests": (
+        "t_s,req_rad,goal_rad,act_rad\n0,0,0,0\n1,0,0,0\n2,0,0,0\n",
+        {},
+        ", line 1: 2 columns may be the requested angle (req_rad, goal_rad); name one with "
+        "--requested",
+    ),
+    "several joints": (
+        "t_s,req_a,act_a,req_b,act_b\n0,0,0,0,0\n1,0,0,0,0\n2,0,0,0,0\n",
+        {"unit": "rad"},
+        ": 2 joints (a, b); choose one with --joint NAME, or --joint all",
+    ),
+    "misspelt joint": (
+        "t_s,req_knee,act_knee,req_hip,act_hip\n0,0,0,0,0\n1,0,0,0,0\n2,0,0,0,0\n",
+        {"unit": "rad", "joint": "knie"},
+        ": no joint 'knie' (did you mean 'knee'?); joints: knee, hip",
+    ),
+    "a joint where columns name none": (
+        GOOD,
+        {"joint": "knee"},
+        ": no joint 'knee'; joints: (one without a name)",
+    ),
+    "misspelt column": (
+        GOOD,
+        {"requested": "rek_rad"},
+        ", line 1: no column 'rek_rad' (did you mean 'req_rad'?); columns: t_s, req_rad, act_rad",
+    ),
+    "misspelt time": (
+        GOOD,
+        {"time": "ts"},
+        ", line 1: no column 'ts' (did you mean 't_s'?); columns: t_s, req_rad, act_rad",
+    ),
+    "unknown unit of time": (
+        GOOD,
+        {"time": "t_s:min"},
+        ", line 1: time in 'min' is unknown; expected one of s, ms, us, ns",
+    ),
+    "torque that is no switch": (
+        "t_s,req_rad,act_rad,torque_on\n0,0,0,1\n1,0,0,0.4\n2,0,0,1\n",
+        {},
+        ", line 3: column 'torque_on': got '0.4', expected 0, 1, true or false",
+    ),
+    "two torques": (
+        "t_s,req_rad,act_rad,torque_on,torque_enable\n0,0,0,1,1\n1,0,0,1,1\n2,0,0,1,1\n",
+        {},
+        ", line 1: 2 columns may say whether the torque is on (torque_on, torque_enable); name one "
+        "with --torque",
+    ),
+    "an option of another format": (
+        GOOD,
+        {"command_topic": "/x"},
+        ": --command-topic means nothing to CSV; leave it out",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_read_is_told_with_its_place_and_its_remedy(tmp_path, case):
+    content, options, message = BAD[case]
+    file = tmp_path / "run.csv"
+    file.write_text(content)
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(file, options=LogOptions(**options))
+    assert str(caught.value) == f"{file}{message}"
+
+
+def test_text_that_is_not_utf_8_is_refused_with_its_line(tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_bytes(b"t_s,req_rad,act_rad\n0,0,0\xb0\n")
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(file)
+    assert str(caught.value) == (
+        f"{file}, line 2: byte 0xb0 is not UTF-8; save the file as UTF-8 text"
+    )

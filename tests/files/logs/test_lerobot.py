@@ -1,0 +1,285 @@
+"""LeRobot datasets: joints by name, a log an episode, units only as the user says them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from planner import InvalidFile, LogOptions, joints_in, read_logs
+from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
+
+EXACT = 1e-12
+"""Angles come through unchanged but for one product of float64 [rad]."""
+
+CLOCK = 1e-7
+"""Times are written in float32; below a second this is their last digit [s]."""
+
+LAYOUTS = {"v2.1": v21, "v3.0": v30}
+
+
+def _assert_is(log, episode, joint):
+    action, state = (part[:, JOINTS.index(joint)].astype(float) for part in values(episode))
+    np.testing.assert_allclose(log.requests, np.radians(action), atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(state), atol=EXACT)
+    np.testing.assert_allclose(log.times, np.arange(LENGTHS[episode]) / FPS, atol=CLOCK)
+    assert log.joint == joint
+    assert log.name.endswith(f"episode {episode}")
+
+
+@pytest.mark.parametrize("names", NAMES)
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_episode_is_a_log_of_the_named_joint(tmp_path, layout, names):
+    root = LAYOUTS[layout](tmp_path / "set", NAMES[names])
+    assert joints_in(root) == JOINTS
+    logs = read_logs(root, options=LogOptions(joint="elbow_flex", unit="deg"))
+    assert len(logs) == len(LENGTHS)
+    for episode, log in enumerate(logs):
+        _assert_is(log, episode, "elbow_flex")
+    assert logs[0].notes[:2] == (
+        "time from 'timestamp', requested from 'action' (sent at the time of its row), actual from "
+        "'observation.state'",
+        "angles in deg, as --unit said",
+    )
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_episodes_are_chosen_by_number(tmp_path, layout):
+    root = LAYOUTS[layout](tmp_path / "set")
+    options = LogOptions(joint="gripper", unit="deg", episodes="1-2")
+    first, second = read_logs(root, options=options)
+    _assert_is(first, 1, "gripper")
+    _assert_is(second, 2, "gripper")
+
+
+@pytest.mark.parametrize(
+    ("layout", "file", "episodes"),
+    [("v2.1", "episode_000001.parquet", [1]), ("v3.0", "file-000.parquet", [0, 1])],
+)
+def test_a_single_file_is_read_with_the_description_above_it(tmp_path, layout, file, episodes):
+    root = LAYOUTS[layout](tmp_path / "set")
+    path = root / "data" / "chunk-000" / file
+    logs = read_logs(path, options=LogOptions(joint="shoulder_pan", unit="deg"))
+    for log, episode in zip(logs, episodes, strict=True):
+        _assert_is(log, episode, "shoulder_pan")
+
+
+def test_all_joints_are_read_each_in_its_unit(tmp_path):
+    options = LogOptions(joint="all", unit="deg,gripper=percent", episodes="0")
+    logs = read_logs(v30(tmp_path / "set"), options=options)
+    assert [(log.joint, log.unit) for log in logs] == list(
+        zip(JOINTS, ("rad", "rad", "1"), strict=True)
+    )
+    np.testing.assert_allclose(logs[2].requests, values(0)[0][:, 2] / 100.0, atol=1e-7)
+
+
+def test_joints_without_names_are_numbered(tmp_path):
+    root = v21(tmp_path / "set", None)
+    assert joints_in(root) == ("0", "1", "2")
+    (log,) = read_logs(root, options=LogOptions(joint="1", unit="deg", episodes="0"))
+    np.testing.assert_allclose(log.requests, np.radians(values(0)[0][:, 1]), atol=1e-7)
+
+
+def test_action_and_observation_may_have_other_orders(tmp_path):
+    root = v21(tmp_path / "set")
+    described = info("v2.1", list(JOINTS))
+    state = described["features"]["observation.state"]
+    described["features"]["observation.state"] = {**state, "names": list(JOINTS[::-1])}
+    (root / "meta" / "info.json").write_text(json.dumps(described))
+    (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
+    action, observed = values(0)
+    np.testing.assert_allclose(log.requests, np.radians(action[:, 2].astype(float)), atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(observed[:, 0].astype(float)), atol=EXACT)
+
+
+def _refused(path, **options):
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(path, options=LogOptions(**options))
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_what_a_dataset_does_not_tell_is_asked_for(tmp_path):
+    root = v21(tmp_path / "set")
+    assert _refused(root, joint="gripper") == (
+        f"{root}: LeRobot does not say the unit of 'gripper'; give --unit rad, deg, range_m100_100 "
+        "(LeRobot's usual -100..100), percent (its grippers' 0..100), range or ticks"
+    )
+    assert _refused(root, unit="deg") == (
+        f"{root}: 3 joints (shoulder_pan, elbow_flex, gripper); choose one with --joint NAME, or "
+        "--joint all"
+    )
+    assert _refused(root, joint="elbow", unit="deg") == (
+        f"{root}: no joint 'elbow' (did you mean 'elbow_flex'?); joints: shoulder_pan, elbow_flex, "
+        "gripper"
+    )
+    assert _refused(root, joint="gripper", unit="ticks") == (
+        f"{root}: angles in ticks without the ticks of a turn; give --ticks-per-turn, such as 4096 "
+        "for Dynamixel X and Feetech STS servos"
+    )
+    assert _refused(root, time="timestamp") == (
+        f"{root}: --time means nothing to a LeRobot dataset; leave it out"
+    )
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_an_episode_that_is_not_there_is_told_with_those_that_are(tmp_path, layout):
+    root = LAYOUTS[layout](tmp_path / "set")
+    for episodes in ("1,7", "7"):
+        assert _refused(root, joint="gripper", unit="deg", episodes=episodes) == (
+            f"{root}: no episode 7; episodes: 0-2"
+        )
+
+
+def _with_table(tmp_path, change):
+    """A dataset of one episode whose table is changed."""
+    root = v21(tmp_path / "set")
+    file = root / "data" / "chunk-000" / "episode_000000.parquet"
+    parquet.write_table(change(rows(0)), file)
+    return root, file
+
+
+def _set(table, name, column):
+    return table.set_column(table.column_names.index(name), name, pa.array(column))
+
+
+TABLES = {
+    "no action": (
+        lambda table: table.drop_columns("action"),
+        ": no column 'action'; columns: observation.state, timestamp, frame_index, episode_index, "
+        "index, task_index",
+    ),
+    "of another robot": (
+        lambda table: _set(table, "action", [[1.0, 2.0]] * 5),
+        ": 'action' has 2 numbers a row, but meta/info.json names 3; is the file of this dataset?",
+    ),
+    "rows of different lengths": (
+        lambda table: _set(table, "action", [[1.0, 2.0, 3.0]] * 4 + [[1.0]]),
+        ": column 'action': lists of 1 to 3 numbers, expected one length",
+    ),
+    "an empty cell": (
+        lambda table: _set(table, "action", [[1.0, 2.0, 3.0]] * 4 + [None]),
+        ": column 'action': 1 cells are empty",
+    ),
+    "a missing number": (
+        lambda table: _set(table, "action", [[1.0, 2.0, 3.0]] * 4 + [[1.0, None, 3.0]]),
+        ": column 'action': 1 numbers are missing",
+    ),
+    "text": (
+        lambda table: _set(table, "timestamp", list("abcde")),
+        ": column 'timestamp': got string, expected numbers",
+    ),
+    "NaN": (
+        lambda table: _set(table, "action", [[1.0, 2.0, 3.0]] * 4 + [[1.0, 2.0, np.nan]]),
+        ": episode 0, row 5: requested angle: got nan, expected a finite number; remove or "
+        "interpolate the sample",
+    ),
+    "unsorted": (
+        lambda table: _set(table, "timestamp", [0.0, 0.1, 0.3, 0.2, 0.4]),
+        ": episode 0, row 4: time is 0.2 s after 0.3 s, expected times that increase; sort the "
+        "rows and remove doubles",
+    ),
+    "no episode's number": (
+        lambda table: _set(table, "episode_index", [0.5] * 5),
+        ": 'episode_index': expected whole numbers from 0",
+    ),
+    "one row": (
+        lambda table: table.slice(0, 1),
+        ", episode 0: rows of samples: got 1, expected at least 3",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TABLES)
+def test_a_table_that_cannot_be_read_is_told_with_its_place(tmp_path, case):
+    change, message = TABLES[case]
+    root, file = _with_table(tmp_path, change)
+    told = _refused(root, joint="gripper", unit="deg", episodes="0")
+    assert told == f"{file}{message}"
+
+
+def test_a_table_without_rows_is_refused(tmp_path):
+    root, file = _with_table(tmp_path, lambda table: table.slice(0, 0))
+    assert _refused(root, joint="gripper", unit="deg", episodes="0") == (
+        f"{file}: no rows; is the file cut short?"
+    )
+
+
+def test_a_table_with_too_many_numbers_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.files.logs.parquet.MOST_NUMBERS", 14)
+    root = v21(tmp_path / "set")
+    file = root / "data" / "chunk-000" / "episode_000000.parquet"
+    told = _refused(root, joint="gripper", unit="deg", episodes="0")
+    assert told.startswith(f"{file}: column 'action")
+    assert told.endswith("more than 14 numbers; split the file")
+
+
+def test_a_file_that_is_cut_short_is_refused(tmp_path):
+    root = v21(tmp_path / "set")
+    file = root / "data" / "chunk-000" / "episode_000000.parquet"
+    content = file.read_bytes()
+    for end in (0, 3, len(content) // 2, len(content) - 1):
+        file.write_bytes(content[:end])
+        told = _refused(root, joint="gripper", unit="deg", episodes="0")
+        assert told.startswith(f"{file}: not Parquet that can be read (")
+        assert told.endswith("); is the file cut short?")
+
+
+INFOS = {
+    "another version": (
+        {**info("v1.6", list(JOINTS))},
+        ": codebase_version: got 'v1.6', expected one of v2.0, v2.1, v3.0; convert the dataset "
+        "with LeRobot's own scripts",
+    ),
+    "a list": (
+        [],
+        ": codebase_version: got None, expected one of v2.0, v2.1, v3.0; convert the dataset with "
+        "LeRobot's own scripts",
+    ),
+    "no features": ({"codebase_version": "v3.0"}, ": no feature 'action'; features: none"),
+    "no observation": (
+        {"codebase_version": "v3.0", "features": {"action": {"names": list(JOINTS)}}},
+        ": no feature 'observation.state'; features: action",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", INFOS)
+def test_a_description_that_cannot_be_understood_is_refused(tmp_path, case):
+    content, message = INFOS[case]
+    root = v21(tmp_path / "set")
+    (root / "meta" / "info.json").write_text(json.dumps(content))
+    assert _refused(root, joint="gripper", unit="deg") == f"{root / 'meta' / 'info.json'}{message}"
+
+
+def test_action_and_observation_without_a_joint_in_common_are_refused(tmp_path):
+    root = v21(tmp_path / "set")
+    described = info("v2.1", list(JOINTS))
+    described["features"]["action"] = {"names": ["x", "y", "z"]}
+    (root / "meta" / "info.json").write_text(json.dumps(described))
+    file = root / "data" / "chunk-000" / "episode_000000.parquet"
+    assert _refused(root, joint="gripper", unit="deg") == (
+        f"{file}: no joint is in both 'action' (x, y, z) and 'observation.state' (shoulder_pan, "
+        "elbow_flex, gripper)"
+    )
+
+
+def test_a_dataset_without_its_data_is_refused(tmp_path):
+    root = v21(tmp_path / "set")
+    for file in root.glob("data/chunk-000/*"):
+        file.unlink()
+    assert _refused(root, joint="gripper", unit="deg") == (
+        f"{root}: no data/chunk-*/*.parquet; download the dataset's data"
+    )
+
+
+def test_a_file_without_its_dataset_is_refused(tmp_path):
+    file = tmp_path / "alone.parquet"
+    parquet.write_table(rows(0), file)
+    assert _refused(file, joint="gripper", unit="deg") == (
+        f"{file}: no meta/info.json, which names the joints, in the folders above; keep the file "
+        "in its LeRobot dataset, or give the log as CSV"
+    )

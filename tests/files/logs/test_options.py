@@ -1,0 +1,106 @@
+"""What may be said about a log is checked before any log is opened."""
+
+from __future__ import annotations
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from planner import InvalidFile, InvalidInput, LogOptions, read_logs
+from planner.cli.log_options import log_options, to_log_options
+
+BAD = {
+    "an unknown unit": (
+        {"unit": "radd"},
+        "unit 'radd' is unknown (did you mean 'rad'?); expected one of rad, deg, ticks, turns, "
+        "range, percent, range_m100_100, or rad,Jaw=range where joints differ",
+    ),
+    "an unknown unit of one joint": (
+        {"unit": "rad,Jaw=inch"},
+        "unit 'inch' is unknown; expected one of rad, deg, ticks, turns, range, percent, "
+        "range_m100_100, or rad,Jaw=range where joints differ",
+    ),
+    "no ticks": (
+        {"ticks_per_turn": 0},
+        "ticks per turn: got 0, expected more than 0, such as 4096",
+    ),
+    "episodes backwards": (
+        {"episodes": "3-1"},
+        "episodes: got '3-1', expected numbers and ranges such as 0-3,7",
+    ),
+    "episodes in words": (
+        {"episodes": "first"},
+        "episodes: got 'first', expected numbers and ranges such as 0-3,7",
+    ),
+    "more episodes than there can be": (
+        {"episodes": "0-999999999"},
+        "episodes: got '0-999999999', expected numbers and ranges such as 0-3,7",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_options_that_fit_no_log_are_refused(case):
+    options, message = BAD[case]
+    with pytest.raises(InvalidInput) as caught:
+        LogOptions(**options)
+    assert str(caught.value) == message
+
+
+def test_episodes_are_numbers_and_ranges():
+    assert LogOptions(episodes="0-3, 7").wanted_episodes() == {0, 1, 2, 3, 7}
+    assert LogOptions().wanted_episodes() is None
+
+
+def test_a_unit_may_be_for_one_joint_only():
+    options = LogOptions(unit="rad,Jaw=range")
+    assert (options.unit_of("Jaw"), options.unit_of("Elbow")) == ("range", "rad")
+    assert LogOptions(unit="Jaw=range").unit_of("Elbow") is None
+
+
+def test_no_log_is_refused():
+    with pytest.raises(InvalidInput) as caught:
+        read_logs([])
+    assert str(caught.value) == "no log; give at least one file"
+
+
+def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path}: a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
+        "(metadata.yaml), or a file"
+    )
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "json", "mcap", "bag", "db3"])
+def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, ending):
+    with pytest.raises(InvalidFile, match="no such file; check the name and the folder"):
+        read_logs(tmp_path / f"run.{ending}")
+
+
+def test_the_command_lines_options_become_log_options():
+    told = []
+
+    @click.command()
+    @log_options
+    def command(**choices):
+        told.append(to_log_options(choices))
+
+    arguments = {
+        "joint": "Jaw",
+        "time": "clock:ms",
+        "requested": "a",
+        "actual": "b",
+        "torque": "c",
+        "unit": "ticks",
+        "ticks_per_turn": 4096.0,
+        "topic": "/a",
+        "command_topic": "/b",
+        "episodes": "0-3",
+    }
+    words = [f"--{name.replace('_', '-')}={value}" for name, value in arguments.items()]
+    assert CliRunner().invoke(command, words).exit_code == 0
+    assert told == [LogOptions(**arguments)]
+    assert CliRunner().invoke(command, []).exit_code == 0
+    assert told[1] == LogOptions()
