@@ -121,7 +121,7 @@ def draw_speed_cloud(identification: Identification) -> Figure:
     axes.axvline(0.0, color=MUTED.light, lw=0.8)
     drawn = np.abs(cloud.errors) <= reach
     for chosen, role, size, label in (
-        (drawn & cloud.apart, GRID, 2.0, "window across a corner of f"),
+        (drawn & cloud.apart, MUTED, 2.0, "window across a corner of f"),
         (drawn & ~cloud.apart, INK, 2.2, "measured"),
     ):
         points = np.flatnonzero(chosen)
@@ -133,7 +133,7 @@ def draw_speed_cloud(identification: Identification) -> Figure:
             ms=size,
             mew=0,
             color=role.light,
-            alpha=0.55 if role is INK else 0.9,
+            alpha=0.55 if role is INK else 0.3,
             label=label,
         )
     errors = np.array([-reach, -min(model.theta_0, reach), min(model.theta_0, reach), reach])

@@ -92,7 +92,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> str:
 
 def _joint(name: str, found: Identification, prefix: str) -> Joint:
     error, where = telling_error(found)
-    said = verdict(found)
+    said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
     return Joint(
         name=name,
         anchor=re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"),

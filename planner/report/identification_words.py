@@ -47,10 +47,10 @@ class Units(NamedTuple):
 
 
 def units_of(identification: Identification) -> Units:
-    """Degrees for angles; for shares of a range, shares."""
+    """Degrees for angles; percent for shares of a range."""
     if identification.unit == "rad":
         return Units(math.degrees(1.0), "deg", "deg/s", True)
-    return Units(1.0, "of range", "ranges/s", False)
+    return Units(100.0, "% of range", "%/s", False)
 
 
 class Parameter(NamedTuple):
