@@ -2,28 +2,174 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from planner.exceptions import SolverFailed
-from planner.identification.identification import Identification
-from planner.identification.log import as_logs
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.identification.adjust import Adjusted
+from planner.identification.alternatives import errors_of, simple_fits
+from planner.identification.clock import clock_of
+from planner.identification.fitting import fitted
+from planner.identification.identification import Alternative, Identification, Interval, LogFit
+from planner.identification.intervals import (
+    Bounds,
+    Spread,
+    bounds_of,
+    spread_of,
+    with_shown_speed,
+)
+from planner.identification.log import Log, as_logs
+from planner.identification.validation import HeldOut, held_out
+from planner.identification.verdict import notes_on, verdict_on
+from planner.trajectory import Array
 
 
 def identify(
     logs: Any, *, tick: float | None = None, hold: int | None = None, hold_out: bool = True
 ) -> Identification:
-    """The joint model that explains the logs best.
+    """The joint model that explains the logs best (``docs/math.md``, section 8).
 
     Args:
-        logs: One or several logs of the same joint, see :func:`planner.identification.log.as_logs`.
+        logs: One or several logs of the same joint: :class:`planner.Log`, triples of arrays
+            (times, requests, angles), mappings with these keys, or a sequence of such.
         tick: Time step of the model [s]; by default chosen from the log's period.
         hold: Ticks for which a request is held; by default chosen from the log's period.
-        hold_out: Whether to fit the first part of each log alone too, and test it on the rest.
+        hold_out: Whether to fit the first half of each log alone too, and test it on the rest.
 
     Returns:
-        The model with what is needed to judge it.
+        The model, fitted to all rows, with what is needed to judge it. A model that does not fit is
+        returned as well: see ``accepted`` and ``warnings``.
 
     Raises:
-        InvalidInput: The logs hold no motion to learn from, or tick and hold contradict the log.
+        InvalidTrajectory: A log is malformed.
+        InvalidInput: The logs hold no motion to learn from, are of different units, or tick and
+            hold contradict their period.
     """
-    raise SolverFailed("identification", f"not fitted: {len(as_logs(logs))} logs, {tick}, {hold}")
+    logs = as_logs(logs)
+    _check_alike(logs)
+    clock = clock_of(logs, tick=tick, hold=hold)
+    fit = fitted(logs, clock)
+    spread = spread_of(fit)
+    bounds = bounds_of(fit, spread)
+    fit = with_shown_speed(fit)
+    held = held_out(logs, clock, fit.grid) if hold_out else None
+    simple = simple_fits(fit.grid)
+    errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
+    signal = _signal(fit)
+    verdict = verdict_on(fit, bounds, held, errors, signal)
+    notes = notes_on(logs, clock)
+    if hold_out and held is None:
+        notes.append("nothing was held out: the first half of the log holds no motion to fit")
+    return Identification(
+        model=fit.parameters.model(tick=clock.tick, hold=clock.hold),
+        fits=_log_fits(logs, fit, held),
+        rms=fit.rms,
+        held_out_rms=None if held is None else held.rms,
+        noise=fit.scale,
+        signal=signal,
+        intervals=_intervals(fit, bounds, spread),
+        gain_interval=bounds.gain,
+        covariance=_covariance(fit, bounds, spread),
+        alternatives=tuple(
+            Alternative(
+                name=other.name,
+                rms=errors[other.name],
+                held_out_rms=None if held is None else held.alternatives[other.name],
+                parameters=other.parameters,
+            )
+            for other in simple
+        ),
+        warnings=(*verdict.warnings, *notes),
+        accepted=verdict.accepted,
+    )
+
+
+def _check_alike(logs: Sequence[Log]) -> None:
+    for name in ("unit", "joint"):
+        found = sorted({getattr(log, name) for log in logs})
+        if len(found) > 1:
+            raise InvalidInput(
+                f"logs: got {name}s {', '.join(map(repr, found))}, expected logs of one joint in "
+                "one unit: identify each joint by itself"
+            )
+
+
+def _signal(fit: Adjusted) -> float:
+    """Standard deviation of the actual angles about their mean in each run [rad]."""
+    grid = fit.grid
+    runs = len(grid.starts)
+    means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
+    return _rms(grid.angles - means[grid.run])
+
+
+def _intervals(fit: Adjusted, bounds: Bounds, spread: Spread) -> dict[str, Interval]:
+    return {
+        "v_max": bounds.v_max,
+        "theta_0": _theta_0(fit, bounds, spread),
+        "lag": bounds.lag,
+        "acceleration_time": bounds.acceleration_time,
+        "offset": bounds.offset,
+    }
+
+
+def _theta_0(fit: Adjusted, bounds: Bounds, spread: Spread) -> Interval:
+    """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
+    if bounds.v_max.bounded and bounds.gain.bounded:
+        way = np.array([-1.0, 1.0, 0.0, 0.0, 0.0])
+        half = spread.quantile * float(np.sqrt(way @ spread.covariance @ way))
+        value = fit.parameters.v_max / fit.parameters.gain
+        if half < 1.0:
+            return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
+    return Interval(bounds.v_max.lower / bounds.gain.upper, bounds.v_max.upper / bounds.gain.lower)
+
+
+def _covariance(fit: Adjusted, bounds: Bounds, spread: Spread) -> Array | None:
+    """Covariance of v_max, theta_0, lag, acceleration time and offset in SI units."""
+    if not all(interval.bounded for interval in bounds):
+        return None
+    at, tick = fit.parameters, fit.grid.tick
+    theta_0 = at.v_max / at.gain
+    change = np.zeros((5, 5))  # by log gain, log v_max, lag and acceleration [ticks], offset
+    change[0, 1] = at.v_max
+    change[1, :2] = -theta_0, theta_0
+    change[2, 2] = change[3, 3] = tick
+    change[4, 4] = 1.0
+    covariance = change @ spread.covariance @ change.T
+    covariance.setflags(write=False)
+    return np.asarray(covariance)
+
+
+def _log_fits(logs: Sequence[Log], fit: Adjusted, held: HeldOut | None) -> tuple[LogFit, ...]:
+    grid = fit.grid
+    rows = np.zeros(len(grid.angles), dtype=bool) if held is None else held.rows
+    by_held = np.full(len(grid.angles), np.nan)
+    if held is not None:
+        by_held[rows] = held.predicted
+    columns = zip(
+        logs,
+        grid.places,
+        grid.per_log(fit.predicted),
+        grid.per_log(rows.astype(float), fill=0.0),
+        grid.per_log(by_held),
+        grid.per_log(fit.weights, fill=0.0),
+        grid.per_log(fit.residuals),
+        strict=True,
+    )
+    return tuple(
+        LogFit(
+            log=log,
+            used=used,
+            predicted=predicted,
+            held_out=out > 0.0,
+            held_out_predicted=out_predicted,
+            weights=weights,
+            rms=_rms(residuals[used]) if used.any() else 0.0,
+        )
+        for log, used, predicted, out, out_predicted, weights, residuals in columns
+    )
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))

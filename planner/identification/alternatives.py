@@ -1,0 +1,81 @@
+"""What a simpler description would make of the same rows: no model, a delay, a first-order lag."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.identification.adjust import Adjusted, adjust
+from planner.identification.grid import Grid
+from planner.identification.simulation import Parameters
+from planner.identification.starts import best_delay, delayed_errors
+from planner.trajectory import Array
+
+FIRST_ORDER = np.array([True, False, True, False, True])
+"""Of gain, v_max, lag, acceleration time and offset, those that a first-order lag has."""
+
+SHARES = (0.0, 0.5, 0.9)
+"""Shares of the whole delay that the search for a first-order lag begins with as pure delay."""
+
+
+class Simple(NamedTuple):
+    """A simpler description, fitted.
+
+    Attributes:
+        name: "raw", "delay" or "first_order".
+        parameters: As in :class:`planner.identification.identification.Alternative`.
+        joint: The joint that behaves so; None for a request that is merely delayed.
+    """
+
+    name: str
+    parameters: dict[str, float]
+    joint: Parameters | None
+
+
+def simple_fits(grid: Grid) -> tuple[Simple, ...]:
+    """Fit the simpler descriptions, the simplest first."""
+    delay, _ = best_delay(grid)
+    first_order = _first_order(grid, delay)
+    at = first_order.parameters
+    found = {
+        "delay": at.lag + at.acceleration_time / 2.0,
+        "time_constant": 1.0 / at.gain,
+        "offset": at.offset,
+    }
+    return (
+        Simple("raw", {}, None),
+        Simple("delay", {"delay": delay}, None),
+        Simple("first_order", {name: float(value) for name, value in found.items()}, at),
+    )
+
+
+def errors_of(simple: Simple, grid: Grid, starts: Array) -> Array:
+    """Predicted minus actual angle of a simpler description at the used rows [rad]."""
+    if simple.joint is None:
+        return delayed_errors(grid, simple.parameters.get("delay", 0.0))
+    from planner.identification.simulation import respond
+
+    return grid.at_rows(respond(grid, simple.joint, starts)) - grid.angles
+
+
+def _first_order(grid: Grid, delay: float) -> Adjusted:
+    """A joint that never saturates and whose window is a single tick."""
+    whole = max(delay, 2.0 * grid.tick)
+    begins = [
+        Parameters(
+            gain=1.0 / max((1.0 - share) * whole, grid.tick),
+            v_max=math.inf,
+            lag=share * whole,
+            acceleration_time=grid.tick,
+            offset=0.0,
+        )
+        for share in SHARES
+    ]
+    fits = [
+        adjust(grid, begin, free=FIRST_ORDER, steps=15, rounds=2, precision=1e-3)
+        for begin in begins
+    ]
+    best = min(fits, key=lambda fit: fit.rms)
+    return adjust(grid, best.parameters, free=FIRST_ORDER, starts=best.starts, precision=1e-4)

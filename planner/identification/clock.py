@@ -1,0 +1,95 @@
+"""On which ticks a log is modelled."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.identification.log import Log
+
+SLOWEST_OWN_TICK = 0.008
+"""Logs of this period and less are modelled with one tick a row [s]: the paper's robot."""
+
+TICK_OF_SLOW_LOGS = 0.005
+"""Slower ones with ticks of at most this [s]: a joint that closes in by 50 a second then covers a
+quarter of its error a tick, and finer ticks predict recordings no better (docs/math.md)."""
+
+SLACK = 1.01
+"""A period may exceed a bound by this factor: 20.06 ms are 4 ticks, not 5."""
+
+AGREEMENT = 1e-3
+"""A given tick and hold must agree with the log's period to this."""
+
+LONGEST_REACH = 250
+"""Periods that lag and acceleration time may span together."""
+
+SHARE_OF_LOG = 0.25
+"""Share of the longest log that they may span together."""
+
+
+class Clock(NamedTuple):
+    """Ticks and periods.
+
+    Attributes:
+        period: Median time between the rows of all logs [s].
+        tick: Time step of the model [s].
+        hold: Ticks in a period.
+        reach: Longest lag plus acceleration time that is looked for [s].
+    """
+
+    period: float
+    tick: float
+    hold: int
+    reach: float
+
+
+def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Clock:
+    """The ticks of the logs, as given or chosen.
+
+    Raises:
+        InvalidInput: Tick and hold do not make the log's period.
+    """
+    period = float(np.median(np.concatenate([np.diff(log.times) for log in logs])))
+    longest = max(float(log.times[-1] - log.times[0]) for log in logs)
+    reach = max(min(LONGEST_REACH * period, SHARE_OF_LOG * longest), 4.0 * period)
+    if hold is None:
+        hold = _default_hold(period) if tick is None else round(period / _positive(tick))
+    hold = _count(hold)
+    made = period / hold if tick is None else _positive(tick)
+    if abs(made * hold - period) > AGREEMENT * period:
+        raise InvalidInput(
+            f"tick, hold: got {hold} ticks of {made:g} s, expected the log's median period of "
+            f"{period:g} s; give one of the two, or neither"
+        )
+    return Clock(period, period / hold, hold, reach)
+
+
+def _default_hold(period: float) -> int:
+    if period <= SLACK * SLOWEST_OWN_TICK:
+        return 1
+    return math.ceil(period / (SLACK * TICK_OF_SLOW_LOGS))
+
+
+def _positive(tick: object) -> float:
+    try:
+        value = float(tick)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise InvalidInput(f"tick: got {tick!r}, expected a time of more than 0 s")
+    return value
+
+
+def _count(hold: object) -> int:
+    try:
+        count = operator.index(hold)  # type: ignore[arg-type]
+    except TypeError:
+        count = 0
+    if count < 1:
+        raise InvalidInput(f"hold: got {hold!r}, expected a whole number of ticks, 1 or more")
+    return count

@@ -1,0 +1,88 @@
+"""The best model of some logs: search on coarse ticks, the last word on the model's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.identification.adjust import Adjusted, adjust
+from planner.identification.clock import Clock
+from planner.identification.grid import Grid, Place, gridded, pieces_of
+from planner.identification.log import Log
+from planner.identification.starts import best_delay, nearby, searched
+
+SETTLED = 2.0
+"""The first rows of a piece are used where the model, told that the first request had been in force
+before, errs there by less than so many standard deviations (rms)."""
+
+ROUNDED = 1e-9
+"""Errors below this, relative to the spread of the angles, are rounding."""
+
+
+def fitted(logs: Sequence[Log], clock: Clock) -> Adjusted:
+    """Fit the joint to all logs.
+
+    Raises:
+        InvalidInput: There is no motion to fit.
+    """
+    delay, _ = best_delay(moving(gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
+    burn_in = min(2.0 * delay + 2.0 * clock.period, clock.reach)
+    coarse = moving(gridded(logs, tick=clock.period, reach=clock.reach, burn_in=burn_in))
+    found = searched(coarse)
+    fine = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in)
+    fits = [
+        adjust(fine, fit.parameters, scale=found[0].scale, steps=25, precision=1e-3)
+        for fit in found[:2]
+    ]
+    best = nearby(min(fits, key=lambda fit: fit.cost))
+    best = adjust(fine, best.parameters, starts=best.starts)
+    window = best.parameters.lag + best.parameters.acceleration_time
+    settled = settled_pieces(logs, best)
+    if not settled and window <= burn_in:
+        return best
+    final = gridded(
+        logs,
+        tick=clock.tick,
+        reach=clock.reach,
+        burn_in=min(max(burn_in, 1.2 * window), clock.reach),
+        settled=settled,
+    )
+    return adjust(moving(final), best.parameters)
+
+
+def moving(grid: Grid) -> Grid:
+    """The grid, or why nothing can be learned from it."""
+    if len(grid.angles) < 10:
+        raise InvalidInput(
+            f"the log has {len(grid.angles)} rows to learn from, expected at least 10 with torque on"
+        )
+    if np.ptp(grid.requests) == 0.0:
+        raise InvalidInput(
+            "the requests never change in this log: record one in which the joint is told to move"
+        )
+    if np.ptp(grid.angles) == 0.0:
+        raise InvalidInput(
+            "the joint does not move in this log: its actual angle is the same in every row; is "
+            "the torque on, and is this the right column?"
+        )
+    return grid
+
+
+def settled_pieces(logs: Sequence[Log], fit: Adjusted) -> set[Place]:
+    """Pieces whose first rows agree with the model, if their first request had been in force before."""
+    grid = fit.grid
+    pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
+    every = gridded(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
+    whole = adjust(every, fit.parameters, free=np.zeros(5, dtype=bool), scale=fit.scale, steps=4)
+    errors = every.per_log(whole.residuals)
+    bound = max(SETTLED * fit.scale, ROUNDED * float(np.std(grid.angles)))
+    found = set()
+    for number, row in pieces:
+        new = every.places[number] & ~grid.places[number]
+        stop = next((p.stop for p in pieces_of(logs[number]) if p.start == row), 0)
+        new[:row] = new[stop:] = False
+        if new.any() and np.sqrt(np.mean(errors[number][new] ** 2)) <= bound:
+            found.add((number, row))
+    return found

@@ -1,0 +1,226 @@
+"""Logs on the model's ticks: which rows count, and when which request was in force."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.identification.log import Log
+from planner.trajectory import Array
+
+Rows = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int_]
+Place = tuple[int, int]
+"""A row of a log: number of the log, number of the row."""
+
+GAP = 10.0
+"""Pause between rows, in median periods, after which nothing is assumed of what was requested."""
+
+FEWEST_USED = 3
+"""Rows with torque below which a run tells nothing: its first angle is free."""
+
+GLITCH_STEPS = 2.0
+"""A row that is off the median of five by more than so many of the largest steps that this median
+takes is no position of a joint. A real turning point is off by less than one such step."""
+
+GLITCH_NOISE = 6.0
+"""Standard deviations of the noise that a row may be off in addition."""
+
+ON_A_TICK = 1e-9
+"""Rows this close to a tick [ticks] are taken to be on it."""
+
+
+class Run(NamedTuple):
+    """Rows in a row with torque, through which the joint is simulated without a break."""
+
+    log: int
+    rows: slice
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Every run of some logs on ticks, one after another on one axis of time.
+
+    The axis is cut between the pieces of a log that a gap separates, and between logs: there the
+    first request of a piece is taken to have been in force for ``reach`` before it. A run of T
+    ticks has T + 1 states, the first of which is its start.
+
+    Attributes:
+        tick: Time step [s].
+        reach: Longest lag plus acceleration time that the axis leaves room for [s].
+        edges: Times at which another request comes into force [s], increasing, shape (e,).
+        requests: Request in force from each of them on [rad], shape (e,).
+        ticks: Time of every tick after a start [s], shape (t,).
+        states: Which state each tick leads to, shape (t,).
+        starts: State in which each run starts, shape (runs,).
+        before: State at or before each used row, shape (rows,).
+        share: Weight of the state after it, in [0, 1), shape (rows,).
+        run: Number of the run of each used row, shape (rows,).
+        angles: Actual angle at each used row [rad], shape (rows,).
+        firsts: For each run the first of its used rows in its log.
+        places: For each log, which of its rows are used, in the same order, shape (n,) each.
+    """
+
+    tick: float
+    reach: float
+    edges: Array
+    requests: Array
+    ticks: Array
+    states: Indices
+    starts: Indices
+    before: Indices
+    share: Array
+    run: Indices
+    angles: Array
+    firsts: tuple[Place, ...]
+    places: tuple[Rows, ...]
+
+    def at_rows(self, states: Array) -> Array:
+        """Values at the used rows, between ticks on a straight line; along the first axis."""
+        after = np.minimum(self.before + 1, len(states) - 1)
+        share = self.share.reshape(-1, *(1,) * (states.ndim - 1))
+        return np.asarray((1.0 - share) * states[self.before] + share * states[after])
+
+    def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
+        """Values of the used rows, sorted back into one array per log."""
+        arrays, done = [], 0
+        for used in self.places:
+            array = np.full(len(used), fill)
+            count = int(np.sum(used))
+            array[used] = values[done : done + count]
+            array.setflags(write=False)
+            arrays.append(array)
+            done += count
+        return tuple(arrays)
+
+
+def runs_of(logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()) -> list[Run]:
+    """The runs of logs; where earlier requests are unknown the first ``burn_in`` [s] is left out.
+
+    Torque that returns starts a run as well, but there the requests before it are in the log.
+    """
+    found = []
+    for number, log in enumerate(logs):
+        for piece in pieces_of(log):
+            unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
+            usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
+            usable[: piece.start] = usable[piece.stop :] = False
+            turns = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
+            found += [
+                Run(number, slice(int(first), int(beyond)))
+                for first, beyond in turns.reshape(-1, 2)
+                if beyond - first >= FEWEST_USED
+            ]
+    return found
+
+
+def glitches(angles: Array) -> Rows:
+    """Rows that are no position of the joint: single or double jumps away and back."""
+    if len(angles) < 5:
+        return np.zeros(len(angles), dtype=bool)
+    padded = np.concatenate([angles[1:3][::-1], angles, angles[-3:-1][::-1]])
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    off = np.abs(angles - middle)
+    noise = float(np.quantile(off, 0.9)) / 1.645
+    allowed = GLITCH_STEPS * float(np.max(np.abs(np.diff(middle)))) + GLITCH_NOISE * noise
+    return np.asarray(off > allowed)
+
+
+def pieces_of(log: Log) -> list[slice]:
+    """Rows of a log between its gaps."""
+    breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
+    ends = [0, *breaks.tolist(), len(log.times)]
+    return [slice(first, beyond) for first, beyond in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def gridded(
+    logs: Sequence[Log],
+    *,
+    tick: float,
+    reach: float,
+    burn_in: float,
+    settled: Collection[Place] = (),
+) -> Grid:
+    """Put the runs of the logs on ticks.
+
+    Args:
+        logs: The logs.
+        tick: Time step [s].
+        reach: Longest lag plus acceleration time that will be asked for [s].
+        burn_in: How much of a piece is left out at its start [s].
+        settled: Pieces, by log and first row, of which nothing is left out.
+
+    Returns:
+        The grid; without runs it has no ticks.
+    """
+    axis = _Axis(logs, reach)
+    ticks, states, starts, before, share, number = [], [], [], [], [], []
+    used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
+    sound = [~glitches(log.angles) for log in logs]
+    firsts: list[Place] = []
+    total = 0
+    for run in runs_of(logs, burn_in, settled):
+        kept = np.flatnonzero(sound[run.log][run.rows]) + run.rows.start
+        if len(kept) < FEWEST_USED:
+            continue
+        used[run.log][kept] = True
+        times = axis.shifted[run.log][kept]
+        places = (times - times[0]) / tick
+        whole = np.round(places)
+        places = np.where(
+            np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole), whole, places
+        )
+        count = int(np.ceil(places[-1]))
+        below = np.minimum(np.floor(places).astype(int), count - 1)
+        ticks.append(times[0] + tick * np.arange(1, count + 1))
+        states.append(total + np.arange(1, count + 1))
+        starts.append(total)
+        firsts.append((run.log, int(kept[0])))
+        before.append(total + below)
+        share.append(places - below)
+        number.append(np.full(len(times), len(starts) - 1))
+        total += count + 1
+    return Grid(
+        tick=tick,
+        reach=reach,
+        edges=axis.edges,
+        requests=axis.requests,
+        ticks=_joined(ticks),
+        states=_joined(states).astype(int),
+        starts=np.array(starts, dtype=int),
+        before=_joined(before).astype(int),
+        share=_joined(share),
+        run=_joined(number).astype(int),
+        angles=_joined([log.angles[rows] for log, rows in zip(logs, used, strict=True)]),
+        firsts=tuple(firsts),
+        places=used,
+    )
+
+
+class _Axis:
+    """One axis of time for all pieces of all logs, and the requests on it."""
+
+    def __init__(self, logs: Sequence[Log], reach: float) -> None:
+        edges, requests = [], []
+        self.shifted: list[Array] = []
+        now = 0.0
+        for log in logs:
+            shifted = np.array(log.times)
+            for piece in pieces_of(log):
+                now += 2.0 * reach
+                shifted[piece] += now - log.times[piece.start]
+                edges += [[now - 2.0 * reach], shifted[piece]]
+                requests += [log.requests[piece][:1], log.requests[piece]]
+                now = float(shifted[piece][-1])
+            self.shifted.append(shifted)
+        every, values = _joined(edges), _joined(requests)
+        changes = np.concatenate([[True], np.diff(values) != 0.0])
+        self.edges, self.requests = every[changes], values[changes]
+
+
+def _joined(arrays: list[Array]) -> Array:
+    return np.concatenate(arrays) if arrays else np.zeros(0)

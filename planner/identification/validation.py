@@ -1,0 +1,116 @@
+"""How well a fit to the first part of every log predicts the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.identification.adjust import Adjusted
+from planner.identification.alternatives import errors_of, simple_fits
+from planner.identification.clock import Clock
+from planner.identification.fitting import fitted, moving
+from planner.identification.grid import Grid, gridded
+from planner.identification.intervals import with_shown_speed
+from planner.identification.log import Log
+from planner.identification.simulation import respond
+from planner.trajectory import Array
+
+FITTED_SHARE = 0.5
+"""Share of the rows with torque, from the start of each log, that the validation fits."""
+
+
+class HeldOut(NamedTuple):
+    """What the rows that were held out say.
+
+    Attributes:
+        rows: Which of the grid's rows were held out.
+        predicted: Angle at them by the model fitted to the others [rad].
+        rms: Its error [rad].
+        alternatives: Error of each simpler description, fitted to the others too [rad].
+    """
+
+    rows: np.ndarray
+    predicted: Array
+    rms: float
+    alternatives: dict[str, float]
+
+
+def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
+    """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
+
+    Args:
+        logs: The logs.
+        clock: Their ticks.
+        grid: All rows that are used in the end.
+    """
+    middles = [_middle(log) for log in logs]
+    parts = [_first_rows(log, middle) for log, middle in zip(logs, middles, strict=True)]
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    try:
+        fit = fitted(known, clock)
+    except InvalidInput:
+        return None
+    rows = np.concatenate(
+        [np.flatnonzero(used) >= middle for used, middle in zip(grid.places, middles, strict=True)]
+    )
+    if not rows.any():
+        return None
+    fit = with_shown_speed(fit)
+    states = respond(grid, fit.parameters, _starts(grid, fit, parts))
+    predicted = grid.at_rows(states)
+    simple = simple_fits(moving(gridded(known, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
+    starts = np.array([grid.angles[grid.run == run][0] for run in range(len(grid.starts))])
+    errors = {other.name: errors_of(other, grid, starts)[rows] for other in simple}
+    return HeldOut(
+        rows=rows,
+        predicted=predicted[rows],
+        rms=_rms((predicted - grid.angles)[rows]),
+        alternatives={name: _rms(error) for name, error in errors.items()},
+    )
+
+
+def _middle(log: Log) -> int:
+    """First row that is held out."""
+    powered = np.flatnonzero(log.torque_on)
+    if not len(powered):
+        return 0
+    return int(powered[min(int(np.ceil(FITTED_SHARE * len(powered))), len(powered) - 1)])
+
+
+def _first_rows(log: Log, middle: int) -> Log | None:
+    if middle < 3:
+        return None
+    return Log(
+        times=log.times[:middle],
+        requests=log.requests[:middle],
+        angles=log.angles[:middle],
+        torque_on=log.torque_on[:middle],
+        name=log.name,
+        joint=log.joint,
+        unit=log.unit,
+    )
+
+
+def _starts(grid: Grid, fit: Adjusted, parts: Sequence[Log | None]) -> Array:
+    """Where the runs start: as fitted where the fit has seen it, else as measured."""
+    numbers = [i for i, part in enumerate(parts) if part is not None]
+    fitted_starts = {
+        (numbers[log], row): start
+        for (log, row), start in zip(fit.grid.firsts, fit.starts, strict=True)
+    }
+    measured = [grid.angles[grid.run == run][0] for run in range(len(grid.starts))]
+    return np.array(
+        [
+            fitted_starts.get(first, angle)
+            for first, angle in zip(grid.firsts, measured, strict=True)
+        ]
+    )
+
+
+def _rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
