@@ -12,9 +12,12 @@ from planner.cli.models import load_models
 from planner.cli.say import deliver
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from planner.identification.excitation import Excitation
     from planner.identification.identification import Identification
     from planner.model.joint import JointModel
+    from planner.report.identification_words import Parameter
 
 KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
 
@@ -193,23 +196,42 @@ def _summary(made: Excitation, expected: Identification, model: str) -> str:
     from planner.report.text_table import text_table
 
     found = parameters(expected)
-    missing = [SYMBOLS[row.name] for row in found if not row.known]
-    verdict = f"would leave undetermined: {', '.join(missing)}" if missing else "would show it all"
     steps = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
     rows = [
-        [SYMBOLS[row.name], row.value, row.interval, "yes" if row.known else "no", row.judgement]
+        [
+            SYMBOLS[row.name],
+            row.value,
+            row.interval,
+            "no" if not row.known else "roughly" if row.rough else "yes",
+            row.judgement,
+        ]
         for row in found
     ]
     header = ["parameter", "identified", "95 % interval", "determined", "known"]
     seconds = len(made.requests) * made.period
     return "\n".join(
         [
-            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {verdict} (a joint like {model})",
+            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {_verdict(found)}",
             f"begins and ends at {math.degrees(made.centre):.4g} deg; the largest jump is "
             f"{math.degrees(made.largest_jump):.4g} deg"
             + (f"; step tests of {steps} deg" if steps else ""),
             *textwrap.wrap(made.meaning, 96),
+            f"expected of a joint like {model}:",
             text_table(header, rows),
             *(f"warning: {warning}" for warning in expected.warnings),
         ]
     )
+
+
+def _verdict(found: Sequence[Parameter]) -> str:
+    """What the signal would determine, in a few words."""
+    from planner.report.identification_text import SYMBOLS
+
+    missing = [SYMBOLS[row.name] for row in found if not row.known]
+    rough = [SYMBOLS[row.name] for row in found if row.known and row.rough]
+    told = [
+        f"{how} {', '.join(names)}"
+        for how, names in (("would not determine", missing), ("only roughly", rough))
+        if names
+    ]
+    return "; ".join(told) if told else "would determine every parameter"

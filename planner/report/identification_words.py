@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from planner.identification.identification import Alternative, Identification, Interval
+from planner.report.identification_numbers import between, figure, percent_of, two_figures
 
 NAMES = {
     "v_max": "top speed",
@@ -27,7 +28,11 @@ ALTERNATIVES = {
 MODEL = "the joint model"
 
 ROUGH = 0.2
-"""An interval whose half width is beyond this part of the estimate is called rough."""
+"""Beyond this part of the estimate the half width of an interval is called rough; the lag is held
+against itself and the acceleration time, the static sag against theta_0."""
+
+HARDLY = 10.0
+"""Beyond this many times the estimate its half width says nothing any more."""
 
 
 class Units(NamedTuple):
@@ -64,6 +69,7 @@ class Parameter(NamedTuple):
         si: Both in SI.
         judgement: How well it is known.
         known: Whether it is bounded on both sides.
+        rough: Whether it is not, or only within a wide interval.
     """
 
     name: str
@@ -73,6 +79,7 @@ class Parameter(NamedTuple):
     si: str
     judgement: str
     known: bool
+    rough: bool
 
 
 def parameters(identification: Identification) -> list[Parameter]:
@@ -94,16 +101,17 @@ def parameters(identification: Identification) -> list[Parameter]:
         scaled = Interval(factor * interval.lower, factor * interval.upper)
         si = ""
         if units.si and name in inside:
-            si = f"{_figure(value, interval)} {inside[name]}, {_between(interval)}"
+            si = f"{figure(value, interval)} {inside[name]}, {between(interval)}"
         rows.append(
             Parameter(
                 name=name,
                 words=words,
-                value=f"{_figure(factor * value, scaled)} {unit}",
-                interval=_between(scaled),
+                value=f"{figure(factor * value, scaled)} {unit}",
+                interval=between(scaled),
                 si=si,
-                judgement=judgement(name, factor * value, scaled, unit),
+                judgement=judgement(identification, name, factor, unit),
                 known=interval.bounded,
+                rough=is_rough(identification, name),
             )
         )
     return rows
@@ -116,18 +124,36 @@ def estimate(identification: Identification, name: str) -> tuple[float, Interval
     return getattr(identification.model, name), identification.intervals[name]
 
 
-def judgement(name: str, value: float, interval: Interval, unit: str) -> str:
-    """How well a parameter is known, in words."""
+def judgement(identification: Identification, name: str, factor: float, unit: str) -> str:
+    """How well a parameter is known, in words.
+
+    Args:
+        identification: What was found.
+        name: The parameter.
+        factor: What one of its SI unit is in ``unit``.
+        unit: The unit in which to tell it.
+    """
+    value, interval = estimate(identification, name)
     lower, upper = (math.isfinite(end) for end in interval)
     if not lower and not upper:
         return "not determined"
     if not lower or not upper:
         return f"only bounded from {'below' if lower else 'above'}"
     half = 0.5 * (interval.upper - interval.lower)
+    only = "only " if is_rough(identification, name) else ""
     if name in ("lag", "offset"):  # may be 0, which no percentage is of
-        return f"± {half:.2g} {unit}"
-    rough = value == 0.0 or half > ROUGH * abs(value)
-    return f"{'only ' if rough else ''}± {_percent(half, value)}"
+        return f"{only}± {two_figures(factor * half)} {unit}"
+    if half > HARDLY * abs(value):
+        return "hardly at all"
+    return f"{only}± {percent_of(half, value)}"
+
+
+def is_rough(identification: Identification, name: str) -> bool:
+    """Whether an interval is wide, beside the parameter or what it adds to."""
+    value, interval = estimate(identification, name)
+    model = identification.model
+    scale = {"lag": model.lag + model.acceleration_time, "offset": model.theta_0}.get(name, value)
+    return not 0.5 * (interval.upper - interval.lower) <= ROUGH * abs(scale)
 
 
 class Error(NamedTuple):
@@ -171,7 +197,7 @@ def verdict(identification: Identification) -> str:
     others = {other.name: held_out_or_all(other) for other in identification.alternatives}
     compared = []
     if others.get("raw", 0.0) > 0.0:
-        compared.append(f"{_percent(error, others['raw'])} of the raw error")
+        compared.append(f"{percent_of(error, others['raw'])} of the raw error")
     if "delay" in others and error > 0.0:
         compared.append(f"{compared_with(error, others['delay'])} the best pure delay")
     tail = f": {told}" + (f", {' and '.join(compared)}" if compared else "")
@@ -212,30 +238,3 @@ def compared_with(error: float, other: float) -> str:
     if ratio >= 1.05:
         return f"{ratio:.{1 if ratio < 10 else 0}f} times closer than"
     return "no closer than" if ratio > 0.95 else f"{1.0 / ratio:.1f} times farther off than"
-
-
-def _figure(value: float, interval: Interval) -> str:
-    """A number with as many decimals as its interval deserves."""
-    text = f"{value:.{_decimals(value, interval)}f}"
-    return text.replace("-", "−") if float(text) else text.lstrip("-")
-
-
-def _between(interval: Interval) -> str:
-    lower, upper = (math.isfinite(end) for end in interval)
-    if lower and upper:
-        return f"{_figure(interval.lower, interval)} to {_figure(interval.upper, interval)}"
-    if lower:
-        return f"at least {_figure(interval.lower, interval)}"
-    return f"at most {_figure(interval.upper, interval)}" if upper else "unknown"
-
-
-def _decimals(value: float, interval: Interval) -> int:
-    """Two figures of the interval's half width, or three of the number."""
-    half = 0.5 * (interval.upper - interval.lower)
-    if math.isfinite(half) and half > 0.0:
-        return min(6, max(0, 1 - math.floor(math.log10(half))))
-    return min(6, max(0, 2 - math.floor(math.log10(abs(value))))) if value else 1
-
-
-def _percent(part: float, whole: float) -> str:
-    return f"{100.0 * part / abs(whole):.2g} %" if whole else "∞ %"

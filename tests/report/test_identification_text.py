@@ -14,7 +14,6 @@ from planner.report.identification_remarks import model_comments, remarks
 from planner.report.identification_text import identification_text
 from planner.report.identification_words import (
     compared_with,
-    judgement,
     known,
     parameters,
     verdict,
@@ -43,16 +42,26 @@ def test_shares_of_a_range_are_not_told_as_angles():
 @pytest.mark.parametrize(
     ("name", "interval", "words"),
     [
-        ("v_max", Interval(0.99, 1.01), "± 1 %"),
-        ("v_max", Interval(0.5, 1.5), "only ± 50 %"),
-        ("lag", Interval(0.0, 2.0), "± 1 rad/s"),
+        ("v_max", Interval(5.3996, 5.5087), "± 1 %"),
+        ("v_max", Interval(2.7272, 8.1812), "only ± 50 %"),
+        ("v_max", Interval(0.0, 54.5415), "only ± 500 %"),
+        ("v_max", Interval(0.0, 545.415), "hardly at all"),
+        ("lag", Interval(0.031, 0.033), "± 1 ms"),
+        ("lag", Interval(0.0, 0.328), "only ± 164 ms"),
         ("v_max", Interval(0.5, math.inf), "only bounded from below"),
         ("v_max", Interval(-math.inf, 2.0), "only bounded from above"),
         ("v_max", Interval(-math.inf, math.inf), "not determined"),
     ],
 )
 def test_how_well_a_parameter_is_known_is_said_in_words(name, interval, words):
-    assert judgement(name, 1.0, interval, "rad/s") == words
+    found = row(made_up(intervals={**made_up().intervals, name: interval}), name)
+    assert found.judgement == words
+    assert found.rough == (not words.startswith("±"))
+
+
+def test_a_number_keeps_its_figures_beside_a_wide_interval():
+    found = made_up(gain_interval=Interval(0.0, 900.0))
+    assert row(found, "gain").value == "45 1/s"
 
 
 @pytest.mark.parametrize(
