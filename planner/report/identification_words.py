@@ -205,17 +205,22 @@ def verdict(identification: Identification) -> str:
 
 
 def known(identification: Identification) -> str:
-    """Which parameters the logs determine, in a sentence."""
+    """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
+    if not identification.accepted:
+        return "Its parameters say little about the joint."
     rows = parameters(identification)
-    missing = [row.words for row in rows if not row.known]
-    if not missing:
+    missing = {row.name: row.words for row in rows if not row.known}
+    rough = ", ".join(row.words for row in rows if row.known and row.rough)
+    if set(missing) == {"v_max", "theta_0"}:
+        told = "The logs do not reach the top speed: they determine v_max / theta_0, but neither "
+        told += "of the two alone"
+    elif missing:
+        told = f"The logs do not determine: {', '.join(missing.values())}"
+    elif not rough:
         return "The logs determine every parameter."
-    if {row.name for row in rows if not row.known} == {"v_max", "theta_0"}:
-        return (
-            "The logs do not reach the top speed: they determine v_max / theta_0, but neither of "
-            "the two alone."
-        )
-    return f"The logs do not determine: {'; '.join(missing)}."
+    else:
+        return f"The logs determine every parameter, but some only roughly: {rough}."
+    return f"{told}; only roughly known: {rough}." if rough else f"{told}."
 
 
 def telling_error(identification: Identification) -> tuple[float, str]:
