@@ -1,0 +1,171 @@
+"""Pictures of what the virtual robot did, every cycle of it drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.evaluation.outcome import approximation
+from planner.model.response import simulate
+from planner.report.draw_foot import ROLES, draw_leg, draw_path, legend, side_view
+from planner.report.draw_joints import draw_cycle, joint_rows
+from planner.report.style import (
+    APPROXIMATION,
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    FOOT_OPTIMAL,
+    INK,
+    MUTED,
+    PLAIN,
+    REQUESTED,
+    SURFACE,
+    WIDTH,
+    Role,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from planner.evaluation.outcome import JointOutcome
+    from planner.evaluation.virtual_outcome import VirtualOutcome
+    from planner.trajectory import Array
+
+PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTIMAL}
+"""The methods whose foot paths are drawn, each over all its cycles."""
+
+THIN = 0.7
+"""Width of a line that is one of many cycles [pt]."""
+
+
+def draw_paths(outcome: VirtualOutcome) -> Figure:
+    """Figure 8 on the virtual robot: the path of the foot in every cycle."""
+    figure, axes = side_view(height=4.1)
+    draw_leg(axes, outcome.planned)
+    draw_path(axes, outcome.planned.walk.desired_foot, DESIRED, zorder=6)
+    for method, role in PATHS.items():
+        paths = outcome.foot_paths[method]
+        for path in paths[1:]:
+            draw_path(axes, path, role._replace(width=THIN, label="_cycle"), zorder=4)
+        draw_path(axes, paths[0], role._replace(width=THIN), zorder=4)
+    legend(axes, 2)
+    return figure
+
+
+def draw_steps(outcome: VirtualOutcome) -> Figure:
+    """Figures 3 and 4: what the sensor recorded of each step test, and what the model predicts."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
+    count = len(outcome.identifications)
+    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    period = outcome.constants.request_period
+    for axes, found, joint in zip(
+        rows, outcome.identifications, outcome.planned.joints, strict=True
+    ):
+        for fit in found.fits:
+            samples = np.round((fit.log.times - fit.log.times[0]) / period)
+            axes.plot(samples, np.degrees(fit.log.angles), ".", color=INK.light, ms=2.0)
+            axes.plot(samples, np.degrees(fit.predicted), **CLOSED_FORM._replace(width=1.2).line)
+        axes.set_title(joint.name)
+        axes.set_title(
+            f"{np.degrees(found.rms):.2f}° rms", loc="right", fontweight="normal", fontsize=8.5
+        )
+        axes.set_ylabel("angle [deg]")
+        axes.set_xlim(0, samples[-1])
+    figure.align_ylabels(rows)
+    rows[-1].set_xlabel(f"time [samples of {1000.0 * period:g} ms]")
+    handles = [
+        Line2D([], [], color=INK.light, lw=0.0, marker=".", ms=6.0, label="measured by the sensor"),
+        Line2D([], [], **{**CLOSED_FORM.line, "label": "identified model"}),
+    ]
+    figure.legend(handles=handles, loc="outside upper left", ncols=2)
+    return figure
+
+
+def draw_unseen(outcome: VirtualOutcome) -> Figure:
+    """Figure 2: the joints under the direct method, and what the models had said of it."""
+    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
+    run = outcome.runs["direct"]
+
+    def draw(axes: Axes, joint: JointOutcome) -> None:
+        j = indices[joint.name]
+        predicted = simulate(outcome.planned.models[j], run.requests[:, j])
+        draw_cycle(axes, joint.desired, DESIRED, "requested = desired")
+        draw_cycles(axes, run.angles[:, :, j], DIRECT, f"actual, {len(run.angles)} cycles")
+        draw_cycle(axes, predicted, CLOSED_FORM._replace(width=1.0), "identified model")
+
+    return joint_rows(outcome.planned, draw, columns=3)
+
+
+def draw_tracking(outcome: VirtualOutcome) -> Figure:
+    """Figure 7: desired, approximation, requests, and the angles of every cycle."""
+    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
+    run = outcome.runs["closed_form_plain"]
+
+    def draw(axes: Axes, joint: JointOutcome) -> None:
+        draw_cycle(axes, joint.closed_form_plain.requests, REQUESTED)
+        draw_cycle(axes, joint.desired, DESIRED)
+        draw_cycle(axes, approximation(joint.closed_form_plain), APPROXIMATION)
+        draw_cycles(axes, run.angles[:, :, indices[joint.name]], PLAIN, "actual")
+
+    return joint_rows(outcome.planned, draw, columns=4)
+
+
+def draw_foot_tracking(outcome: VirtualOutcome) -> Figure:
+    """The joints under the requests that were planned for the foot, every cycle."""
+    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
+    run = outcome.runs["foot_optimal"]
+
+    def draw(axes: Axes, joint: JointOutcome) -> None:
+        j = indices[joint.name]
+        draw_cycle(axes, run.requests[:, j], REQUESTED)
+        draw_cycle(axes, joint.desired, DESIRED)
+        draw_cycles(axes, run.angles[:, :, j], FOOT_OPTIMAL, "actual")
+        draw_cycle(axes, joint.foot_optimal, INK._replace(width=0.8, dashes=":"), "predicted")
+
+    return joint_rows(outcome.planned, draw, columns=4)
+
+
+def draw_promises(outcome: VirtualOutcome) -> Figure:
+    """The foot's accuracy by method: as planned, as executed, and on the paper's robot."""
+    from matplotlib.figure import Figure
+
+    from planner.evaluation.paper import published_foot
+    from planner.report.paper_tables import METHODS
+
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    axes = figure.add_subplot()
+    executed, planned = outcome.foot_table, outcome.planned.foot_table
+    for row, method in enumerate(METHODS):
+        role = ROLES.get(method, CLOSED_FORM)
+        over, predicted = executed[method], planned[method]
+        theirs = published_foot(method)
+        if theirs is not None:
+            axes.plot(theirs.L2.mean, row, "x", ms=7, color=MUTED.light, mew=1.4, zorder=3)
+        axes.plot([predicted.rms, over.mean.rms], [row, row], color=role.light, lw=1.4, zorder=2)
+        axes.plot(
+            predicted.rms, row, "o", ms=7, mfc=SURFACE.light, mec=role.light, mew=1.4, zorder=3
+        )
+        axes.plot(over.mean.rms, row, "o", ms=4.5, color=role.light, zorder=4)
+    axes.set_yticks(range(len(METHODS)), [label.split(":")[0] for label in METHODS.values()])
+    axes.set_ylim(len(METHODS) - 0.5, -0.5)
+    axes.set_xlim(left=0.0)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("foot error, L₂ [cm]")
+    ink = INK.light
+    axes.plot([], [], "o", color=ink, ms=7, mfc=SURFACE.light, mew=1.4, label="planned")
+    axes.plot([], [], "o", color=ink, ms=4.5, label="executed")
+    axes.plot([], [], "x", color=MUTED.light, lw=0.0, ms=7, mew=1.4, label="the paper's robot")
+    legend(axes, 3)
+    return figure
+
+
+def draw_cycles(axes: Axes, cycles: Array, role: Role, label: str) -> None:
+    """Every cycle as a thin line, one of them in the legend; cycles [rad], shape (cycles, n)."""
+    for k, cycle in enumerate(cycles):
+        draw_cycle(axes, cycle, role._replace(width=THIN), label if k == 0 else f"_{label}")

@@ -1,0 +1,83 @@
+"""All pictures of the experiment on the virtual robot, with what they show in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from planner.report import virtual_draw as draw
+from planner.report.figures import Picture
+from planner.report.style import applied
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from planner.evaluation.virtual_outcome import VirtualOutcome
+
+
+def virtual_pictures(outcome: VirtualOutcome) -> tuple[Picture, ...]:
+    """Draw every picture, in the order of the paper's figures."""
+    with applied():
+        return tuple(
+            Picture(name, title, caption, description, drawn(outcome))
+            for name, title, caption, description, drawn in _PICTURES
+        )
+
+
+_Entry = tuple[str, str, str, str, "Callable[[VirtualOutcome], Figure]"]
+
+_PICTURES: tuple[_Entry, ...] = (
+    (
+        "foot_paths",
+        "The foot, every cycle (the paper's Figure 8)",
+        "What the robot's foot does in each recorded cycle under three methods; the cycles nearly "
+        "cover one another.",
+        "Side view of the leg and four closed foot paths; that of the foot-optimised requests lies "
+        "closest to the desired one, then the closed form's, then the direct method's.",
+        draw.draw_paths,
+    ),
+    (
+        "step_tests",
+        "The step tests (Figures 3 and 4)",
+        "Dots: what each joint's sensor recorded, at three amplitudes around the middle of its "
+        "range in the walk. Lines: the one model that was identified from all three.",
+        "For each joint three square-wave responses of growing height as dots, with a line of the "
+        "model's prediction running through them.",
+        draw.draw_steps,
+    ),
+    (
+        "joints_direct",
+        "The direct method (Figure 2), predicted before it was seen",
+        "The models come from step tests alone; this walk is new to them.",
+        "Angles of rotator, abductor and knee over one cycle: desired, actual some ten samples "
+        "later, and the prediction, which lies on the actual angles.",
+        draw.draw_unseen,
+    ),
+    (
+        "trajectories",
+        "The four trajectories of the paper's method (Figure 7)",
+        "How close the actual angles stay to the approximation is the paper's measure of the "
+        "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
+        "For each joint the desired angles, the approximation, the requests and the actual angles "
+        "of all cycles, which stay near the approximation.",
+        draw.draw_tracking,
+    ),
+    (
+        "foot_optimised_trajectories",
+        "The joints under requests for the foot",
+        "Dotted: what the plan predicted. Single joints leave their desired angles for the foot's "
+        "sake, as planned.",
+        "For each joint the requests, the desired angles, the actual angles of all cycles and the "
+        "predicted ones beneath them.",
+        draw.draw_foot_tracking,
+    ),
+    (
+        "promises",
+        "Planned and executed",
+        "From what each plan promised to what the robot made of it: the shorter the line, the "
+        "better the model.",
+        "A row per method with a ring where the plan predicted the foot's error, a dot where it "
+        "was on the robot, and a cross for the paper's robot where it has one.",
+        draw.draw_promises,
+    ),
+)
