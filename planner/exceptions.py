@@ -52,7 +52,7 @@ class InvalidFile(InvalidInput):
         self.path = path
         self.line = line
         place = f"{path}" if line is None else f"{path}, line {line}"
-        super().__init__(f"{place}: {problem}")
+        super().__init__(f"{place}: {_printable(problem)}")
 
 
 class Infeasible(InvalidInput):
@@ -113,3 +113,10 @@ class SolverFailed(PlannerError):
 
 class OutsideEquation13(UserWarning):
     """The paper's rule for lines is used for a joint that breaks Equation 13."""
+
+
+def _printable(text: str) -> str:
+    """Text on one line, whatever a file put into it."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
+LATEST = 2**63
+"""Times from here on [ns] are no times."""
+
 MOST_MESSAGES = 5_000_000
 """Messages that are read from one topic: an hour at 1 kHz and more."""
 
@@ -79,6 +82,8 @@ class Bag:
                         f"topic {topic}: more than {MOST_MESSAGES} messages; split the bag",
                     )
                 place = f"topic {topic}, message {k + 1}"
+                if not 0 <= when < LATEST:
+                    raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
                 yield Message(when, self._decode(stores, data, kind, place))
 
     def _decode(self, stores: list[Typestore], data: bytes, kind: str, place: str) -> Any:

@@ -8,18 +8,8 @@ from planner.exceptions import InvalidFile
 from planner.files.logs.bag_file import Bag
 from planner.files.logs.controller_state import CONTROLLER_STATE
 from planner.files.logs.options import ALL_JOINTS, LogOptions
+from planner.files.logs.ros_messages import ACTUAL_TYPES, JOINT_STATE, REQUEST_TYPES
 from planner.files.table import nearest
-
-JOINT_STATE = "sensor_msgs/msg/JointState"
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-NUMBERS = "std_msgs/msg/Float64MultiArray"
-NUMBER = "std_msgs/msg/Float64"
-
-ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)
-"""Types that tell actual angles."""
-
-REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
-"""Types that tell requested angles."""
 
 
 class Topics(NamedTuple):

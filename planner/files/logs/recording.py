@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from planner.exceptions import InvalidFile
 from planner.files.logs.bag_file import Bag
-from planner.files.logs.bag_topics import JOINT_STATE, NUMBERS, TRAJECTORY, Topics
-from planner.files.logs.controller_state import CONTROLLER_STATE
+from planner.files.logs.bag_topics import Topics
 from planner.files.logs.options import ALL_JOINTS
+from planner.files.logs.ros_messages import Told, actual_angles, requested_angles
 from planner.files.logs.series import Series, Track
 
 APART = 1_000_000_000
@@ -58,8 +59,10 @@ def read_recording(bag: Bag, topics: Topics, joint: str | None) -> Recording:
     chosen = None if joint in (None, ALL_JOINTS) else joint
     actual, requested = Track(topics.actual), Track(topics.requested)
     notes = [f"actual from {topics.actual}, requested from {topics.requested}"]
-    _read_actual(bag, actual, requested if topics.actual == topics.requested else None)
-    if topics.actual != topics.requested:
+    if topics.actual == topics.requested:
+        _read_both(bag, actual, requested)
+    else:
+        _read_actual(bag, actual)
         notes += _read_requested(bag, requested, actual.joints, chosen)
     if not set(actual.joints) & set(requested.joints):
         raise InvalidFile(
@@ -92,49 +95,64 @@ def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
     )
 
 
-def _read_actual(bag: Bag, actual: Track, requested: Track | None) -> None:
-    """Gather actual angles, and the requested ones where a controller's state tells both."""
+def _read_both(bag: Bag, actual: Track, requested: Track) -> None:
+    """Gather the angles of a topic that tells actual and requested ones."""
     kind = bag.topics[actual.topic]
     for k, (received, content) in enumerate(bag.messages(actual.topic)):
-        stamp = _stamp(content)
-        if kind == JOINT_STATE:
-            if len(content.position):  # a state may tell of speeds only
-                _check(bag, actual.topic, k, "position", content.name, content.position)
-                actual.add(received, stamp, content.name, content.position)
-            continue
-        for track, (name, angles) in zip((requested, actual), _controller(content), strict=True):
-            if track is not None:
-                _check(bag, actual.topic, k, name, content.joint_names, angles)
-                track.add(received, stamp, content.joint_names, angles)
+        for understand, track in ((requested_angles, requested), (actual_angles, actual)):
+            told = _understood(bag, track.topic, k, understand, kind, content)
+            _add(bag, track, k, received, told, told.joints or ())
+
+
+def _read_actual(bag: Bag, actual: Track) -> None:
+    """Gather the angles of a topic of states."""
+    kind = bag.topics[actual.topic]
+    for k, (received, content) in enumerate(bag.messages(actual.topic)):
+        told = _understood(bag, actual.topic, k, actual_angles, kind, content)
+        _add(bag, actual, k, received, told, told.joints or ())
 
 
 def _read_requested(
     bag: Bag, requested: Track, names: tuple[str, ...], joint: str | None
 ) -> tuple[str, ...]:
-    """Gather the requested angles of a topic of commands; what was guessed, in words."""
+    """Gather the angles of a topic of commands; what was guessed, in words."""
     topic, kind = requested.topic, bag.topics[requested.topic]
     notes: tuple[str, ...] = ()
     for k, (received, content) in enumerate(bag.messages(topic)):
-        stamp = _stamp(content) if kind in (JOINT_STATE, TRAJECTORY, CONTROLLER_STATE) else 0
-        if kind == CONTROLLER_STATE:
-            who, angles = content.joint_names, _controller(content)[0][1]
-        elif kind == JOINT_STATE:
-            who, angles = content.name, content.position
-        elif kind == TRAJECTORY:
-            if not content.points:
-                continue
-            who, angles = content.joint_names, content.points[0].positions
-        elif kind == NUMBERS:
-            angles = content.data
-            who = _order(bag, topic, names, joint, len(angles))
-            notes = (f"numbers of {topic} taken for {', '.join(who)}",)
-        else:
-            angles = [content.data]
-            who = _order(bag, topic, names, joint, 1)
-            notes = (f"the number of {topic} taken for {who[0]}",)
-        _check(bag, topic, k, kind, who, angles)
-        requested.add(received, stamp, who, angles)
+        told = _understood(bag, topic, k, requested_angles, kind, content)
+        joints = told.joints
+        if joints is None:
+            joints = _order(bag, topic, names, joint, len(told.angles))
+            notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
+        _add(bag, requested, k, received, told, joints)
     return notes
+
+
+def _understood(
+    bag: Bag, topic: str, k: int, understand: Callable[[str, Any], Told], kind: str, content: Any
+) -> Told:
+    """What a message tells, by a definition of its type that may be anything."""
+    try:
+        return understand(kind, content)
+    except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+        raise InvalidFile(
+            bag.path,
+            f"topic {topic}, message {k + 1}: fields are not those of {kind} ({error}); is the bag "
+            "damaged?",
+        ) from error
+
+
+def _add(
+    bag: Bag, track: Track, k: int, received: int, told: Told, joints: tuple[str, ...]
+) -> None:
+    if len(joints) != len(told.angles) or len(set(joints)) != len(joints):
+        raise InvalidFile(
+            bag.path,
+            f"topic {track.topic}, message {k + 1}: got {len(told.angles)} in '{told.field}', "
+            f"expected an angle for each of {len(joints)} joints ({', '.join(joints[:20])})",
+        )
+    if joints:
+        track.add(received, told.stamp, joints, told.angles)
 
 
 def _order(
@@ -155,33 +173,6 @@ def _order(
             else "choose a topic with names by --command-topic"
         ),
     )
-
-
-def _controller(content: Any) -> tuple[tuple[str, Any], tuple[str, Any]]:
-    """Requested and actual angles of a controller's state, each after the field's name."""
-    pairs = (("reference", "feedback"), ("desired", "actual"))
-    known = [pair for pair in pairs if all(hasattr(content, name) for name in pair)]
-    filled = [pair for pair in known if len(getattr(content, pair[1]).positions)]
-    requested, actual = (filled or known)[0]
-    return (
-        (requested, getattr(content, requested).positions),
-        (actual, getattr(content, actual).positions),
-    )
-
-
-def _stamp(content: Any) -> int:
-    """The stamp of a message's header [ns]."""
-    stamp = content.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def _check(bag: Bag, topic: str, k: int, what: str, names: Any, angles: Any) -> None:
-    if len(names) != len(angles) or len(set(names)) != len(names):
-        raise InvalidFile(
-            bag.path,
-            f"topic {topic}, message {k + 1}: got {len(angles)} in '{what}', expected an angle for "
-            f"each of {len(names)} joints ({', '.join(map(str, names[:20]))})",
-        )
 
 
 def _listed(track: Track) -> str:

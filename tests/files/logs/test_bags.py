@@ -150,7 +150,7 @@ def test_one_number_is_for_the_chosen_joint(tmp_path):
     )
     (log,) = read_logs(folder, options=LogOptions(joint="knee"))
     _assert_holds_the_angles(log, "knee")
-    assert "the number of /knee_controller/command taken for knee" in log.notes
+    assert "numbers of /knee_controller/command taken for knee" in log.notes
 
 
 def test_states_before_the_first_command_are_left_out_and_said_so(tmp_path):
