@@ -22,8 +22,8 @@ def sharpest_knot(problem: Problem, curve: Candidate) -> int:
     return int(np.argmax(bend))
 
 
-def with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
-    """The same curve with one more knot, in the worst segment that is long enough for it."""
+def with_one_more(problem: Problem, curve: Candidate) -> list[Candidate]:
+    """The same curve with one more knot, in every segment long enough for it, the worst first."""
     ends, values = curve.knots, curve.values
     index = np.arange(problem.samples, dtype=np.float64)
     if problem.cyclic:
@@ -32,19 +32,17 @@ def with_one_more(problem: Problem, curve: Candidate) -> Candidate | None:
     length = np.diff(ends)
     segment = np.clip(np.searchsorted(ends, index, side="right") - 1, 0, length.size - 1)
     squares = problem.weights * residuals(problem, curve.knots, curve.values) ** 2
-    worst = np.bincount(segment, squares, minlength=length.size)
+    worst = np.bincount(segment, squares, minlength=length.size) + 1e-12 * length
     shortest = math.ceil(problem.shortest) if problem.whole else problem.shortest
-    long_enough = length >= 2.0 * shortest
-    if not np.any(long_enough):
-        return None
-    split = int(np.argmax(np.where(long_enough, worst + 1e-12 * length, -1.0)))
-    share = 0.5
-    if problem.whole:
-        share = math.floor(0.5 * length[split]) / length[split]
-    knot = ends[split] + share * length[split]
-    value = values[split] + share * (values[split + 1] - values[split])
-    return Candidate(
-        np.insert(curve.knots, split + 1, knot),
-        np.insert(curve.values, split + 1, value),
-        curve.error,
-    )
+    extended = []
+    for split in np.argsort(-worst, kind="stable").tolist():
+        if length[split] < 2.0 * shortest:
+            continue
+        share = 0.5
+        if problem.whole:
+            share = math.floor(0.5 * length[split]) / length[split]
+        knot = ends[split] + share * length[split]
+        value = values[split] + share * (values[split + 1] - values[split])
+        knots = np.insert(curve.knots, split + 1, knot)
+        extended.append(Candidate(knots, np.insert(curve.values, split + 1, value), curve.error))
+    return extended

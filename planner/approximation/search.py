@@ -11,7 +11,6 @@ import numpy as np
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
 from planner.approximation.grow import sharpest_knot, with_one_more
-from planner.approximation.guided import GuidedKnots
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
@@ -21,7 +20,7 @@ from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
 from planner.approximation.requirements import at_rest, gaps, reachable, spread
 from planner.approximation.small_values import small_values
-from planner.approximation.together import descend_all
+from planner.approximation.together import all_best_values, descend_all
 from planner.approximation.tube import rechained
 from planner.approximation.values import solve_values
 from planner.approximation.whole import WholeKnots
@@ -40,10 +39,13 @@ ROUNDS = 15
 """Most further evaluations of that one."""
 
 DESCENTS = 2
-"""Starts, of all that are proposed, from which a descent is begun."""
+"""Starts of many segments, of all that are proposed, from which a descent is begun."""
 
-WORTH_GUIDING = 1.01
-"""Squared error over the ideal from which on knots are sought with potentials."""
+WORTH_LOOKING = 1.01
+"""Squared error over the ideal from which on more is tried around a curve."""
+
+ROUGH = 1e-3
+"""Relative decrease of the squared error below which a rough descent ends."""
 
 WORTH_A_DESCENT = 1.1
 """Squared error over the best so far up to which a curve on a grid is descended from."""
@@ -76,6 +78,7 @@ class Search:
         self.ideal = ideal_of(self.problem)
         self._given = self.pose.of_problem(given)
         self._found: dict[int, Candidate] = {}
+        self._roughly: dict[int, Candidate] = {}
 
     @property
     def fewest(self) -> int:
@@ -138,10 +141,6 @@ class Search:
         return KnotProposals(self.problem, self.ideal)
 
     @cached_property
-    def _guided(self) -> GuidedKnots:
-        return GuidedKnots(self.problem)
-
-    @cached_property
     def _whole(self) -> WholeKnots:
         return WholeKnots(self.problem)
 
@@ -150,43 +149,64 @@ class Search:
         return MergedKnots(replace(self.problem, desired=self.ideal))
 
     def _improve(self, segments: int) -> Candidate:
-        """Descend a little from several starts, all the way from the best one, and look around."""
-        if self.exact is not None and segments == self._count(self.exact):
-            return self.exact
-        extended = None
-        if segments - 1 in self._found or self.fewest < segments <= LARGEST_WINDOW:
-            extended = with_one_more(self.problem, self.curve(segments - 1))
-            if extended is not None and extended.error <= self._nothing_to_gain:
-                return extended
+        """Descend all the way from the best rough curve, and look around it where that may help."""
         if segments > MOST_PROPOSED:
             merged = self._merged(segments)
             merged = spread(self.problem, segments) if merged is None else merged
             return self._descend(self.valued(merged), FIRST_ROUNDS)
-        starts = [self.valued(knots) for knots in self._propose(segments)]
-        if not starts:
-            starts.append(self.valued(spread(self.problem, segments)))
-        if extended is not None:
-            starts.append(extended)
-        best = self._best_of(starts)
-        if segments > LARGEST_WINDOW or best.error <= WORTH_GUIDING * self.ideal_error:
+        best = self._rough(segments)
+        if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
-        anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
-        guided = self._guided(best, float(best.knots[anchor]))
-        if guided is not None and guided.error < WORTH_A_DESCENT * best.error:
-            best = min(best, self._best_of([guided]), key=_error)
-        if self.problem.cyclic:
-            anchor = sharpest_knot(self.problem, best)
-        around = rechained(self.problem, self.ideal, best, anchor=anchor)
-        chained = None if around is None else self.valued(around)
-        if chained is not None and chained.error < WORTH_A_DESCENT * best.error:
-            best = min(best, self._best_of([chained]), key=_error)
-        return self._nudged(best)
+        if best.error > self._good_enough:
+            best = self._around(best)
+        return self._descend(best, ROUNDS)
 
-    def _nudged(self, best: Candidate) -> Candidate:
-        """The curve with its knots moved across samples, where they may lie between them."""
+    def _rough(self, segments: int) -> Candidate:
+        """The best of a few rounds from what is proposed and from a segment less, found once."""
+        if segments not in self._roughly:
+            self._roughly[segments] = self._begin(segments)
+        return self._roughly[segments]
+
+    def _begin(self, segments: int) -> Candidate:
+        if self.exact is not None and segments == self._count(self.exact):
+            return self.exact
+        extended: list[Candidate] = []
+        if segments - 1 in self._found:
+            extended = with_one_more(self.problem, self._found[segments - 1])
+        elif self.fewest < segments <= LARGEST_WINDOW:
+            extended = with_one_more(self.problem, self._rough(segments - 1))
+        if extended and extended[0].error <= self._nothing_to_gain:
+            return extended[0]
+        proposed = self._propose(segments) or [spread(self.problem, segments)]
+        if proposed[0].size > LARGEST_WINDOW:
+            starts = [*map(self.valued, proposed), *extended[:1]]
+            begun = sorted(starts, key=_error)[:DESCENTS]
+            begun = [self._descend(curve, FIRST_ROUNDS) for curve in begun]
+            return self._descend(min(begun, key=_error), ROUNDS)
+        starts = all_best_values(self.problem, proposed) + extended
+        return self._best_of(starts)
+
+    def _best_of(self, starts: list[Candidate]) -> Candidate:
+        begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS, progress=ROUGH)
+        return min(begun, key=_error)
+
+    def _around(self, best: Candidate) -> Candidate:
+        """The best curve found near ``best``, by whole chains and by moves of single knots."""
+        anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
+        around = rechained(self.problem, self.ideal, best, anchor=anchor)
+        if around is not None:
+            chained = self.valued(around)
+            if chained.error < WORTH_A_DESCENT * best.error:
+                best = min(descend_all(self.problem, [best, chained], rounds=ROUNDS), key=_error)
+        best = self._descend(best, ROUNDS)
         if self.problem.whole or self.problem.required.size:
             return best
         return min(best, nudged(self.problem, best), key=_error)
+
+    @property
+    def _good_enough(self) -> float:
+        """Squared error from which on more effort could gain too little to be worth it."""
+        return WORTH_LOOKING * self.ideal_error
 
     @property
     def _nothing_to_gain(self) -> float:
@@ -194,16 +214,6 @@ class Search:
 
     def _count(self, curve: Candidate) -> int:
         return curve.knots.size if self.problem.cyclic else curve.knots.size - 1
-
-    def _best_of(self, starts: list[Candidate]) -> Candidate:
-        if starts[0].knots.size > LARGEST_WINDOW:
-            begun = [
-                self._descend(curve, FIRST_ROUNDS)
-                for curve in sorted(starts, key=_error)[:DESCENTS]
-            ]
-        else:
-            begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS)
-        return self._descend(min(begun, key=_error), ROUNDS)
 
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""

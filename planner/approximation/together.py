@@ -6,17 +6,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from planner.approximation.descent import EXACT, PROGRESS, descend
+from planner.approximation.descent import EXACT, PROGRESS, best_values, descend
 from planner.approximation.objective import (
     Candidate,
     Problem,
     constraint_rows,
     pairs_of,
     segment_ends,
+    sums_by,
 )
-from planner.approximation.requirements import held
-from planner.approximation.small_qp import minimize_damped
+from planner.approximation.requirements import at_rest, held
+from planner.approximation.small_qp import minimize_damped, minimize_quadratic
 from planner.approximation.stack import lines_in_force
 from planner.trajectory import Array
 
@@ -31,7 +33,7 @@ class Iterates(NamedTuple):
     hessians: Array  # (m, 2K, 2K), of half the squared error
     gauss_newton: Array  # (m, 2K), diagonal without the residuals' part
 
-    def where(self, chosen: Array, other: Iterates) -> Iterates:
+    def where(self, chosen: npt.NDArray[np.bool_], other: Iterates) -> Iterates:
         """The rows of ``other`` where chosen, those of this elsewhere."""
         pairs = zip(self, other, strict=True)
         return Iterates(
@@ -65,9 +67,8 @@ def evaluate_all(problem: Problem, knots: Array, values: Array) -> Iterates:
     np.multiply(problem.weights, share, out=sums[3])
     np.multiply(sums[3], share, out=sums[4])
     places = cells + cells_of(count * start.size)
-    r0, r1, w0, w1, w2 = np.bincount(
-        places.ravel(), sums.ravel(), minlength=5 * count * start.size
-    ).reshape(5, count, start.size)
+    tables = sums_by(sums, places, 5 * count * start.size)
+    r0, r1, w0, w1, w2 = tables.reshape(5, count, start.size)
     # As in `evaluate`, with rest = 1 - share.
     g0, g1, s11, s01 = r0 - r1, r1, w2, w1 - w2
     s00 = w0 - w1 - s01
@@ -87,9 +88,8 @@ def evaluate_all(problem: Problem, knots: Array, values: Array) -> Iterates:
     by[19] = by[22] = s01
     width = 4 * size + 4 * size * size
     rows = width * np.arange(count)[:, None]
-    totals = np.bincount(
-        (rows + pairs_of(size, start.size)[:, None, :]).ravel(), by.ravel(), minlength=count * width
-    ).reshape(count, width)
+    variables = rows + pairs_of(size, start.size)[:, None, :]
+    totals = sums_by(by, variables, count * width).reshape(count, width)
     return Iterates(
         knots=knots,
         values=values,
@@ -100,7 +100,7 @@ def evaluate_all(problem: Problem, knots: Array, values: Array) -> Iterates:
     )
 
 
-def cells_of(count: int) -> Array:
+def cells_of(count: int) -> npt.NDArray[np.intp]:
     """Offsets of five tables of so many cells, shape (5, 1, 1)."""
     return count * np.arange(5)[:, None, None]
 
@@ -116,13 +116,16 @@ def all_slacks(problem: Problem, knots: Array, values: Array) -> Array:
     return np.concatenate([limit - rise, limit + rise, length - problem.shortest], axis=1)
 
 
-def descend_all(problem: Problem, starts: Sequence[Candidate], *, rounds: int) -> list[Candidate]:
+def descend_all(
+    problem: Problem, starts: Sequence[Candidate], *, rounds: int, progress: float = PROGRESS
+) -> list[Candidate]:
     """What :func:`planner.approximation.descent.descend` does, for starts of as many knots each.
 
     Args:
         problem: What to approximate.
         starts: Where to start, within the slopes; at most ``LARGEST_WINDOW`` knots.
         rounds: Most evaluations of each.
+        progress: Relative decrease of the squared error below which a descent ends.
 
     Returns:
         The best curve found from each start; never worse than it.
@@ -160,14 +163,39 @@ def descend_all(problem: Problem, starts: Sequence[Candidate], *, rounds: int) -
         there = evaluate_all(problem, here.knots + moves[:, :size], here.values + moves[:, size:])
         gains = here.errors - there.errors
         better = active & solved & (gains > 0.0)
-        stop = better & (gains <= PROGRESS * there.errors) & (damping < 1.0)
-        stop |= active & solved & ~better & (promised <= PROGRESS * here.errors)
+        stop = better & (gains <= progress * there.errors) & (damping < 1.0)
+        stop |= active & solved & ~better & (promised <= progress * here.errors)
         here = here.where(better, there)
         factor = np.where(gains > 0.5 * promised, 0.2, np.where(gains > 0.0, 0.7, 6.0))
         damping = damping * np.where(solved, factor, 10.0)
         active = active & ~stop & (here.errors > none)
     rows_of = zip(here.knots, here.values, here.errors.tolist(), strict=True)
     return [Candidate(*row) for row in rows_of]
+
+
+def all_best_values(problem: Problem, several: Sequence[Array]) -> list[Candidate]:
+    """What :func:`planner.approximation.descent.best_values` finds, for as many knots each."""
+    if len(several) < 2 or problem.required.size:
+        return [best_values(problem, knots) for knots in several]
+    size = several[0].size
+    at = np.array(several)
+    here = evaluate_all(problem, at, np.tile(at_rest(problem, several[0]), (len(several), 1)))
+    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)
+    slopes = rows.shape[0] * 2 // 3
+    rows = rows[:slopes, size:]
+    slack = all_slacks(problem, at, here.values)[:, :slopes]
+    found = []
+    for knots, values, error, gradient, hessian, bounds in zip(
+        at, here.values, here.errors.tolist(), here.gradients, here.hessians, slack, strict=True
+    ):
+        own = hessian[size:, size:]
+        ridge = 1e-10 * own.diagonal().max() * np.eye(size)
+        step = minimize_quadratic(own + ridge, gradient[size:], rows, bounds)
+        if step is not None:
+            error += float((2.0 * gradient[size:] + own @ step) @ step)
+            values = values + step
+        found.append(Candidate(knots, values, max(error, 0.0)))
+    return found
 
 
 def _scales(here: Iterates, size: int) -> Array:
