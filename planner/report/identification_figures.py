@@ -46,7 +46,7 @@ def identification_pictures(
                 "The parameters and their 95 % intervals",
                 "Every strip runs from zero to twice the estimate, that of the static sag as far "
                 "to either side; the dark line is the estimate, the bar its interval. An arrow "
-                "and orange say that the data sets no bound.",
+                "says that it goes on beyond the strip; orange, that it has no end.",
                 "Strips for the parameters, each with a dark line at the estimate and a bar along "
                 "its 95 percent interval; the table beside it has the numbers.",
                 draw.draw_intervals(identification),
@@ -90,7 +90,9 @@ def _log(identification: Identification, fit: LogFit, prefix: str) -> tuple[Pict
     units = units_of(identification)
     noise = identification.noise
     shaded = " The shaded part was held out." if fit.held_out.any() else ""
-    unseen = "; the model that is drawn there was fitted without them" if fit.held_out.any() else ""
+    unseen = (
+        "; where the model is green, it was fitted without these rows" if fit.held_out.any() else ""
+    )
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = (
         f"Below, measured minus predicted, and twice the noise ({level}) either way; outliers are "

@@ -90,6 +90,9 @@ def test_what_is_not_determined_is_named():
     right = made_up()
     vague = {**right.intervals, "lag": Interval(-math.inf, 0.1)}
     assert known(made_up(intervals=vague)) == "The logs do not determine: lag."
+    wide = {**right.intervals, "lag": Interval(0.0, 0.1)}
+    assert known(made_up(intervals=wide)).endswith("but some only roughly: lag.")
+    assert "say little" in known(made_up(accepted=False))
 
 
 def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_the_warnings():
