@@ -41,6 +41,12 @@ def choose_topics(bag: Bag, options: LogOptions) -> Topics:
     if wanted is None:
         own = bag.topics[actual] == CONTROLLER_STATE
         wanted = actual if own else _requested(bag, actual, options.joint)
+    if wanted == actual and bag.topics[actual] != CONTROLLER_STATE:
+        raise InvalidFile(
+            bag.path,
+            f"topic {actual} tells one angle of each joint, expected another topic for the "
+            "requested angles; name it with --command-topic",
+        )
     return Topics(actual, wanted)
 
 

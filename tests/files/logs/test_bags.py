@@ -295,6 +295,14 @@ def test_a_bag_of_other_things_says_what_it_holds(tmp_path):
     )
 
 
+def test_states_are_no_commands_for_themselves(tmp_path):
+    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"])
+    assert _refused(folder, topic="/joint_states", command_topic="/joint_states") == (
+        ": topic /joint_states tells one angle of each joint, expected another topic for the "
+        "requested angles; name it with --command-topic"
+    )
+
+
 def test_commands_without_names_must_fit_the_joints(tmp_path):
     three = _command_bag(tmp_path / "three", lambda kit, _, row: kit.numbers([*row, 0.0]))
     assert _refused(three, joint="hip") == (
@@ -348,4 +356,55 @@ def test_commands_after_all_states_are_refused(tmp_path):
     assert _refused(tmp_path / "run", joint="hip") == (
         ", joint hip: no request before the last state: 1 requests on topic /c; expected the same "
         "clock and time in both topics"
+    )
+
+
+EVIL = {
+    "a type": "MSG: std_msgs/Header(object):\n    pass\nimport os\nuint8 x",
+    "a field": "uint8 x = 0\nuint8 __import__('pathlib').Path('FILE').touch()",
+    "a constant": "string X='\"\"\"\n__import__('pathlib').Path('FILE').touch()'",
+    "a length": "uint8[__import__('pathlib').Path('FILE').touch()] x",
+}
+
+
+@pytest.mark.parametrize("place", EVIL)
+def test_code_in_a_definition_is_never_run(tmp_path, place):
+    marker = tmp_path / "touched"
+    text = EVIL[place].replace("FILE", str(marker))
+    types = store()
+    state = Kit(types).state(START, [0.0, 0.0], [0.0, 0.0])
+    with rosbag2.Writer(tmp_path / "run", version=9) as bag:
+        connection = bag.add_connection(
+            "/s", state.__msgtype__, msgdef=text, rihs01="RIHS01_" + 64 * "0"
+        )
+        for k in range(4):
+            bag.write(connection, START + k, types.serialize_cdr(state, state.__msgtype__))
+    _refused(tmp_path / "run")
+    assert not marker.exists()
+
+
+def test_a_bag_that_is_cut_short_is_refused(tmp_path):
+    path = _controller_bag(tmp_path / "run.bag", storage="ros1")
+    content = path.read_bytes()
+    for end in (0, 10, len(content) // 2):
+        path.write_bytes(content[:end])
+        message = _refused(path, joint="hip")
+        assert message.startswith(": not a bag that can be read (")
+        assert message.endswith("); is it cut short?")
+
+
+def test_fields_that_the_type_should_not_have_are_refused(tmp_path):
+    types = store()
+    number = Kit(types).number(1.0)
+    with rosbag2.Writer(tmp_path / "run", version=9) as bag:
+        connection = bag.add_connection(
+            "/s",
+            CONTROLLER_STATE,
+            msgdef="float64 data",
+            rihs01="RIHS01_" + 64 * "0",
+        )
+        bag.write(connection, START, types.serialize_cdr(number, number.__msgtype__))
+    message = _refused(tmp_path / "run")
+    assert message.startswith(
+        f": topic /s, message 1: fields are not those of {CONTROLLER_STATE} ("
     )

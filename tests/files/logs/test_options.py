@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import click
 import pytest
 from click.testing import CliRunner
 
-from planner import InvalidFile, InvalidInput, LogOptions, read_logs
+from planner import InvalidFile, InvalidInput, LogOptions, MissingExtra, read_logs
 from planner.cli.log_options import log_options, to_log_options
+from tests.files.logs.datasets import v21
 
 BAD = {
     "an unknown unit": (
@@ -77,6 +80,27 @@ def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
 def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path, ending):
     with pytest.raises(InvalidFile, match="no such file; check the name and the folder"):
         read_logs(tmp_path / f"run.{ending}")
+
+
+@pytest.mark.parametrize(
+    ("package", "ending", "what", "extra"),
+    [
+        ("pyarrow", "parquet", "reading Parquet", "parquet"),
+        ("rosbags", "mcap", "reading bags", "bags"),
+    ],
+)
+def test_a_format_whose_package_is_missing_names_its_extra(
+    tmp_path, monkeypatch, package, ending, what, extra
+):
+    root = v21(tmp_path / "set")
+    file = root / "data" / "chunk-000" / f"episode_000000.{ending}"
+    file.touch()
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtra) as caught:
+        read_logs(file, options=LogOptions(joint="gripper", unit="deg"))
+    assert str(caught.value) == (
+        f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]'"
+    )
 
 
 def test_the_command_lines_options_become_log_options():
