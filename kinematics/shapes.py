@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
+from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from kinematics.chain import Array, read_only
 from kinematics.exceptions import InvalidUrdf
@@ -20,11 +22,23 @@ Colour = tuple[float, float, float, float]
 PLAIN: Colour = (0.7, 0.72, 0.75, 1.0)
 """Colour of a shape without a material."""
 
-MESHES = ("stl", "obj", "dae")
-"""Formats of meshes that are taken up; links with others only are drawn as bones."""
+MESHES = (".stl", ".obj", ".dae")
+"""Formats of meshes that are taken up."""
 
-MOST_BYTES = 8 * 2**20
+MOST_BYTES = 32 * 2**20
 """Largest mesh that is taken up [bytes]."""
+
+
+class Surface(NamedTuple):
+    """Triangles in space.
+
+    Attributes:
+        vertices: Their corners [m], shape (v, 3), read-only.
+        faces: The three corners of each, shape (f, 3), read-only.
+    """
+
+    vertices: Array
+    faces: npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +48,17 @@ class Shape:
     Attributes:
         kind: What it is.
         size: Edges of a box; radius and length, along z, of a cylinder; radius of a sphere [m];
-            scale of a mesh along each axis.
+            nothing for a mesh.
         placement: From its own frame to the link's, shape (4, 4), read-only.
         colour: Its colour.
-        mesh: Content of the mesh's file; empty for other kinds.
-        mesh_format: One of :data:`MESHES`; empty for other kinds.
+        surface: Of a mesh; None for other kinds.
     """
 
     kind: Literal["box", "cylinder", "sphere", "mesh"]
     size: tuple[float, ...]
     placement: Array
     colour: Colour = PLAIN
-    mesh: bytes = b""
-    mesh_format: str = ""
+    surface: Surface | None = None
 
 
 def read_shapes(path: Path) -> dict[str, tuple[Shape, ...]]:
@@ -78,6 +90,22 @@ def read_shapes(path: Path) -> dict[str, tuple[Shape, ...]]:
     }
 
 
+@lru_cache(maxsize=64)
+def read_mesh(file: Path) -> Surface | None:
+    """The surface in a mesh's file, by the library that Pinocchio has for it; None if it cannot."""
+    try:
+        import coal
+
+        solid = coal.MeshLoader().load(str(file), np.ones(3))
+    except (ImportError, ValueError, RuntimeError):
+        return None
+    triangles = (solid.tri_indices(number) for number in range(solid.num_tris))
+    faces = np.array([(face[0], face[1], face[2]) for face in triangles], dtype=np.uint32)
+    if not len(faces):
+        return None
+    return Surface(read_only(np.array(solid.vertices(), dtype=np.float64)), read_only(faces))
+
+
 def _shape(path: Path, visual: ElementTree.Element, materials: dict[str, Colour]) -> Shape | None:
     """The shape of a visual element; None where it is none that can be drawn."""
     geometry = visual.find("geometry")
@@ -99,10 +127,12 @@ def _shape(path: Path, visual: ElementTree.Element, materials: dict[str, Colour]
             return Shape("sphere", _numbers(path, solid, "radius", 1), placement, colour)
         case "mesh":
             file = _find_mesh(path, solid.get("filename", ""))
-            if file is None:
+            surface = None if file is None else read_mesh(file)
+            if surface is None:
                 return None
-            scale = _numbers(path, solid, "scale", 3, default="1 1 1")
-            return Shape("mesh", scale, placement, colour, file.read_bytes(), _format(file))
+            scale = np.array(_numbers(path, solid, "scale", 3, default="1 1 1"))
+            surface = Surface(read_only(surface.vertices * scale), surface.faces)
+            return Shape("mesh", (), placement, colour, surface)
     return None
 
 
@@ -113,13 +143,10 @@ def _find_mesh(path: Path, name: str) -> Path | None:
     folders = list(path.resolve().parents) if package else [path.resolve().parent]
     for folder in folders:
         file = folder / relative
-        if _format(file) in MESHES and file.is_file() and file.stat().st_size <= MOST_BYTES:
+        fits = file.suffix.lower() in MESHES and file.is_file()
+        if fits and file.stat().st_size <= MOST_BYTES:
             return file
     return None
-
-
-def _format(file: Path) -> str:
-    return file.suffix.lower().removeprefix(".")
 
 
 def _colour(path: Path, material: ElementTree.Element) -> Colour | None:

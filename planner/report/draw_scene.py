@@ -125,7 +125,6 @@ def _draw_body(node: Any, body: Body, colour: str | None, opacity: float) -> Non
         material = geometry.MeshLambertMaterial(
             color=_hex(colour) if colour else _packed(red, green, blue),
             opacity=opacity if colour else own,
-            depthWrite=not ghost,
             polygonOffset=ghost,  # where legs coincide, the solid one is seen
             polygonOffsetFactor=1.0,
             polygonOffsetUnits=1.0,
@@ -137,8 +136,6 @@ def _draw_body(node: Any, body: Body, colour: str | None, opacity: float) -> Non
 
 def _solid(geometry: Any, shape: Shape) -> tuple[Any, Array]:
     """Meshcat's geometry of a shape, and where it belongs in the link."""
-    from io import BytesIO
-
     if shape.kind == "box":
         return geometry.Box(list(shape.size)), shape.placement
     if shape.kind == "sphere":
@@ -147,12 +144,8 @@ def _solid(geometry: Any, shape: Shape) -> tuple[Any, Array]:
         upright = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
         radius, length = shape.size
         return geometry.Cylinder(length, radius), shape.placement @ upright
-    reader = {
-        "stl": geometry.StlMeshGeometry,
-        "obj": geometry.ObjMeshGeometry,
-        "dae": geometry.DaeMeshGeometry,
-    }[shape.mesh_format]
-    return reader.from_stream(BytesIO(shape.mesh)), shape.placement @ np.diag([*shape.size, 1.0])
+    assert shape.surface is not None, "only a mesh is left, and it has one"
+    return geometry.TriangularMeshGeometry(*shape.surface), shape.placement
 
 
 def _draw_trace(node: Any, motion: Motion, radius: float, *, closed: bool) -> None:
