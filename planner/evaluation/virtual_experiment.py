@@ -117,7 +117,7 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
     robot.rest(SETTLING, requests[0])
     recording = robot.play(requests)
     return Log(
-        times=robot.constants.request_period * np.arange(len(requests)),
+        times=robot.constants.request_period * np.arange(len(requests), dtype=np.float64),
         requests=recording.requests[:, joint],
         angles=recording.sensed[:, joint],
         name=f"step test of {amplitude:g} degrees",

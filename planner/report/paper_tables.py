@@ -56,6 +56,13 @@ class Cell:
     deviation: float | None = None
 
     @property
+    def spread(self) -> str:
+        """The deviation in words, one digit of it at least; empty where there is none."""
+        if self.deviation is None:
+            return ""
+        return f"± {self.deviation:.{2 if self.deviation >= 0.005 else 3}f}"
+
+    @property
     def difference(self) -> str:
         """Relative to the paper's figure, with a sign."""
         if self.paper is None:
@@ -175,9 +182,7 @@ def _cell(entry: Mapping[str, Any], norm: str) -> Cell:
 
 
 def _text(cell: Cell) -> str:
-    ours = f"{cell.ours:.2f}"
-    if cell.deviation is not None:
-        ours += f" ± {cell.deviation:.2f}"
+    ours = f"{cell.ours:.2f} {cell.spread}".strip()
     if cell.paper is None:
         return ours
     return f"{ours} / {cell.paper:.2f} ({cell.difference})"

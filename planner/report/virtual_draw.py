@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -39,6 +39,21 @@ PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTI
 THIN = 0.7
 """Width of a line that is one of many cycles [pt]."""
 
+MEASURED: dict[str, Any] = {
+    "color": INK.light,
+    "lw": 0.0,
+    "marker": "o",
+    "ms": 2.4,
+    "mfc": "none",
+    "mew": 0.7,
+}
+"""How what a sensor recorded is drawn."""
+
+SMALL: dict[str, Any] = {"fontweight": "normal", "fontsize": 8.5}
+"""How figures above a panel look."""
+
+PREDICTED = Role("predicted", INK.light, INK.dark, width=1.1, dashes=(0, (1, 1.6)))
+
 
 def draw_paths(outcome: VirtualOutcome) -> Figure:
     """Figure 8 on the virtual robot: the path of the foot in every cycle."""
@@ -55,31 +70,42 @@ def draw_paths(outcome: VirtualOutcome) -> Figure:
 
 
 def draw_steps(outcome: VirtualOutcome) -> Figure:
-    """Figures 3 and 4: what the sensor recorded of each step test, and what the model predicts."""
+    """Figures 3 and 4: what the sensors recorded of the step tests, the model, and what is left."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
-    count = len(outcome.identifications)
-    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    period = outcome.constants.request_period
-    for axes, found, joint in zip(
+    figure = Figure(figsize=(WIDTH, 4.9), layout="constrained")
+    rows = figure.subplots(
+        len(outcome.identifications),
+        2,
+        sharex=True,
+        sharey="col",
+        squeeze=False,
+        width_ratios=(3, 2),
+    )
+    samples = np.arange(len(outcome.planned.walk.desired))
+    for (angles, left), found, joint in zip(
         rows, outcome.identifications, outcome.planned.joints, strict=True
     ):
         for fit in found.fits:
-            samples = np.round((fit.log.times - fit.log.times[0]) / period)
-            axes.plot(samples, np.degrees(fit.log.angles), ".", color=INK.light, ms=2.0)
-            axes.plot(samples, np.degrees(fit.predicted), **CLOSED_FORM._replace(width=1.2).line)
-        axes.set_title(joint.name)
-        axes.set_title(
-            f"{np.degrees(found.rms):.2f}° rms", loc="right", fontweight="normal", fontsize=8.5
-        )
-        axes.set_ylabel("angle [deg]")
-        axes.set_xlim(0, samples[-1])
-    figure.align_ylabels(rows)
-    rows[-1].set_xlabel(f"time [samples of {1000.0 * period:g} ms]")
+            last = slice(-len(samples), None)
+            middle = np.mean(fit.log.requests[last])
+            measured = np.degrees(fit.log.angles[last] - middle)
+            predicted = np.degrees(fit.predicted[last] - middle)
+            angles.plot(samples, predicted, **CLOSED_FORM._replace(width=1.4).line)
+            angles.plot(samples[::2], measured[::2], **MEASURED)
+            left.plot(samples, measured - predicted, color=INK.light, lw=THIN)
+        angles.set_title(joint.name)
+        angles.set_ylabel("angle [deg]")
+        left.set_title(f"residual, {np.degrees(found.rms):.2f}° rms", **SMALL)
+    figure.align_ylabels(rows[:, 0])
+    period = 1000.0 * outcome.constants.request_period
+    for axes in rows[-1]:
+        axes.set_xlim(0, len(samples))
+        axes.set_xticks(range(0, len(samples) + 1, len(samples) // 4))
+        axes.set_xlabel(f"time [samples of {period:g} ms]")
     handles = [
-        Line2D([], [], color=INK.light, lw=0.0, marker=".", ms=6.0, label="measured by the sensor"),
+        Line2D([], [], **MEASURED, label="measured by the sensor"),
         Line2D([], [], **{**CLOSED_FORM.line, "label": "identified model"}),
     ]
     figure.legend(handles=handles, loc="outside upper left", ncols=2)
@@ -96,7 +122,7 @@ def draw_unseen(outcome: VirtualOutcome) -> Figure:
         predicted = simulate(outcome.planned.models[j], run.requests[:, j])
         draw_cycle(axes, joint.desired, DESIRED, "requested = desired")
         draw_cycles(axes, run.angles[:, :, j], DIRECT, f"actual, {len(run.angles)} cycles")
-        draw_cycle(axes, predicted, CLOSED_FORM._replace(width=1.0), "identified model")
+        draw_cycle(axes, predicted, PREDICTED)
 
     return joint_rows(outcome.planned, draw, columns=3)
 
@@ -125,9 +151,31 @@ def draw_foot_tracking(outcome: VirtualOutcome) -> Figure:
         draw_cycle(axes, run.requests[:, j], REQUESTED)
         draw_cycle(axes, joint.desired, DESIRED)
         draw_cycles(axes, run.angles[:, :, j], FOOT_OPTIMAL, "actual")
-        draw_cycle(axes, joint.foot_optimal, INK._replace(width=0.8, dashes=":"), "predicted")
+        draw_cycle(axes, joint.foot_optimal, PREDICTED)
 
     return joint_rows(outcome.planned, draw, columns=4)
+
+
+def draw_distances(outcome: VirtualOutcome) -> Figure:
+    """How far the foot is from where it should be, at each time of every cycle."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+    axes = figure.add_subplot()
+    wanted = outcome.planned.walk.desired_foot
+    for method, role in ROLES.items():
+        cycles = 100.0 * np.linalg.norm(outcome.foot_paths[method] - wanted, axis=2)
+        for k, distances in enumerate(cycles):
+            label = role.label if k == 0 else "_cycle"
+            closed = np.append(distances, distances[0])
+            axes.plot(np.arange(len(closed)), closed, **role._replace(width=THIN, label=label).line)
+    axes.set_xlim(0, len(wanted))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xticks(range(0, len(wanted) + 1, len(wanted) // 8))
+    axes.set_xlabel(f"time [samples of {1000.0 * outcome.constants.request_period:g} ms]")
+    axes.set_ylabel("distance [cm]")
+    legend(axes, 2)
+    return figure
 
 
 def draw_promises(outcome: VirtualOutcome) -> Figure:

@@ -39,18 +39,20 @@ _PICTURES: tuple[_Entry, ...] = (
     (
         "step_tests",
         "The step tests (Figures 3 and 4)",
-        "Dots: what each joint's sensor recorded, at three amplitudes around the middle of its "
-        "range in the walk. Lines: the one model that was identified from all three.",
-        "For each joint three square-wave responses of growing height as dots, with a line of the "
-        "model's prediction running through them.",
+        "Rings: what each joint's sensor recorded in the last cycle of each test, around the "
+        "middle of the joint's range in the walk. Lines: the one model that was identified from "
+        "all of them. On the right, what it leaves unexplained.",
+        "For each joint three square-wave responses of growing height as rings, with the lines of "
+        "the model's predictions running through them, and beside them the small differences.",
         draw.draw_steps,
     ),
     (
         "joints_direct",
         "The direct method (Figure 2), predicted before it was seen",
-        "The models come from step tests alone; this walk is new to them.",
+        "The models come from step tests alone; this walk is new to them. Dotted: what they "
+        "predict.",
         "Angles of rotator, abductor and knee over one cycle: desired, actual some ten samples "
-        "later, and the prediction, which lies on the actual angles.",
+        "later, and the prediction, a dotted line that lies on the actual angles.",
         draw.draw_unseen,
     ),
     (
@@ -70,6 +72,16 @@ _PICTURES: tuple[_Entry, ...] = (
         "For each joint the requests, the desired angles, the actual angles of all cycles and the "
         "predicted ones beneath them.",
         draw.draw_foot_tracking,
+    ),
+    (
+        "foot_distances",
+        "The foot's error over time, every cycle",
+        "Distance of the foot from where it should be at each instant. Where the swing is faster "
+        "than the joints can be, no method follows it.",
+        "Five bundles of curves over one cycle: the distances under the direct method and the time "
+        "shift are the largest, those of requests optimised for the foot the lowest, through most "
+        "of it.",
+        draw.draw_distances,
     ),
     (
         "promises",

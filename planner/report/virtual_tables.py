@@ -99,13 +99,14 @@ def promise_rows(results: Mapping[str, Any]) -> list[PromiseRow]:
         joints = [
             None if pair is None else _promise(joint[pair]) for joint in results["table2"].values()
         ]
-        rows.append(PromiseRow(label, (*joints, _promise(results["foot"][method]))))
+        rows.append(PromiseRow(label.split(":")[0], (*joints, _promise(results["foot"][method]))))
     return rows
 
 
 def signed_percent(share: float) -> str:
     """A share as a percentage with a sign."""
-    return f"{100.0 * share:+.1f} %".replace("-", "−")
+    tenths = round(1000.0 * share)
+    return f"{tenths / 10.0:+.1f} %".replace("-", "−") if tenths else "0.0 %"
 
 
 def dropped_words(results: Mapping[str, Any]) -> str:
