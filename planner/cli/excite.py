@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
     from planner.identification.identification import Identification
     from planner.model.joint import JointModel
-    from planner.report.identification_words import Parameter
+    from planner.report.identification_parameters import Parameter
 
 KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
 
@@ -191,8 +191,8 @@ def _document(made: Excitation, expected: Identification) -> dict[str, Any]:
 def _summary(made: Excitation, expected: Identification, model: str) -> str:
     import textwrap
 
+    from planner.report.identification_parameters import parameters
     from planner.report.identification_text import SYMBOLS
-    from planner.report.identification_words import parameters
     from planner.report.text_table import text_table
 
     found = parameters(expected)
@@ -218,7 +218,7 @@ def _summary(made: Excitation, expected: Identification, model: str) -> str:
             *textwrap.wrap(made.meaning, 96),
             f"expected of a joint like {model}:",
             text_table(header, rows),
-            *(f"warning: {warning}" for warning in expected.warnings),
+            *(f"identify would warn: {warning}" for warning in expected.warnings),
         ]
     )
 

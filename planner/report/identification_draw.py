@@ -8,12 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.identification.speed_cloud import SpeedCloud, speed_cloud
-from planner.report.identification_words import (
-    errors,
-    estimate,
-    parameters,
-    units_of,
-)
+from planner.report.identification_parameters import estimate, parameters, unit_of, units_of
+from planner.report.identification_words import errors
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, WIDTH
 
 if TYPE_CHECKING:
@@ -46,7 +42,7 @@ def draw_intervals(identification: Identification) -> Figure:
     figure = Figure(figsize=(WIDTH, STRIP * len(rows) + 0.2), layout="constrained")
     for axes, row in zip(figure.subplots(len(rows), 1), rows, strict=True):
         value, interval = estimate(identification, row.name)
-        unit, factor = _unit(identification, row.name)
+        factor, unit = unit_of(identification, row.name)
         least, most = _span(identification, row.name, value)
         ends = np.clip(interval, least, most)
         colour = CLOSED_FORM.light if row.known else DIRECT.light
@@ -178,18 +174,6 @@ def _reach(cloud: SpeedCloud, theta_0: float) -> float:
         return 2.0 * theta_0
     most = 1.1 * float(np.quantile(np.abs(cloud.errors), 0.99))
     return max(most, 1e-9) if most < theta_0 else max(1.3 * theta_0, min(most, 5.0 * theta_0))
-
-
-def _unit(identification: Identification, name: str) -> tuple[str, float]:
-    units = units_of(identification)
-    return {
-        "v_max": (units.speed, units.factor),
-        "theta_0": (units.angle, units.factor),
-        "gain": ("1/s", 1.0),
-        "lag": ("ms", 1e3),
-        "acceleration_time": ("ms", 1e3),
-        "offset": (units.angle, units.factor),
-    }[name]
 
 
 def _span(identification: Identification, name: str, value: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from planner.identification.identification import LogFit
-    from planner.report.identification_words import Units
+    from planner.report.identification_parameters import Units
     from planner.trajectory import Array
 
 BINS = 500

@@ -9,7 +9,7 @@ from planner.identification.identification import Identification, LogFit
 from planner.report import identification_draw as draw
 from planner.report import identification_draw_log as draw_log
 from planner.report.figures import Picture
-from planner.report.identification_words import units_of
+from planner.report.identification_parameters import units_of
 from planner.report.style import applied
 
 

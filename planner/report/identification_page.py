@@ -13,17 +13,8 @@ from planner.identification.identification import Identification
 from planner.identification.speed_cloud import speed_cloud
 from planner.report.figures import Picture
 from planner.report.identification_figures import IdentificationPictures, identification_pictures
-from planner.report.identification_words import (
-    Error,
-    Parameter,
-    Units,
-    errors,
-    known,
-    parameters,
-    telling_error,
-    units_of,
-    verdict,
-)
+from planner.report.identification_parameters import Parameter, Units, parameters, units_of
+from planner.report.identification_words import Error, errors, known, telling_error, verdict
 from planner.report.page import PARAMETERS, environment
 from planner.report.render import to_inline_svg
 from planner.report.results import versions

@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from planner.identification.identification import Identification
-from planner.report.identification_words import (
-    Parameter,
-    errors,
-    parameters,
-    units_of,
-    verdict,
-)
+from planner.report.identification_parameters import Parameter, parameters, units_of
+from planner.report.identification_words import errors, verdict
 from planner.report.text_table import NOTHING, text_table
 
 SYMBOLS = {

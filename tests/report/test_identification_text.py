@@ -10,14 +10,10 @@ import pytest
 
 from planner.files.joint_model import models_text, read_models
 from planner.identification.identification import Interval
+from planner.report.identification_parameters import parameters
 from planner.report.identification_remarks import model_comments, remarks
 from planner.report.identification_text import identification_text
-from planner.report.identification_words import (
-    compared_with,
-    known,
-    parameters,
-    verdict,
-)
+from planner.report.identification_words import compared_with, known, verdict
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 

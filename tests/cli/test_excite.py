@@ -1,0 +1,95 @@
+"""Test signals at the command line: inside the limits, ready to play, with what they will tell."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from planner.cli.excite import KINDS
+from planner.files.joint_model import write_model
+from planner.files.joint_path import read_joint_path
+from planner.identification.excitation import MEANING
+from planner.model.joint import JointModel
+
+SHORT = ("--limits-deg", "-30", "40", "--duration-s", "8", "--rate-hz", "50")
+
+
+def test_every_kind_of_the_library_is_offered():
+    assert tuple(kind.replace("-", "_") for kind in KINDS) == tuple(MEANING)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_requests_stay_inside_the_limits_and_rest_at_the_centre(run, tmp_path, kind):
+    file = tmp_path / "signal.csv"
+    result = run("excite", "--kind", kind, *SHORT, "-o", file, "--joint", "knee")
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout == ""
+    path = read_joint_path(file)
+    assert path.names == ("knee",)
+    assert np.diff(path.times) == pytest.approx(0.02)
+    degrees = np.degrees(path.angles[:, 0])
+    assert degrees.min() >= -30.0 - 1e-9
+    assert degrees.max() <= 40.0 + 1e-9
+    assert degrees[0] == degrees[-1] == pytest.approx(5.0)
+
+
+def test_the_same_command_writes_the_same_file(run):
+    asked = ("excite", "--kind", "random-steps", *SHORT)
+    assert run(*asked).stdout == run(*asked).stdout
+    assert run(*asked).stdout != run(*asked, "--seed", "1").stdout
+
+
+def test_what_the_signal_will_tell_is_said_for_every_parameter(run):
+    lines = run("excite", *SHORT).stderr.splitlines()
+    assert lines[0] == "steps for 8 s: would determine every parameter"
+    assert lines[1].startswith("begins and ends at 5 deg; the largest jump is 70 deg; step tests")
+    assert any(line.startswith("Step tests (Equation 1).") for line in lines)
+    found = {line.split("  ")[0]: line for line in lines}
+    for parameter in ("top speed v_max", "threshold theta_0", "lag", "acceleration time"):
+        assert " yes " in found[parameter], parameter
+
+
+def test_a_signal_that_is_too_small_says_what_it_leaves_open(run):
+    small = ("--limits-deg", "-2", "2", "--duration-s", "8", "--rate-hz", "50")
+    lines = run("excite", "--kind", "multisine", *small).stderr.splitlines()
+    assert "would not determine top speed v_max, threshold theta_0" in lines[0]
+    (top_speed,) = [line for line in lines if line.startswith("top speed")]
+    assert " no " in top_speed
+
+
+def test_the_expected_joint_may_come_from_a_file_at_any_rate(run, tmp_path):
+    slow = JointModel(v_max=1.0, theta_0=0.1, lag=0.05, acceleration_time=0.1, tick=0.01)
+    write_model(tmp_path / "slow.toml", slow)
+    asked = ("excite", "--kind", "random-steps", *SHORT, "--model", "slow.toml", "--json")
+    document = json.loads(run(*asked).stdout)
+    expected = document["expected"]
+    assert expected["model"]["v_max"] == pytest.approx(1.0, rel=0.02)
+    assert expected["model"]["tick"] * expected["model"]["hold"] == pytest.approx(0.02)
+    assert set(expected["intervals"]) == {"v_max", "theta_0", "lag", "acceleration_time", "offset"}
+    assert len(document["requests_deg"]) == 400
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "Missing option '--limits-deg'."),
+        (["--limits-deg", "5", "-5"], "limits: got 0.0872665 to -0.0872665 rad, expected the"),
+        (["--limits-deg", "nan", "5"], "limits: got nan"),
+        ([*SHORT, "--centre-deg", "50"], "centre: got 0.872665 rad, expected between the limits"),
+        ([*SHORT, "--rate-hz", "0"], "--rate-hz: got 0, expected more than 0."),
+        ([*SHORT, "--rate-hz", "inf"], "--rate-hz: got inf, expected more than 0."),
+        ([*SHORT, "--kind", "chirp", "--cycles", "2"], "--cycles has no effect with --kind chirp."),
+        ([*SHORT, "--highest-hz", "2"], "--highest-hz has no effect with --kind steps."),
+        ([*SHORT, "--amplitude-deg", "90"], "amplitudes: got a step of 1.5708 rad, expected"),
+        ([*SHORT, "--noise-deg", "-1"], "noise: got -0.0174533 rad, expected 0 or more"),
+        ([*SHORT, "--duration-s", "0.1"], "duration: got 0.1 s, expected 40 to"),
+    ],
+)
+def test_what_cannot_be_made_is_one_line_and_status_2(run, arguments, message):
+    result = run("excite", *arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith(f"request-planner: {message}")
+    assert result.stderr.count("\n") == 1

@@ -1,0 +1,206 @@
+"""From a log to a model file, a page and a plan, at the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from planner.cli import cli
+from planner.files.joint_model import read_models
+from planner.files.joint_path import read_joint_path
+from planner.files.table import write_table
+from planner.identification.excitation import excite
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+
+TRUE = JointModel.ers210a()
+
+NOISE = math.radians(0.1)
+"""Standard deviation of the angles in the log [rad]."""
+
+CLOSE = {"v_max": 0.02, "theta_0": 0.15, "lag": 0.15, "acceleration_time": 0.15}
+"""How far estimates from eight seconds may be from the truth [share]; only that they are its."""
+
+
+def write_log(file, *, joints=("knee",), model=TRUE):
+    """Eight seconds of step tests of each joint, at the model's rate."""
+    signal = excite("steps", limits=(-0.6, 0.6), period=model.period, duration=8.0)
+    draw = np.random.default_rng(11)
+    names, columns = ["t_s"], [signal.times]
+    for joint in joints:
+        angles = simulate(model, signal.requests, cyclic=False)
+        names += [f"{joint}_requested_deg", f"{joint}_actual_deg"]
+        columns += [signal.requests, angles + NOISE * draw.standard_normal(len(angles))]
+    table = np.column_stack(columns)
+    table[:, 1:] = np.degrees(table[:, 1:])
+    write_table(file, names, table)
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """A folder with a log, the model and the page made of it, and what was said."""
+    folder = tmp_path_factory.mktemp("identified")
+    write_log(folder / "log.csv")
+    result = CliRunner().invoke(
+        cli,
+        [
+            "identify",
+            str(folder / "log.csv"),
+            "--out",
+            str(folder / "joint.toml"),
+            "--report",
+            str(folder / "report.html"),
+        ],
+    )
+    return folder, result
+
+
+def test_the_model_that_made_the_log_is_found_and_written(identified):
+    folder, result = identified
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout == ""
+    (found,) = read_models(folder / "joint.toml").for_joints(["any joint"])
+    for name, share in CLOSE.items():
+        assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=share)
+    assert found.period == pytest.approx(TRUE.period)
+
+
+def test_the_verdict_comes_before_the_table_and_what_was_guessed_before_both(identified):
+    lines = identified[1].stderr.splitlines()
+    verdict = next(k for k, line in enumerate(lines) if line.startswith("knee: the model holds"))
+    guessed, told = lines[:verdict], lines[verdict + 1 :]
+    assert guessed
+    assert all("log.csv" in line for line in guessed)
+    assert "knee_requested_deg" in guessed[0]
+    assert told[0].split()[:2] == ["parameter", "value"]
+    assert any(line.startswith("the joint model") for line in told)
+
+
+def test_the_model_file_says_where_it_comes_from_and_the_page_has_its_figures(identified):
+    folder, _ = identified
+    text = (folder / "joint.toml").read_text()
+    assert "log.csv: " in text
+    assert "of 1000 rows" in text
+    (found,) = read_models(folder / "joint.toml").for_joints(["knee"])
+    page = (folder / "report.html").read_text()
+    assert "knee, identified" in page
+    assert str(found.v_max) in page
+
+
+def test_plan_takes_the_model_that_identify_wrote(identified, run, desired, tmp_path):
+    folder, _ = identified
+    model = folder / "joint.toml"
+    result = run("plan", desired, "--model", model, "-o", tmp_path / "requests.csv", "--json")
+    assert result.exit_code == 0, result.stderr
+    requests = np.radians(json.loads(result.stdout)["joints"]["hip"]["requests_deg"])
+    wanted = read_joint_path(desired, joints=["hip"]).angles[:, 0]
+    direct = simulate(TRUE, wanted) - wanted
+    planned = simulate(TRUE, requests) - wanted  # on the true joint, not on the identified one
+    assert np.sqrt(np.mean(planned**2)) < 0.1 * np.sqrt(np.mean(direct**2))
+
+
+def test_the_same_log_gives_the_same_file(identified, run):
+    folder, _ = identified
+    again = run("identify", folder / "log.csv")
+    assert again.stdout == (folder / "joint.toml").read_text()
+
+
+def test_json_has_what_a_machine_needs(identified, run):
+    folder, _ = identified
+    document = json.loads(run("identify", folder / "log.csv", "--json", "--no-hold-out").stdout)
+    assert document["joint"] == "knee"
+    assert document["accepted"] is True
+    assert document["held_out_rms"] is None
+    assert document["rms"] == pytest.approx(NOISE, rel=0.2)
+    assert document["warnings"] == []
+    assert set(document["model"]) == {
+        "v_max",
+        "theta_0",
+        "lag",
+        "acceleration_time",
+        "tick",
+        "hold",
+        "offset",
+    }
+    low, high = document["intervals"]["v_max"]
+    assert low < document["model"]["v_max"] < high
+
+
+def test_every_joint_gets_a_table_that_plan_reads(run, tmp_path):
+    write_log("both.csv", joints=("hip", "knee"))
+    result = run("identify", "both.csv", "--joint", "all", "--out", "both.toml", "--no-hold-out")
+    assert result.exit_code == 0, result.stderr
+    assert "the model holds for 2 of 2 joints" in result.stderr
+    hip, knee = read_models(tmp_path / "both.toml").for_joints(["hip", "knee"])
+    assert hip != knee
+    assert hip.v_max == pytest.approx(TRUE.v_max, rel=CLOSE["v_max"])
+
+
+def test_tick_and_hold_are_taken(identified, run):
+    folder, _ = identified
+    result = run("identify", folder / "log.csv", "--tick-ms", "4", "--hold", "2", "--json")
+    model = json.loads(result.stdout)["model"]
+    assert (model["tick"], model["hold"]) == (pytest.approx(0.004), 2)
+
+
+def test_a_model_that_does_not_fit_is_written_and_ends_with_status_1(run, tmp_path):
+    draw = np.random.default_rng(2)
+    times = 0.02 * np.arange(600)
+    requests = np.repeat(draw.uniform(-40.0, 40.0, 20), 30)
+    elsewhere = np.repeat(draw.uniform(-40.0, 40.0, 30), 20)  # another joint's angles
+    write_table(
+        "wrong.csv",
+        ["t_s", "requested_deg", "actual_deg"],
+        np.column_stack([times, requests, elsewhere]),
+    )
+    result = run("identify", "wrong.csv", "--out", "wrong.toml", "--report", "wrong.html")
+    assert result.exit_code == 1
+    assert "THE MODEL DOES NOT FIT" in result.stderr
+    assert result.stderr.endswith(
+        "request-planner: the model does not fit its log; it is written all the same\n"
+    )
+    assert "DOES NOT FIT" in (tmp_path / "wrong.toml").read_text()
+    assert "not identified" in (tmp_path / "wrong.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "Missing argument 'LOG...'."),
+        (["missing.csv"], "missing.csv: no such file"),
+        (["log.csv", "--tick-ms", "0"], "--tick-ms: got 0, expected more than 0 milliseconds."),
+        (["log.csv", "--hold", "0"], "Invalid value for '--hold'"),
+        (["log.csv", "--report", "-"], "--report: standard output takes the model; name a file."),
+        (["log.csv", "--joint", "hip"], "log.csv"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line_and_status_2(run, tmp_path, arguments, message):
+    write_log(tmp_path / "log.csv")
+    result = run("identify", *arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith(f"request-planner: {message}")
+
+
+@pytest.mark.parametrize("broken", ["--out", "--report"])
+def test_the_model_and_the_page_are_both_written_or_neither(run, tmp_path, broken):
+    write_log(tmp_path / "log.csv")
+    places = {"--out": "joint.toml", "--report": "report.html", broken: "no/such/folder/x"}
+    options = [part for option in places.items() for part in option]
+    result = run("identify", "log.csv", *options, "--no-hold-out")
+    assert result.exit_code == 2
+    assert "no/such/folder/x: cannot be written" in result.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_logs_of_different_joints_are_not_thrown_together(run):
+    write_log("hip.csv", joints=("hip",))
+    write_log("knee.csv", joints=("knee",))
+    result = run("identify", "hip.csv", "knee.csv")
+    assert result.exit_code == 2
+    assert "the logs are of different joints (hip, knee)" in result.stderr
