@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from planner.identification.derivatives import derivatives
 from planner.identification.grid import Grid
-from planner.identification.simulation import Parameters, respond, respond_with_derivatives
+from planner.identification.simulation import Parameters, Pulls, pulls_of, respond
 from planner.trajectory import Array
 
 HUBER = 5.0
@@ -41,6 +43,7 @@ class Adjusted:
         parameters: The joint.
         free: Which parameters were fitted, in their order.
         starts: Angle at the start of each run [rad].
+        pulls: What pulls at each tick.
         states: Angles at all states [rad].
         scale: Standard deviation of the residuals, outliers aside [rad].
         cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
@@ -51,6 +54,7 @@ class Adjusted:
     parameters: Parameters
     free: np.ndarray
     starts: Array
+    pulls: Pulls
     states: Array
     scale: float
     cost: float
@@ -61,7 +65,7 @@ class Adjusted:
         """Angle at the used rows [rad]."""
         return self.grid.at_rows(self.states)
 
-    @property
+    @cached_property
     def residuals(self) -> Array:
         """Predicted minus actual angle at the used rows [rad]."""
         return self.predicted - self.grid.angles
@@ -96,6 +100,7 @@ def adjust(
     rounds: int = 6,
     steps: int = 40,
     precision: float = 1e-7,
+    enough: float = -math.inf,
 ) -> Adjusted:
     """Fit the free parameters and the start of every run, from ``begin`` on.
 
@@ -110,6 +115,7 @@ def adjust(
         rounds: Most estimates of the scale.
         steps: Most steps a round.
         precision: Steps below this, relative to what the parameters count in, end a round.
+        enough: Loss that need not be improved on [rad^2].
 
     Returns:
         The best fit found.
@@ -117,7 +123,7 @@ def adjust(
     spread = float(np.std(grid.angles))
     floor = NO_ERROR * max(spread, 1e-300)
     if starts is None:
-        starts = np.array([grid.angles[grid.run == r][0] for r in range(len(grid.starts))])
+        starts = grid.measured_starts
     at = _at(grid, _within(grid, begin), starts, scale or math.inf, free=free)
     for _ in range(1 if scale else rounds):
         if scale is None:
@@ -126,14 +132,16 @@ def adjust(
             at = _rescaled(at, found)
             if settled:
                 break
-        at = _descend(at, steps, precision)
+        at = _descend(at, steps, precision, enough)
     return at
 
 
-def _descend(at: Adjusted, steps: int, precision: float) -> Adjusted:
+def _descend(at: Adjusted, steps: int, precision: float, enough: float) -> Adjusted:
     """Levenberg-Marquardt steps at a fixed scale."""
     damping, slope, idle = 1e-4, None, 0
     for _ in range(steps):
+        if at.cost <= enough:
+            break
         if slope is None:
             slope = slopes(at)
         step, moved = _step(at, slope, damping)
@@ -180,12 +188,12 @@ def units(grid: Grid, parameters: Parameters) -> Array:
 def slopes(at: Adjusted, *, blur: float = 0.0) -> Slopes:
     """Derivatives at a fit, see :class:`Slopes`; ``blur`` [s] as in the simulation."""
     grid = at.grid
-    response = respond_with_derivatives(grid, at.parameters, at.starts, at.states, blur=blur)
-    raw = grid.at_rows(response.by_parameter) * units(grid, at.parameters)
-    by_start = grid.at_rows(response.by_start)
+    change = derivatives(grid, at.parameters, at.states, at.pulls, blur=blur)
+    raw = grid.at_rows(change.by_parameter) * units(grid, at.parameters)
+    by_start = grid.at_rows(change.by_start)
     runs = len(grid.starts)
     norms = np.bincount(grid.run, at.weights * by_start**2, runs)
-    along = np.stack(
+    along: Array = np.stack(
         [np.bincount(grid.run, at.weights * by_start * column, runs) for column in raw.T], axis=1
     )
     shares = along / np.maximum(norms, 1e-300)[:, np.newaxis]
@@ -265,10 +273,11 @@ def _at(
     guess: Array | None = None,
     free: np.ndarray = ALL,
 ) -> Adjusted:
-    states = respond(grid, parameters, starts, guess)
+    pulls = pulls_of(grid, parameters)
+    states = respond(grid, parameters, starts, pulls=pulls, guess=guess)
     residuals = grid.at_rows(states) - grid.angles
     cost, weights = huber(residuals, scale)
-    return Adjusted(grid, parameters, free, starts, states, scale, cost, weights)
+    return Adjusted(grid, parameters, free, starts, pulls, states, scale, cost, weights)
 
 
 def _rescaled(at: Adjusted, scale: float) -> Adjusted:

@@ -17,6 +17,9 @@ SETTLED = 2.0
 """The first rows of a piece are used where the model, told that the first request had been in force
 before, errs there by less than so many standard deviations (rms)."""
 
+AS_GOOD = 1.1
+"""Fits on coarse ticks within this factor of the best loss may be the best on the model's own."""
+
 ROUNDED = 1e-9
 """Errors below this, relative to the spread of the angles, are rounding."""
 
@@ -34,29 +37,39 @@ def fitted(logs: Sequence[Log], clock: Clock) -> Adjusted:
     fine = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in)
     fits = [
         adjust(fine, fit.parameters, scale=found[0].scale, steps=25, precision=1e-3)
-        for fit in found[:2]
+        for fit in _unlike(found)
     ]
     best = nearby(min(fits, key=lambda fit: fit.cost))
-    best = adjust(fine, best.parameters, starts=best.starts)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
-    if not settled and window <= burn_in:
-        return best
-    final = gridded(
-        logs,
-        tick=clock.tick,
-        reach=clock.reach,
-        burn_in=min(max(burn_in, 1.2 * window), clock.reach),
-        settled=settled,
-    )
-    return adjust(moving(final), best.parameters)
+    if settled or window > burn_in:
+        fine = gridded(
+            logs,
+            tick=clock.tick,
+            reach=clock.reach,
+            burn_in=min(max(burn_in, 1.2 * window), clock.reach),
+            settled=settled,
+        )
+        return adjust(moving(fine), best.parameters)
+    return adjust(fine, best.parameters, starts=best.starts)
+
+
+def _unlike(found: list[Adjusted]) -> list[Adjusted]:
+    """The best fit, and the next one if it is nearly as good but not the same."""
+    for other in found[1:]:
+        if other.cost > AS_GOOD * found[0].cost:
+            break
+        pairs = zip(found[0].parameters[2:4], other.parameters[2:4], strict=True)
+        if max(abs(one - two) for one, two in pairs) > found[0].grid.tick / 2.0:
+            return [found[0], other]
+    return found[:1]
 
 
 def moving(grid: Grid) -> Grid:
     """The grid, or why nothing can be learned from it."""
     if len(grid.angles) < 10:
         raise InvalidInput(
-            f"the log has {len(grid.angles)} rows to learn from, expected at least 10 with torque on"
+            f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
     if np.ptp(grid.requests) == 0.0:
         raise InvalidInput(
@@ -71,7 +84,7 @@ def moving(grid: Grid) -> Grid:
 
 
 def settled_pieces(logs: Sequence[Log], fit: Adjusted) -> set[Place]:
-    """Pieces whose first rows agree with the model, if their first request had been in force before."""
+    """Pieces whose first rows say that their first request had been in force before."""
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = gridded(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)

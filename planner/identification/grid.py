@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +86,11 @@ class Grid:
         share = self.share.reshape(-1, *(1,) * (states.ndim - 1))
         return np.asarray((1.0 - share) * states[self.before] + share * states[after])
 
+    @property
+    def measured_starts(self) -> Array:
+        """Angle at the first used row of each run [rad], shape (runs,)."""
+        return np.asarray(self.angles[np.searchsorted(self.run, np.arange(len(self.starts)))])
+
     def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
         """Values of the used rows, sorted back into one array per log."""
         arrays, done = [], 0
@@ -134,7 +140,7 @@ def pieces_of(log: Log) -> list[slice]:
     """Rows of a log between its gaps."""
     breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
     ends = [0, *breaks.tolist(), len(log.times)]
-    return [slice(first, beyond) for first, beyond in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(first, beyond) for first, beyond in pairwise(ends)]
 
 
 def gridded(
@@ -158,7 +164,12 @@ def gridded(
         The grid; without runs it has no ticks.
     """
     axis = _Axis(logs, reach)
-    ticks, states, starts, before, share, number = [], [], [], [], [], []
+    ticks: list[Array] = []
+    states: list[Array] = []
+    starts: list[int] = []
+    before: list[Array] = []
+    share: list[Array] = []
+    number: list[Array] = []
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [~glitches(log.angles) for log in logs]
     firsts: list[Place] = []
@@ -222,5 +233,5 @@ class _Axis:
         self.edges, self.requests = every[changes], values[changes]
 
 
-def _joined(arrays: list[Array]) -> Array:
+def _joined(arrays: Sequence[npt.NDArray[Any]]) -> Array:
     return np.concatenate(arrays) if arrays else np.zeros(0)

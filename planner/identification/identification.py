@@ -38,7 +38,7 @@ class Alternative:
         rms: Error over all rows that were used [rad].
         held_out_rms: Error on the rows held out, by its fit to the others [rad]; None where none
             were held out.
-        parameters: ``delay`` [s], ``time_constant`` [s] and ``offset`` [rad], as far as it has them.
+        parameters: ``delay`` [s], ``time_constant`` [s] and ``offset`` [rad], those it has.
     """
 
     name: str

@@ -50,15 +50,16 @@ def identify(
     logs = as_logs(logs)
     _check_alike(logs)
     clock = clock_of(logs, tick=tick, hold=hold)
-    fit = fitted(logs, clock)
+    fit = with_shown_speed(fitted(logs, clock))
     spread = spread_of(fit)
     bounds = bounds_of(fit, spread)
-    fit = with_shown_speed(fit)
     held = held_out(logs, clock, fit.grid) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal = _signal(fit)
-    verdict = verdict_on(fit, bounds, held, errors, signal)
+    verdict = verdict_on(
+        fit, bounds, held, errors, signal=signal, unit="" if logs[0].unit == "1" else logs[0].unit
+    )
     notes = notes_on(logs, clock)
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")

@@ -1,4 +1,4 @@
-"""How far the data determines the parameters: covariance where it does, profiles where it may not."""
+"""How far the data determines the parameters: covariances, and profiles where these may fail."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.identification.adjust import FASTEST, Adjusted, adjust, slopes, units
+from planner.identification.grid import Grid
 from planner.identification.identification import Interval
-from planner.identification.simulation import Parameters, pulls_of
+from planner.identification.simulation import Parameters, Pulls
 from planner.trajectory import Array
 
 CONFIDENCE = 0.95
 """Probability with which an interval holds the truth."""
 
 MISFIT = 0.01
-"""Share by which the loss has to rise before a value counts as refuted, whatever the number of rows:
-real joints are not the model, and what fits better by less says nothing about the parameter."""
+"""Share by which the loss has to rise before a value counts as refuted, however many the rows: real
+joints are not the model, and what fits better by less says nothing about the parameter."""
 
 CERTAIN = 0.05
 """A logarithm with a standard deviation below this is determined; no profile is asked."""
@@ -31,6 +32,9 @@ PROFILE_STEPS = 7
 
 BISECTIONS = 3
 """Halvings that narrow the end of an interval to an eighth of a step."""
+
+JUST_ABOVE = 1e-6
+"""Share by which a top speed that was never reached lies above the fastest call."""
 
 GAIN, V_MAX, LAG, ACCELERATION_TIME, OFFSET = range(5)
 
@@ -162,12 +166,20 @@ def _end(fit: Adjusted, spread: Spread, index: int, way: int) -> float:
         free = fit.free.copy()
         free[index] = False
         held = adjust(
-            fit.grid, moved, free=free, starts=best.starts, scale=fit.scale, steps=6, precision=1e-3
+            fit.grid,
+            moved,
+            free=free,
+            starts=best.starts,
+            scale=fit.scale,
+            steps=6,
+            precision=1e-3,
+            enough=fit.cost + rise,
         )
         best = held
         return held.cost - fit.cost > rise
 
-    if limit == value or not refuted(limit):
+    reachable = way > 0 or index not in (GAIN, V_MAX)  # a logarithm has no end below
+    if limit == value or (reachable and not refuted(limit)):
         return reported
     best = fit
     inner, step = value, _first_step(fit, spread, index)
@@ -196,9 +208,9 @@ def _limit(fit: Adjusted, index: int, way: int) -> tuple[float, float]:
     """How far a parameter can go to one side, and what to report where the data lets it."""
     grid, at = fit.grid, fit.parameters
     if index == GAIN:
-        return (FASTEST / grid.tick, math.inf) if way > 0 else (at.gain * 1e-3, 0.0)
+        return (FASTEST / grid.tick, math.inf) if way > 0 else (0.0, 0.0)
     if index == V_MAX:
-        return (math.inf, math.inf) if way > 0 else (at.v_max * 1e-3, 0.0)
+        return (math.inf, math.inf) if way > 0 else (0.0, 0.0)
     if index == LAG:
         room = grid.reach - 2.0 * grid.tick
         return (room, math.inf) if way > 0 else (0.0, 0.0)
@@ -215,11 +227,15 @@ def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
 
 
 def peak_call(fit: Adjusted) -> float:
+    """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
+    return fastest_call(fit.parameters, fit.grid, fit.pulls, fit.states)
+
+
+def fastest_call(parameters: Parameters, grid: Grid, pulls: Pulls, states: Array) -> float:
     """Highest speed that the requests called for in any run, limited or not [rad/s]."""
-    pulls = pulls_of(fit.grid, fit.parameters)
-    errors = pulls.targets - fit.states[fit.grid.states - 1][:, np.newaxis]
+    errors = pulls.targets - states[grid.states - 1][:, np.newaxis]
     errors[pulls.weights <= 0.0] = 0.0
-    return float(fit.parameters.gain * np.max(np.abs(errors)))
+    return float(parameters.gain * np.max(np.abs(errors)))
 
 
 def with_shown_speed(fit: Adjusted) -> Adjusted:
@@ -230,4 +246,4 @@ def with_shown_speed(fit: Adjusted) -> Adjusted:
     shown = peak_call(fit)
     if fit.parameters.v_max <= shown:
         return fit
-    return replace(fit, parameters=fit.parameters._replace(v_max=shown))
+    return replace(fit, parameters=fit.parameters._replace(v_max=(1.0 + JUST_ABOVE) * shown))

@@ -22,10 +22,10 @@ NEARLY_AS_GOOD = 1.2
 MOST_FOLLOWED = 3
 """Starts that are followed to the end at most."""
 
-HOPS = ((1.0, -1.0), (-1.0, 1.0), (-1.0, 2.0), (1.0, -2.0), (-2.0, 4.0))
+HOPS = ((1.0, -1.0), (-1.0, 1.0), (-1.0, 2.0), (1.0, -2.0))
 """Changes of lag and acceleration time [ticks] that may lead to a better fit nearby."""
 
-HOP_STEPS = 8
+HOP_STEPS = 5
 """Steps after which a hop is judged."""
 
 HOP_ROUNDS = 3

@@ -13,10 +13,13 @@ from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.clock import Clock
 from planner.identification.fitting import fitted, moving
 from planner.identification.grid import Grid, gridded
-from planner.identification.intervals import with_shown_speed
+from planner.identification.intervals import fastest_call, with_shown_speed
 from planner.identification.log import Log
-from planner.identification.simulation import respond
+from planner.identification.simulation import pulls_of, respond
 from planner.trajectory import Array
+
+FASTER = 1.1
+"""Speeds called for may exceed those of the fitted part by this factor."""
 
 FITTED_SHARE = 0.5
 """Share of the rows with torque, from the start of each log, that the validation fits."""
@@ -30,12 +33,15 @@ class HeldOut(NamedTuple):
         predicted: Angle at them by the model fitted to the others [rad].
         rms: Its error [rad].
         alternatives: Error of each simpler description, fitted to the others too [rad].
+        beyond: Whether they call for faster motion than the model, fitted to rows in which it did
+            not saturate, has seen.
     """
 
     rows: np.ndarray
     predicted: Array
     rms: float
     alternatives: dict[str, float]
+    beyond: bool
 
 
 def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
@@ -60,17 +66,21 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
     )
     if not rows.any():
         return None
-    fit = with_shown_speed(fit)
-    states = respond(grid, fit.parameters, _starts(grid, fit, parts))
+    capped = with_shown_speed(fit)
+    unseen = capped is not fit  # the top speed is a mere guess from what was called for
+    fit = capped
+    pulls = pulls_of(grid, fit.parameters)
+    states = respond(grid, fit.parameters, _starts(grid, fit, parts), pulls=pulls)
+    called = fastest_call(fit.parameters, grid, pulls, states)
     predicted = grid.at_rows(states)
     simple = simple_fits(moving(gridded(known, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
-    starts = np.array([grid.angles[grid.run == run][0] for run in range(len(grid.starts))])
-    errors = {other.name: errors_of(other, grid, starts)[rows] for other in simple}
+    errors = {other.name: errors_of(other, grid, grid.measured_starts)[rows] for other in simple}
     return HeldOut(
         rows=rows,
         predicted=predicted[rows],
         rms=_rms((predicted - grid.angles)[rows]),
         alternatives={name: _rms(error) for name, error in errors.items()},
+        beyond=unseen and called > FASTER * fit.parameters.v_max,
     )
 
 
@@ -103,13 +113,8 @@ def _starts(grid: Grid, fit: Adjusted, parts: Sequence[Log | None]) -> Array:
         (numbers[log], row): start
         for (log, row), start in zip(fit.grid.firsts, fit.starts, strict=True)
     }
-    measured = [grid.angles[grid.run == run][0] for run in range(len(grid.starts))]
-    return np.array(
-        [
-            fitted_starts.get(first, angle)
-            for first, angle in zip(grid.firsts, measured, strict=True)
-        ]
-    )
+    pairs = zip(grid.firsts, grid.measured_starts, strict=True)
+    return np.array([fitted_starts.get(first, angle) for first, angle in pairs])
 
 
 def _rms(errors: Array) -> float:

@@ -16,17 +16,19 @@ from planner.identification.validation import HeldOut
 
 REFUSED = 0.25
 """A model whose error exceeds this share of the motion's standard deviation is refused. Recordings
-of joints that the model is meant for leave 0.03 to 0.23, an overloaded one 0.3 and more."""
+of joints that the model is meant for leave 0.03 to 0.23, those of an overloaded one 0.23 to 0.75."""
 
 SUSPECT = 0.1
 """From this share on the user is told what may be the reason."""
 
+SIMPLER_WINS = 1.02
+"""A simpler description that predicts held-out rows better by this factor is pointed out."""
+
 NO_BETTER = 1.25
-"""A model that predicts worse by this factor than a simpler description, and that is suspect, is
-refused."""
+"""By this factor, where the model is suspect as well, it is refused."""
 
 LOOSE = 0.5
-"""An interval wider than this share of its value is pointed out."""
+"""A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
 
 UNEQUAL = 0.05
 """Logs whose periods differ by more than this share are pointed out."""
@@ -40,9 +42,18 @@ class Verdict(NamedTuple):
 
 
 def verdict_on(
-    fit: Adjusted, bounds: Bounds, held: HeldOut | None, simple: dict[str, float], signal: float
+    fit: Adjusted,
+    bounds: Bounds,
+    held: HeldOut | None,
+    simple: dict[str, float],
+    *,
+    signal: float,
+    unit: str,
 ) -> Verdict:
-    """Judge a fit.
+    """Judge a fit by its error on all rows and on those that were held out.
+
+    Rows that ask for faster motion than the fit to the others has seen are no fair question: then
+    the error on all rows decides.
 
     Args:
         fit: The model fitted to all rows.
@@ -50,77 +61,83 @@ def verdict_on(
         held: What held-out rows say, if any were.
         simple: Error of the simpler descriptions on the same rows [rad].
         signal: Standard deviation of the motion [rad].
+        unit: Unit of the angles in words; empty for shares of a range.
     """
     warnings = []
-    error, others, where = (
-        (fit.rms, simple, "")
-        if held is None
-        else (max(held.rms, fit.rms), held.alternatives, " of rows that were held out")
-    )
+    fair = held is not None and not held.beyond
+    if held is not None and held.beyond:
+        warnings.append(
+            "the part that was held out calls for faster motion than the part that was fitted: how "
+            "well the model predicts it says little"
+        )
+    errors = [(fit.rms, "")]
+    if held is not None and fair:
+        errors.append((held.rms, " in the part that was held out"))
+    error, where = max(errors)
     missed = error / signal
     accepted = missed <= REFUSED
+    said = f"{missed:.0%} of the motion's standard deviation{where} (rms {_said(error, unit)})"
     if not accepted:
         warnings.append(
-            f"the model does not fit: it misses {missed:.0%} of the motion's standard deviation"
-            f"{where}, more than {REFUSED:.0%} (rms {error:.3g}); {_reasons()}"
+            f"the model does not fit: it misses {said}; more than {REFUSED:.0%} is not accepted; "
+            f"{REASONS}"
         )
     elif missed > SUSPECT:
-        warnings.append(
-            f"the model misses {missed:.0%} of the motion's standard deviation{where} "
-            f"(rms {error:.3g}); {_reasons()}"
-        )
+        warnings.append(f"the model misses {said}; {REASONS}")
+    ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
-    if error > 1.02 * others[name]:
-        if missed > SUSPECT and error > NO_BETTER * others[name]:
-            accepted = False
+    if ours > SIMPLER_WINS * others[name] and (fair or held is None):
+        accepted = accepted and not (missed > SUSPECT and ours > NO_BETTER * others[name])
         warnings.append(
-            f"the model predicts no better than {_WORDS[name]} (rms {error:.3g} against "
-            f"{others[name]:.3g}): richer motion would tell more"
+            f"{WORDS[name]} predicts better than the model (rms {_said(others[name], unit)} "
+            f"against {_said(ours, unit)}): the log is too short or too gentle for more"
         )
-    return Verdict(accepted, (*warnings, *_undetermined(fit, bounds)))
+    return Verdict(accepted, (*warnings, *_undetermined(fit, bounds, unit)))
 
 
-_WORDS = {
-    "raw": "the requests themselves",
-    "delay": "delayed requests",
+WORDS = {
+    "raw": "the request itself",
+    "delay": "a mere delay",
     "first_order": "a delay with a first-order lag",
 }
 
-
-def _reasons() -> str:
-    return (
-        "is the joint overloaded, sticking, limited by something else, or is this another joint's "
-        "column?"
-    )
+REASONS = (
+    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
+)
 
 
-def _undetermined(fit: Adjusted, bounds: Bounds) -> list[str]:
+def _undetermined(fit: Adjusted, bounds: Bounds, unit: str) -> list[str]:
     """A sentence for each parameter that the log leaves open."""
     found = []
-    at = fit.parameters
+    at, called = fit.parameters, peak_call(fit)
+    speed = f"{unit}/s" if unit else "/s"
     if math.isinf(bounds.v_max.upper):
-        errors = peak_call(fit) / at.gain
-        hardly = "never" if at.v_max >= peak_call(fit) * (1.0 - 1e-9) else "hardly"
-        found.append(
-            f"the joint {hardly} saturates in this log: only v_max/theta_0 = {at.gain:.3g} per "
-            f"second is known, and that v_max is at least {bounds.v_max.lower:.3g} per second; the "
-            f"model takes {at.v_max:.3g}, no more than this log called for; record steps larger "
-            f"than about {_rounded(2.0 * errors):g}"
+        hardly = "never" if at.v_max > called else "hardly"
+        known = (
+            f"only v_max/theta_0 = {at.gain:.3g} per second is known"
+            if bounds.gain.bounded
+            else "neither v_max nor theta_0 is known"
         )
-    if math.isinf(bounds.gain.upper):
         found.append(
-            f"theta_0 is only known to be less than {bounds.v_max.upper / bounds.gain.lower:.3g}: "
-            "record small steps, or motion that changes slowly"
+            f"the joint {hardly} saturates in this log: {known}, and v_max to be at least "
+            f"{bounds.v_max.lower:.3g} {speed}; the model has {at.v_max:.3g} {speed}, no more than "
+            "this log shows or calls for; record steps larger than about "
+            f"{_said(_rounded(2.0 * called / at.gain), unit)}"
+        )
+    elif math.isinf(bounds.gain.upper):
+        found.append(
+            "theta_0 is only known to be less than "
+            f"{_said(bounds.v_max.upper / bounds.gain.lower, unit)}: record small steps, or slow "
+            "motion, in which the joint does not saturate"
         )
     for name, value, interval in (
         ("lag", at.lag, bounds.lag),
         ("acceleration_time", at.acceleration_time, bounds.acceleration_time),
     ):
-        width = interval.upper - interval.lower
-        if width > max(2.0 * fit.grid.tick, LOOSE * value):
+        if interval.upper - interval.lower > max(2.0 * fit.grid.tick, LOOSE * value):
             found.append(
-                f"{name} lies between {1e3 * interval.lower:.0f} and {1e3 * interval.upper:.0f} ms: "
-                "record sudden steps to tell it from the other delays"
+                f"{name} lies anywhere between {1e3 * interval.lower:.0f} and "
+                f"{1e3 * interval.upper:.0f} ms: record sudden steps to tell it from other delays"
             )
     return found
 
@@ -141,9 +158,11 @@ def notes_on(logs: Sequence[Log], clock: Clock) -> list[str]:
     return found
 
 
+def _said(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}" if unit else f"{value:.3g}"
+
+
 def _rounded(value: float) -> float:
     """One significant digit."""
-    if value <= 0.0:
-        return 0.0
-    digit = 10.0 ** math.floor(math.log10(value))
-    return round(value / digit) * digit
+    digit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
+    return float(round(value / digit) * digit)
