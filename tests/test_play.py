@@ -75,6 +75,7 @@ def test_lateness_does_not_add_up():
     assert report.sent == 4000
     assert report.skipped == report.overruns == 0
     assert report.latest == pytest.approx(0.1 * TICK, abs=ROUNDING)
+    assert report.mean_lateness == pytest.approx(0.1 * TICK * 3999 / 4000, abs=ROUNDING)
     assert robot.times[-1] - 100.0 == pytest.approx(3999.1 * TICK, abs=1e-9)
 
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+import planner
 from planner.cli import view
-from planner.report import draw_scene
+from planner.files.foot_path import read_foot_path, write_foot_path
+from planner.files.joint_path import read_joint_path, write_joint_path
+from planner.report import draw_scene, scene_page
 from planner.report.scene_page import Recording
+
+SAME = 1e-9
+"""Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
 
 
 @pytest.fixture
@@ -24,15 +31,53 @@ def test_a_foot_path_becomes_a_page(run, foot, meshcat, tmp_path):  # noqa: ARG0
     assert page.count("<li><i") == 3
 
 
-def test_requests_of_a_file_are_shown_as_they_are(run, foot, meshcat, tmp_path):  # noqa: ARG001
-    run("plan", foot, "--leg", "front-left", "--method", "foot-optimal", "-o", "requests.csv")
-    shared = ("view", foot, "--leg", "front-left", "--html")
-    assert run(*shared, "a.html", "--requests", "requests.csv").exit_code == 0
-    assert run(*shared, "b.html").exit_code == 0
-    assert run(*shared, "c.html", "--method", "closed-form").exit_code == 0
-    a, b, c = ((tmp_path / f"{name}.html").read_text() for name in "abc")
-    assert len(a) == len(b)  # but for the twelve decimals of the file the same
-    assert a != c
+@pytest.fixture
+def shown(meshcat, monkeypatch):  # noqa: ARG001
+    """What the pages of the test show, page by page."""
+    pages = []
+
+    def keep(_, motions, **__):
+        pages.append(motions)
+        return ""
+
+    monkeypatch.setattr(scene_page, "scene_page", keep)
+    return pages
+
+
+def test_the_legs_go_where_the_paths_and_the_requests_say(run, foot, shown):
+    run("plan", foot, "--leg", "front-left", "-o", "requests.csv")
+    shared = ("view", foot, "--leg", "front-left", "--html", "page.html")
+    run(*shared, "--requests", "requests.csv")
+    run(*shared, "--method", "optimal")
+    run(*shared, "--method", "closed-form")
+    (desired, direct, planned), (*_, same), (*_, other) = shown
+    requests = read_joint_path("requests.csv").angles
+    for motion, sent in ((direct, desired.angles), (planned, requests)):
+        for j in range(3):
+            answer = planner.simulate(planner.JointModel.ers210a(), sent[:, j])
+            assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME
+    assert np.max(np.abs(desired.foot - read_foot_path(foot).positions)) <= SAME
+    assert np.max(np.abs(same.angles - planned.angles)) <= SAME
+    assert np.max(np.abs(other.angles - planned.angles)) > 1e-3
+
+
+def test_what_is_out_of_reach_is_desired_all_the_same(run, shown):
+    far = np.tile([0.09, 0.075, -0.3], (88, 1))
+    write_foot_path("far.csv", far, period=0.008)
+    run("view", "far.csv", "--leg", "front-left", "--unreachable", "nearest", "--html", "page.html")
+    assert np.array_equal(shown[0][0].foot, far)
+
+
+def test_the_joints_of_a_path_may_come_in_any_order(run, shown):
+    angles = np.radians([[10.0, 20.0, 30.0], [11.0, 21.0, 31.0], [12.0, 22.0, 32.0]])
+    write_joint_path("mixed.csv", ["knee", "rotator", "abductor"], angles, period=0.008)
+    run("view", "mixed.csv", "--leg", "reference", "--no-cyclic", "--html", "page.html")
+    desired, *_ = shown[0]
+    assert np.max(np.abs(desired.angles - angles[:, [1, 2, 0]])) <= SAME
+    assert (
+        np.max(np.abs(desired.foot - planner.reference_walk().leg.foot_positions(desired.angles)))
+        == 0.0
+    )
 
 
 def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch):

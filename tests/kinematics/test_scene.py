@@ -19,6 +19,7 @@ LEGS = {
     "reference": ("reference_leg.urdf", "hip", "foot"),
     "front left": ("ers210a.urdf", "body", "front_left_ball"),
     "hind right": ("ers210a.urdf", "body", "hind_right_ball"),
+    "below the shoulder": ("ers210a.urdf", "hind_left_shoulder", "hind_left_ball"),
 }
 
 ANGLES = np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.9], [-0.7, 1.1, 1.8]])
@@ -64,8 +65,9 @@ def test_the_foot_that_is_seen_is_where_the_leg_has_it(urdf, base, foot):
     leg = Leg.from_urdf(urdf_path(urdf), base=base, foot=foot)
     assert scene.joint_names == leg.joint_names
     number = [body.name for body in scene.bodies].index(foot)
-    seen = scene.placements(ANGLES)[:, number]
-    assert np.max(np.abs(seen[:, :3, 3] - leg.foot_positions(ANGLES))) <= SAME
+    angles = ANGLES[:, : len(leg.joint_names)]
+    seen = scene.placements(angles)[:, number]
+    assert np.max(np.abs(seen[:, :3, 3] - leg.foot_positions(angles))) <= SAME
     assert np.max(np.abs(seen[:, :3, :3] @ seen[:, :3, :3].mT - np.eye(3))) <= SAME
 
 
