@@ -36,7 +36,6 @@ def comments(identification: Identification) -> dict[str, str]:
     for fit in identification.fits:
         used = int(np.sum(fit.used))
         above.append(f"From {fit.log.name}: {used} of {len(fit.used)} rows.")
-    above = [" ".join(line.split()) for line in above]
     units = {key: unit.replace("rad", "1") if share else unit for key, unit in SI.items()}
     return {
         "": "\n".join(above),

@@ -127,3 +127,11 @@ def test_what_is_no_step_sets_out_without_one(kind):
 def test_what_cannot_be_made_is_refused_with_what_to_do(changes, message):
     with pytest.raises(InvalidInput, match=message):
         signal(changes.pop("kind", "steps"), **changes)
+
+
+def test_rounding_does_not_leave_the_limits_either():
+    low, high = -1.4, 0.8
+    middle = 0.5 * (low + high)
+    assert middle + (middle - low) > high  # so that there is something to round
+    made = excite("steps", limits=(low, high), period=0.02, duration=10.0)
+    assert low <= np.min(made.requests) <= np.max(made.requests) <= high
