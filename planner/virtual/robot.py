@@ -74,7 +74,7 @@ class VirtualRobot:
         self._late = round(constants.transport_delay / constants.control_period)
         self._periods = round(constants.request_period / constants.control_period)
         self._under_way = deque([tuple(map(float, first))] * self._late)
-        self._time = 0.0
+        self._made = 0
 
     def play(self, requests: npt.ArrayLike) -> Recording:
         """Make one row of requests after the other; the robot goes on from where it is.
@@ -88,12 +88,13 @@ class VirtualRobot:
         asked = np.array(requests, dtype=np.float64)
         kept = self._requests(asked)
         sensed, angles = np.empty_like(kept), np.empty_like(kept)
-        times = self._time + self.constants.request_period * np.arange(len(kept), dtype=np.float64)
+        made = np.arange(self._made, self._made + len(kept), dtype=np.float64)
+        times = self.constants.request_period * made
         for k, row in enumerate(kept):
             angles[k], sensed[k] = self._data.qpos, self._sense()
             for _ in range(self._periods):
                 self._advance(tuple(map(float, row)))
-        self._time += self.constants.request_period * len(kept)
+        self._made += len(kept)
         for array in (times, asked, sensed, angles):
             array.setflags(write=False)
         return Recording(times, asked, sensed, angles)

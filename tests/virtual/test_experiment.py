@@ -1,0 +1,182 @@
+"""The paper's experiment on the virtual robot: what holds on a joint that is not the model."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.evaluation import paper, virtual_experiment
+from planner.evaluation.metrics import angle_distance
+from planner.evaluation.virtual_experiment import execute
+from planner.exceptions import NoSteadyCycle
+from planner.files.joint_model import read_models
+from planner.files.joint_path import read_joint_path
+from planner.files.output_folder import list_files
+from planner.files.table import read_table
+from planner.virtual.robot import VirtualRobot
+
+METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
+PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")
+PLANS = {"closed_form": "Des,MB", "optimal": "Des,Opt"}
+
+STEP_RMS = 0.45
+"""What a model of this kind leaves of step tests [deg]; the sensor's count is 0.29."""
+
+LOSS = 0.05
+"""What a plan may lose of its predicted accuracy on the robot."""
+
+LOSS_OF_THE_PAPERS = 0.10
+"""The same for the paper's own plan, which asks the rotator for its top speed the longest."""
+
+WRITTEN = 1e-9
+"""Rounding of 12 decimals of a degree in a file [deg]."""
+
+
+@pytest.fixture(scope="module")
+def joints(results):
+    return tuple(results["table2"])
+
+
+def test_the_joints_are_identified_near_the_papers_table_1(results):
+    for found in results["identified"].values():
+        table = found["table1"]
+        assert table["v_max_deg_per_tick"]["value"] == pytest.approx(2.5, rel=0.03)
+        assert table["theta_0_deg"]["value"] == pytest.approx(7.0, rel=0.1)
+        assert table["lag_ticks"]["value"] == pytest.approx(4.0, abs=0.5)
+        assert found["accepted"]
+        for entry in table.values():
+            assert entry["lower"] <= entry["value"] <= entry["upper"]
+        assert table["theta_0_deg"]["paper"] == pytest.approx(7.0)
+        assert table["offset_deg"]["paper"] is None
+
+
+def test_the_identified_models_predict_step_tests_and_a_walk_they_never_saw(results):
+    for found in results["identified"].values():
+        assert found["rms_deg"] < STEP_RMS
+        assert found["held_out_rms_deg"] < 1.5 * STEP_RMS
+        assert found["unseen_walk_rms_deg"] < 2.0 * STEP_RMS
+
+
+def test_plans_keep_their_promises(results):
+    for table in results["table2"].values():
+        for pair in PLANS.values():
+            assert table[pair]["loss"] < LOSS
+        assert table["Des,Plain"]["loss"] < LOSS_OF_THE_PAPERS
+    for method in ("closed_form", "optimal", "foot_optimal"):
+        assert results["foot"][method]["loss"] < LOSS
+    assert results["foot"]["closed_form_plain"]["loss"] < LOSS_OF_THE_PAPERS
+
+
+def test_the_order_of_the_methods_is_the_papers_and_the_foots_plan_stays_well_ahead(results):
+    foot = {method: entry["L2"] for method, entry in results["foot"].items()}
+    assert foot["closed_form_plain"] < foot["shift"] < foot["direct"]
+    assert foot["closed_form"] < foot["shift"]
+    assert foot["foot_optimal"] < 0.7 * min(foot["closed_form_plain"], foot["closed_form"])
+
+
+def test_the_fidelity_is_the_papers(results):
+    """L2(Pwl, MB): 2.6 to 2.7 degrees on its robot."""
+    for table in results["table2"].values():
+        assert table["Pwl,MB"]["L2"] < 2.7
+        assert table["Pwl,Plain"]["L2"] < 4.5
+
+
+def test_results_have_the_keys_of_the_models_reproduction_and_spreads(results, joints):
+    assert joints == paper.JOINTS == tuple(results["identified"]) == tuple(results["bounds"])
+    assert tuple(results["foot"]) == METHODS == tuple(results["methods"])
+    entries = [results["foot"][method] for method in METHODS]
+    for joint in joints:
+        assert tuple(results["table2"][joint]) == PAIRS
+        entries += list(results["table2"][joint].values())
+        assert results["bounds"][joint]["gap"] > 0.0
+        assert set(results["limits"][joint]) == {"lower", "upper", "excess"}
+    for entry in entries:
+        assert 0.0 < entry["L2"] <= entry["Linf"]
+        assert 0.0 < entry["std"]["L2"] < 0.5
+        assert 0.0 < entry["std"]["Linf"] < 0.5
+        assert entry["sensed"]["L2"] == pytest.approx(entry["L2"], rel=0.1, abs=0.1)
+        assert entry["loss"] == pytest.approx(entry["L2"] / entry["predicted"]["L2"] - 1.0)
+    assert results["table2"]["knee"]["Des,Dir"]["paper"]["L2"] == 20.1
+    assert results["foot"]["closed_form_plain"]["paper"]["L2_deviation"] == 0.04
+    assert results["robot"]["cycles"] == 20
+    assert results["versions"]["mujoco"] != "unknown"
+
+
+def test_optimised_requests_keep_the_limits(results):
+    for limits in results["limits"].values():
+        assert limits["excess"]["optimal"] == pytest.approx(0.0, abs=1e-9)
+        assert limits["excess"]["foot_optimal"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_distances_follow_from_the_angles_in_the_files(folder, results, joints):
+    desired = read_joint_path(folder / "desired.csv").angles
+    for method, pair in (("direct", "Des,Dir"), ("foot_optimal", "Des,Foot")):
+        angles = read_joint_path(folder / f"angles_{method}.csv").angles
+        cycles = angles.reshape(-1, *desired.shape)
+        assert len(cycles) == 20
+        for j, joint in enumerate(joints):
+            rms = [math.degrees(angle_distance(cycle[:, j], desired[:, j]).rms) for cycle in cycles]
+            entry = results["table2"][joint][pair]
+            assert entry["L2"] == pytest.approx(np.mean(rms), abs=WRITTEN)
+            assert entry["std"]["L2"] == pytest.approx(np.std(rms, ddof=1), abs=WRITTEN)
+
+
+def test_the_models_and_logs_in_the_folder_are_those_of_the_results(folder, results, joints):
+    for joint in joints:
+        (model,) = read_models(folder / f"{joint}.toml").for_joints([joint])
+        assert model.v_max == results["identified"][joint]["model"]["v_max"]
+        for amplitude in results["parameters"]["step_amplitudes_deg"]:
+            log = read_table(folder / f"step_test_{joint}_{amplitude:.0f}.csv")
+            assert log.names == ("t_s", "requested_deg", "actual_deg")
+            requested = np.array([float(row[1]) for row in log.rows])
+            assert np.ptp(requested) == pytest.approx(amplitude, abs=WRITTEN)
+
+
+def test_the_manifest_lists_every_file(folder, results):
+    assert sorted({*results["files"], "results.json"}) == list_files(folder)
+
+
+def test_the_page_and_the_terminal_say_the_figures(printed, results):
+    folder, text = printed
+    page = (folder / "report.html").read_text()
+    foot = f"{results['foot']['foot_optimal']['L2']:.2f}"
+    assert f"<strong>{foot} cm</strong>" in page
+    assert page.count("<figure id=") == 7
+    assert "http://www.w3.org" in page
+    assert "src=" not in page
+    assert foot in text
+    assert "± " in text
+
+
+def test_another_run_gives_the_same_figures(played):
+    walk = played.planned.walk
+    logs = [
+        virtual_experiment.record_step_test(VirtualRobot(seed=played.seed), walk, 0, 20.0)
+        for _ in range(2)
+    ]
+    assert np.array_equal(logs[0].angles, logs[1].angles)
+    assert np.array_equal(logs[0].angles, played.identifications[0].fits[0].log.angles)
+
+
+def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
+    monkeypatch.setattr(virtual_experiment, "MOST_DROPPED", 2)
+    monkeypatch.setattr(virtual_experiment, "STEADY", 0.0)
+    with pytest.raises(NoSteadyCycle):
+        execute(VirtualRobot(), np.zeros((8, 3)), cycles=2)
+
+
+def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
+    cli_run, monkeypatch, played, tmp_path
+):
+    bad = tuple(replace(found, accepted=False) for found in played.identifications)
+    refused = replace(played, identifications=bad)
+    monkeypatch.setattr(virtual_experiment, "play_experiment", lambda **_: refused)
+    out = tmp_path / "out"
+    result = cli_run("reproduce", "--robot", "virtual", "--out", str(out), "--json")
+    assert result.exit_code == 1
+    assert "rotator: the model that was identified does not describe the joint" in result.stderr
+    assert json.loads(result.stdout) == json.loads((out / "results.json").read_text())

@@ -1,0 +1,200 @@
+"""The virtual robot: the leg's and the motors' physics, and nothing of the planner's model."""
+
+from __future__ import annotations
+
+import ast
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import planner.virtual
+from kinematics import Leg, urdf_path
+from planner.exceptions import InvalidTrajectory
+from planner.virtual.constants import Constants
+from planner.virtual.leg import JOINTS, front_leg
+from planner.virtual.robot import VirtualRobot
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+QUIET = Constants(supply_noise=0.0, sensor_noise=0.0)
+PERIOD = QUIET.request_period
+TICK = math.degrees(1.0) * PERIOD
+"""From rad/s to degrees per tick."""
+
+WEIGHT = 0.05
+"""Share by which the leg's weight and inertia may speed up or slow down a joint."""
+
+
+def hold(row, ticks):
+    return np.tile(np.asarray(row, dtype=float), (ticks, 1))
+
+
+def fastest(constants, joint=2, start=0.0, end=1.6):
+    """Top speed of a joint on its way to a far request [rad/s]."""
+    pose = np.zeros(3)
+    pose[joint] = start
+    robot = VirtualRobot(pose, constants=constants)
+    pose[joint] = end
+    angles = robot.play(hold(pose, 60)).angles[:, joint]
+    return float(np.max(np.abs(np.diff(angles)))) / PERIOD
+
+
+def imports_of(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module
+
+
+def test_nothing_of_the_planners_model_is_in_the_robot():
+    files = sorted(Path(planner.virtual.__file__).parent.glob("*.py"))
+    allowed = ("planner.virtual", "planner.exceptions", "planner.trajectory")
+    for file in files:
+        for name in imports_of(file):
+            assert not name.startswith("planner") or name.startswith(allowed), (file.name, name)
+        for word in ("theta_0", "v_max", "acceleration_time", "JointModel"):
+            assert word not in file.read_text(encoding="utf-8"), (file.name, word)
+    assert len(files) > 4
+
+
+def test_the_top_speed_is_where_torque_and_friction_balance():
+    assert fastest(QUIET) == pytest.approx(QUIET.top_speed, rel=WEIGHT)
+    assert fastest(QUIET) * TICK == pytest.approx(2.5, rel=WEIGHT)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"battery_voltage": 5.0},
+        {"gear_ratio": 320.0},
+        {"coulomb_friction": 0.6},
+        {"torque_constant": 8e-3},
+        {"viscous_friction": 0.15},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_what_weakens_the_motor_or_brakes_the_gear_lowers_the_top_speed(change):
+    constants = replace(QUIET, **change)
+    assert constants.top_speed < 0.9 * QUIET.top_speed
+    assert fastest(constants) == pytest.approx(constants.top_speed, rel=2 * WEIGHT)
+
+
+def test_the_top_speed_does_not_depend_on_the_gain_or_the_distance():
+    assert fastest(replace(QUIET, proportional_gain=20.0)) == pytest.approx(
+        fastest(QUIET), rel=0.01
+    )
+    assert fastest(QUIET, end=1.0) == pytest.approx(fastest(QUIET), rel=0.01)
+
+
+@pytest.mark.parametrize("delay", [0.016, 0.032, 0.040])
+def test_a_request_moves_nothing_before_its_delay_and_the_joint_right_after(delay):
+    robot = VirtualRobot(constants=replace(QUIET, transport_delay=delay))
+    robot.rest(0.4, (0.0, 0.0, 0.0))
+    angles = robot.play(hold((0.8, 0.0, 0.0), 12)).angles[:, 0]
+    late = round(delay / PERIOD)
+    moved = np.abs(angles - angles[0])
+    assert np.max(moved[: late + 1]) < 1e-4
+    assert moved[late + 1] > 1e-3
+
+
+def test_the_sensor_speaks_in_counts_of_ten_bits_near_the_truth():
+    ramp = np.linspace((0.0, 0.0, 0.0), (0.5, 0.4, 0.9), 80)
+    recording = VirtualRobot().play(ramp)
+    count = Constants().count
+    assert count == pytest.approx(math.radians(300.0 / 1024.0))
+    counts = recording.sensed / count
+    assert np.max(np.abs(counts - np.round(counts))) < 1e-9
+    farthest = count / 2.0 + 5.0 * Constants().sensor_noise
+    assert np.max(np.abs(recording.sensed - recording.angles)) < farthest
+    assert np.unique(np.round(counts[:, 2])).size > 50
+
+
+def test_the_same_seed_gives_the_same_angles_and_another_seed_others():
+    rows = hold((0.5, 0.4, 0.9), 60)
+    one, same, other = (VirtualRobot(seed=seed).play(rows) for seed in (3, 3, 4))
+    assert np.array_equal(one.angles, same.angles)
+    assert np.array_equal(one.sensed, same.sensed)
+    assert not np.array_equal(one.angles, other.angles)
+
+
+def test_what_is_played_in_two_parts_is_what_is_played_in_one():
+    rows = hold((0.5, 0.4, 0.9), 60)
+    whole = VirtualRobot().play(rows)
+    robot = VirtualRobot()
+    first, second = robot.play(rows[:25]), robot.play(rows[25:])
+    assert np.array_equal(whole.angles, np.vstack([first.angles, second.angles]))
+    assert np.array_equal(whole.times, np.concatenate([first.times, second.times]))
+
+
+@pytest.mark.parametrize(("joint", "angle"), [(0, 1.2), (0, -1.2), (1, 1.2)])
+def test_the_leg_sags_toward_where_it_hangs(joint, angle):
+    """Without integral and dry friction, which would hold it up."""
+    constants = replace(QUIET, integral_gain=0.0, coulomb_friction=0.0)
+    pose = np.zeros(3)
+    pose[joint] = angle
+    robot = VirtualRobot(pose, constants=constants)
+    robot.rest(1.0, pose)
+    sag = (robot.play(hold(pose, 25)).angles[:, joint] - angle).mean()
+    assert sag * math.copysign(1.0, angle) < -math.radians(0.05)
+    assert abs(sag) < math.radians(1.0)
+
+
+def test_a_leg_that_is_left_alone_never_gains_energy():
+    constants = replace(
+        QUIET,
+        proportional_gain=0.0,
+        integral_gain=0.0,
+        derivative_gain=0.0,
+        coulomb_friction=0.0,
+    )
+    start = (1.2, 0.6, 0.3)
+    robot = VirtualRobot(start, constants=constants)
+    energies = []
+    for _ in range(100):
+        robot.play(hold(start, 1))
+        mujoco.mj_energyPos(robot._model, robot._data)
+        mujoco.mj_energyVel(robot._model, robot._data)
+        energies.append(float(robot._data.energy.sum()))
+    assert np.max(np.diff(energies)) < 1e-9
+    assert energies[-1] < energies[0] - 0.001
+
+
+def test_dry_friction_holds_a_leg_whose_motors_are_off():
+    constants = replace(
+        QUIET, proportional_gain=0.0, integral_gain=0.0, derivative_gain=0.0, coulomb_friction=0.3
+    )
+    robot = VirtualRobot((0.6, 0.3, 0.3), constants=constants)
+    angles = robot.play(hold((0.6, 0.3, 0.3), 125)).angles
+    assert np.max(np.abs(angles[-1] - angles[0])) < math.radians(0.5)
+
+
+def test_the_leg_is_that_of_the_urdf():
+    model = front_leg(QUIET)
+    data = mujoco.MjData(model)
+    assert [model.joint(j).name for j in range(model.njnt)] == list(JOINTS)
+    assert model.body_mass.sum() == pytest.approx(0.05 + 0.073 + 0.073)
+    leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_lower")
+    random = np.random.default_rng(5)
+    for _ in range(5):
+        angles = random.uniform(-0.1, 1.2, size=3)
+        data.qpos[:] = angles
+        mujoco.mj_kinematics(model, data)
+        assert data.body("front_left_lower").xpos == pytest.approx(
+            leg.foot_positions([angles])[0], abs=1e-9
+        )
+
+
+def test_requests_beyond_the_limits_are_cut():
+    robot = VirtualRobot((0.0, 1.5, 0.0))
+    angles = robot.play(hold((0.0, 3.0, 0.0), 60)).angles[:, 1]
+    assert math.degrees(angles[-1]) == pytest.approx(89.0, abs=1.0)
+
+
+@pytest.mark.parametrize("rows", [[[0.0, 0.0]], [0.0, 0.0, 0.0], [[0.0, math.nan, 0.0]]])
+def test_what_is_no_path_of_three_joints_is_refused(rows):
+    with pytest.raises(InvalidTrajectory, match="one column per joint"):
+        VirtualRobot().play(rows)
