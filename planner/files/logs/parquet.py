@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,11 @@ from planner.exceptions import InvalidFile, MissingExtra
 from planner.files.table import nearest
 from planner.trajectory import Array
 
-MOST_NUMBERS = 100_000_000
-"""Numbers that are read from one column: a day at 50 Hz of 23 joints."""
+MOST_BYTES = 2**30
+"""Unfolded numbers that are read from one file [bytes]: a day at 50 Hz of 30 joints."""
+
+BATCH = 8192
+"""Rows that are unfolded at a time."""
 
 
 def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
@@ -32,10 +35,11 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         raise InvalidFile(path, "no such file; check the name and the folder")
     try:
         with parquet.ParquetFile(path) as file:
-            _check(path, file, names)
-            if not file.metadata.num_rows:
-                raise InvalidFile(path, "no rows; is the file cut short?")
-            table = file.read(columns=list(names), use_threads=False)
+            _check(path, file.schema_arrow.names, names)
+            batches = list(_batches(path, file, names))
+        if not batches:
+            raise InvalidFile(path, "no rows; is the file cut short?")
+        table = pa.Table.from_batches(batches)
         return {name: _numbers(path, table.column(name), name) for name in names}
     except InvalidFile:
         raise
@@ -46,8 +50,7 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
         ) from error
 
 
-def _check(path: Path | str, file: Any, names: Sequence[str]) -> None:
-    known = file.schema_arrow.names
+def _check(path: Path | str, known: Sequence[str], names: Sequence[str]) -> None:
     for name in names:
         if name not in known:
             raise InvalidFile(
@@ -55,19 +58,20 @@ def _check(path: Path | str, file: Any, names: Sequence[str]) -> None:
             )
         if known.count(name) > 1:
             raise InvalidFile(path, f"{known.count(name)} columns '{name}', expected one")
-    groups = [file.metadata.row_group(k) for k in range(file.metadata.num_row_groups)]
-    for group in groups:
-        for j in range(group.num_columns):
-            column = group.column(j)
-            if column.path_in_schema.split(".list")[0] in names and (
-                column.num_values * len(groups) > MOST_NUMBERS
-                and sum(other.column(j).num_values for other in groups) > MOST_NUMBERS
-            ):
-                raise InvalidFile(
-                    path,
-                    f"column '{column.path_in_schema}': more than {MOST_NUMBERS} numbers; split "
-                    "the file",
-                )
+
+
+def _batches(path: Path | str, file: Any, names: Sequence[str]) -> Iterator[Any]:
+    """The rows, some at a time, so that a small file cannot unfold into all of the memory.
+
+    What the file says of its own size is not asked: pyarrow ends the whole process where a damaged
+    description cannot be told.
+    """
+    size = 0
+    for batch in file.iter_batches(batch_size=BATCH, columns=list(names), use_threads=False):
+        size += batch.nbytes
+        if size > MOST_BYTES:
+            raise InvalidFile(path, f"more than {MOST_BYTES >> 20} MiB of angles; split the file")
+        yield batch
 
 
 def _numbers(path: Path | str, column: Any, name: str) -> Array:

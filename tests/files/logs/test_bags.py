@@ -141,6 +141,25 @@ def test_the_only_topics_of_their_types_need_no_option(tmp_path):
     assert log.notes[0] == "actual from /joint_states, requested from /commands"
 
 
+def test_naming_the_commands_leaves_the_other_states_for_the_actual_angles(tmp_path):
+    folder = _command_bag(tmp_path / "run", COMMANDS["joint states"])
+    options = LogOptions(joint="hip", command_topic="/commands")
+    _assert_holds_the_angles(*read_logs(folder, options=options), "hip")
+
+
+def test_messages_without_angles_are_passed_over(tmp_path):
+    stops = lambda kit, _: kit.t["trajectory_msgs/msg/JointTrajectory"](  # noqa: E731
+        header=kit.header(0), joint_names=list(JOINTS), points=[]
+    )
+    speeds = lambda kit, stamp: kit.joint_state(stamp, [])  # noqa: E731
+    folder = _command_bag(
+        tmp_path / "run",
+        COMMANDS["trajectory"],
+        extra=[("/commands", stops), ("/joint_states", speeds)],
+    )
+    _assert_holds_the_angles(*read_logs(folder, options=LogOptions(joint="hip")), "hip")
+
+
 def test_one_number_is_for_the_chosen_joint(tmp_path):
     folder = _command_bag(
         tmp_path / "run",
@@ -381,6 +400,22 @@ def test_code_in_a_definition_is_never_run(tmp_path, place):
             bag.write(connection, START + k, types.serialize_cdr(state, state.__msgtype__))
     _refused(tmp_path / "run")
     assert not marker.exists()
+
+
+@pytest.mark.parametrize(
+    "types",
+    [
+        {"a/msg/B(object)": ([], [])},
+        {"a/msg/B": ([], [("x=1", (1, ("uint8", 0)))])},
+        {"a/msg/B": ([("x=1", "uint8", 1)], [])},
+        {"a/msg/B": ([], [("x", (4, ((2, "c/msg/D()"), 0)))])},
+    ],
+    ids=["type", "field", "constant", "type of a field"],
+)
+def test_only_plain_names_go_where_code_is_made_of_them(tmp_path, monkeypatch, types):
+    folder = _controller_bag(tmp_path / "run")
+    monkeypatch.setattr("rosbags.typesys.get_types_from_msg", lambda *_: types)
+    assert _refused(folder) == f": definition of type {next(iter(types))!r}: expected plain names"
 
 
 def test_a_bag_that_is_cut_short_is_refused(tmp_path):

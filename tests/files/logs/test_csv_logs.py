@@ -177,6 +177,16 @@ def test_naming_one_column_leaves_the_other_to_be_guessed(tmp_path):
     np.testing.assert_allclose(_read(file, actual="b_deg").angles, np.radians(ACTUAL), atol=EXACT)
 
 
+def test_what_is_no_angle_is_left_alone(tmp_path):
+    header = (
+        "time_s,goal_position_deg,present_position_deg,goal_current,present_current,goal_velocity,"
+        "present_velocity_deg,present_load,position_error_deg,target_torque"
+    )
+    log = _read(_csv(tmp_path, header, more=",1,2,3,4,5,6,7"))
+    np.testing.assert_allclose(log.requests, np.radians(REQUESTED), atol=EXACT)
+    np.testing.assert_allclose(log.angles, np.radians(ACTUAL), atol=EXACT)
+
+
 JOINTS = "t_s,req_Wrist_Pitch,act_Wrist_Pitch,req_Jaw,act_Jaw,speed_Jaw"
 
 

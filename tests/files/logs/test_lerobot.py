@@ -208,13 +208,17 @@ def test_a_table_without_rows_is_refused(tmp_path):
     )
 
 
-def test_a_table_with_too_many_numbers_is_refused_before_it_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.files.logs.parquet.MOST_NUMBERS", 14)
+def test_a_table_that_unfolds_beyond_all_bounds_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.files.logs.parquet.MOST_BYTES", 2**20)
     root = v21(tmp_path / "set")
     file = root / "data" / "chunk-000" / "episode_000000.parquet"
-    told = _refused(root, joint="gripper", unit="deg", episodes="0")
-    assert told.startswith(f"{file}: column 'action")
-    assert told.endswith("more than 14 numbers; split the file")
+    n = 100_000
+    same = {"action": [[0.0] * 3] * n, "observation.state": [[0.0] * 3] * n}
+    parquet.write_table(pa.table({**same, "timestamp": [0.0] * n, "episode_index": [0] * n}), file)
+    assert file.stat().st_size < 10_000
+    assert _refused(root, joint="gripper", unit="deg", episodes="0") == (
+        f"{file}: more than 1 MiB of angles; split the file"
+    )
 
 
 def test_a_file_that_is_cut_short_is_refused(tmp_path):
