@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,14 +13,14 @@ from planner.cli.models import load_models
 from planner.cli.say import deliver
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from planner.identification.excitation import Excitation
     from planner.identification.identification import Identification
     from planner.model.joint import JointModel
-    from planner.report.identification_parameters import Parameter
 
 KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
+
+UNNAMED = "requested"
+"""The joint of a signal for nobody in particular, whose column is requested_deg."""
 
 
 @click.command(short_help="Write requests that make a joint show its parameters.")
@@ -76,7 +77,7 @@ KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N")
 @click.option(
-    "--joint", default="requested", show_default=True, metavar="NAME", help="Names the column."
+    "--joint", default=UNNAMED, show_default=True, metavar="NAME", help="Names the column."
 )
 @options.model
 @click.option(
@@ -95,9 +96,16 @@ KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
     metavar="DEG",
     help="Expected step of the sensor.",
 )
+@click.option(
+    "--expected-log",
+    metavar="FILE",
+    help="Also write the log that the expected joint would give, to try identify on.",
+)
 @options.output
 @options.as_json
-def excite(*, joint: str, output: str, as_json: bool, **choices: Any) -> None:
+def excite(
+    *, joint: str, expected_log: str | None, output: str, as_json: bool, **choices: Any
+) -> None:
     """Write test requests inside limits, and say what they will tell about the joint.
 
     Move the joint slowly to the centre, play the requests one by one at their times, and record
@@ -106,13 +114,15 @@ def excite(*, joint: str, output: str, as_json: bool, **choices: Any) -> None:
 
     \b
     Example, step tests within 45 degrees either way, and a joint that is like the Aibo's:
-        request-planner excite --limits-deg -45 45 -o steps.csv
+        request-planner excite --limits-deg -45 45 -o steps.csv --expected-log log.csv
     A richer signal at 50 Hz for a joint that was identified before:
         request-planner excite --kind random-steps --limits-deg -60 30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
     from planner.files.joint_path import write_joint_path
+    from planner.files.text import staged
     from planner.identification.expectation import expect
+    from planner.report.excitation_text import excitation_text
 
     _check(choices)
     (model,) = load_models(choices["model"], [joint])
@@ -124,13 +134,30 @@ def excite(*, joint: str, output: str, as_json: bool, **choices: Any) -> None:
         resolution=math.radians(choices["resolution_deg"]),
         seed=choices["seed"],
     )
-    deliver(
-        _document(made, expected),
-        _summary(made, expected, choices["model"]),
-        lambda file: write_joint_path(file, [joint], made.requests[:, None], period=made.period),
-        output=output,
-        as_json=as_json,
-    )
+    log = nullcontext() if expected_log is None else staged(expected_log, _log(joint, expected))
+    with log:
+        deliver(
+            _document(made, expected),
+            excitation_text(made, expected, model=choices["model"]),
+            lambda file: write_joint_path(
+                file, [joint], made.requests[:, None], period=made.period
+            ),
+            output=output,
+            as_json=as_json,
+        )
+
+
+def _log(joint: str, expected: Identification) -> bytes:
+    """What the expected joint was identified from, as CSV."""
+    import numpy as np
+
+    from planner.files.table import table_text
+
+    (fit,) = expected.fits
+    prefix = "" if joint == UNNAMED else f"{joint}_"
+    angles = np.degrees([fit.log.requests, fit.log.angles])
+    names = ["t_s", f"{prefix}requested_deg", f"{prefix}actual_deg"]
+    return table_text(names, np.vstack([fit.log.times, angles]).T).encode()
 
 
 def _check(choices: dict[str, Any]) -> None:
@@ -186,52 +213,3 @@ def _document(made: Excitation, expected: Identification) -> dict[str, Any]:
         "warnings": list(expected.warnings),
         "requests_deg": np.degrees(made.requests).tolist(),
     }
-
-
-def _summary(made: Excitation, expected: Identification, model: str) -> str:
-    import textwrap
-
-    from planner.report.identification_parameters import parameters
-    from planner.report.identification_text import SYMBOLS
-    from planner.report.text_table import text_table
-
-    found = parameters(expected)
-    steps = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
-    rows = [
-        [
-            SYMBOLS[row.name],
-            row.value,
-            row.interval,
-            "no" if not row.known else "roughly" if row.rough else "yes",
-            row.judgement,
-        ]
-        for row in found
-    ]
-    header = ["parameter", "identified", "95 % interval", "determined", "known"]
-    seconds = len(made.requests) * made.period
-    return "\n".join(
-        [
-            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {_verdict(found)}",
-            f"begins and ends at {math.degrees(made.centre):.4g} deg; the largest jump is "
-            f"{math.degrees(made.largest_jump):.4g} deg"
-            + (f"; step tests of {steps} deg" if steps else ""),
-            *textwrap.wrap(made.meaning, 96),
-            f"expected of a joint like {model}:",
-            text_table(header, rows),
-            *(f"identify would warn: {warning}" for warning in expected.warnings),
-        ]
-    )
-
-
-def _verdict(found: Sequence[Parameter]) -> str:
-    """What the signal would determine, in a few words."""
-    from planner.report.identification_text import SYMBOLS
-
-    missing = [SYMBOLS[row.name] for row in found if not row.known]
-    rough = [SYMBOLS[row.name] for row in found if row.known and row.rough]
-    told = [
-        f"{how} {', '.join(names)}"
-        for how, names in (("would not determine", missing), ("only roughly", rough))
-        if names
-    ]
-    return "; ".join(told) if told else "would determine every parameter"

@@ -117,12 +117,17 @@ def read_table(path: Path | str, *, delimiters: str = ",") -> Table:
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
     """Write columns, ``values`` (n, len(names)), as CSV, or to standard output for ``-``."""
+    write_text(path, table_text(names, values))
+
+
+def table_text(names: Sequence[str], values: Array) -> str:
+    """Columns, ``values`` (n, len(names)), as CSV."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(names)
     rounded = np.round(values, DECIMALS) + 0.0  # no negative zero
     writer.writerows(rounded.tolist())
-    write_text(path, stream.getvalue())
+    return stream.getvalue()
 
 
 def nearest(name: str, names: Sequence[str]) -> str:
