@@ -21,7 +21,7 @@ class Choices(NamedTuple):
 
     Attributes:
         segments: Numbers of segments, shape (m,).
-        rms: Rms error of the curve of each [rad], shape (m,).
+        rms: Rms error of the curve of at most so many [rad], shape (m,).
         floor: Rms error of the slope-bounded ideal [rad]: no number of segments has less.
         automatic: The number that is chosen where none is asked for.
     """
@@ -51,7 +51,8 @@ def choices(fit: PiecewiseLinearFit, *, most: int = MOST) -> Choices:
     chosen = plain()
     last = min(n if fit.cyclic else n - 1, max(most, chosen.segments, fit.segments))
     counts = tuple(range(2, min(last, 2 * most) + 1))
-    rms = np.array([plain(segments=count).rms for count in counts])
+    # A curve with a segment less is one of so many, if it was found to be better.
+    rms = np.minimum.accumulate([plain(segments=count).rms for count in counts])
     rms.setflags(write=False)
     ideal = ideal_of(
         Problem(desired=fit.desired, step=fit.v_max * fit.tick, cyclic=fit.cyclic, weights=weights)

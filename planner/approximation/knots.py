@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.moments import moments
+from planner.approximation.moments import Moments, moments
 from planner.approximation.objective import Problem
 from planner.approximation.requirements import allowed, grid_of, in_place, nodes_of
 from planner.trajectory import Array
@@ -61,21 +61,30 @@ class KnotProposals:
                 self._starts = np.searchsorted(self.nodes, fixed)[:ANCHORS]
             nodes = np.append(self.nodes[:-1], last + self.nodes)
             sides = [np.resize(side, 2 * last + 1) for side in sides]
-        possible = allowed(problem, nodes[:, None], nodes[None, :])
         self._all_nodes = nodes
         self._tables = {}
         self._costs = {}
         self._came_from: dict[Price, list[npt.NDArray[np.intp]]] = {}
+        # A cycle's segments by start and number of nodes, as they recur; a path's by start and end.
+        number = np.arange(count + 1)
+        first, second = np.broadcast_arrays(number[:, None], number)
+        if problem.cyclic:
+            first, second = first[:-1], first[:-1] + second[:-1]  # up to one turn further
+        start, end = nodes[first], nodes[second]
+        possible = allowed(problem, start, end)
+        sums = moments(np.array([sides[0], sides[1]]), sides[2], start, end)
         for price in PRICES:
-            table = prices(*sides, nodes=nodes, step=problem.step, price=price)
+            table = prices(sides[1], sums, start, end, step=problem.step, price=price)
             table[~possible] = np.inf
             # One table for every place where the cycle may begin, shape (anchors, m + 1, m + 1).
-            self._tables[price] = np.stack(
-                [table[a : a + count + 1, a : a + count + 1] for a in self._starts]
-            )
-            start = np.full((self._starts.size, count + 1), np.inf)
-            start[:, 0] = 0.0
-            self._costs[price] = [start]
+            if problem.cyclic:
+                apart = number - number[:, None]
+                row = (self._starts[:, None, None] + number[:, None]) % count
+                table = np.where(apart > 0, table[row, np.maximum(apart, 0)], np.inf)
+            self._tables[price] = table.reshape(-1, count + 1, count + 1)
+            begun = np.full((self._starts.size, count + 1), np.inf)
+            begun[:, 0] = 0.0
+            self._costs[price] = [begun]
             self._came_from[price] = []
         self._cyclic = problem.cyclic
 
@@ -123,40 +132,41 @@ class KnotProposals:
 
 
 def prices(
-    desired: Array,
     ideal: Array,
-    weights: Array,
+    sums: Moments,
+    start: npt.NDArray[np.intp],
+    end: npt.NDArray[np.intp],
     *,
-    nodes: npt.NDArray[np.intp],
     step: float,
     price: Price,
 ) -> Array:
-    """Squared error of a segment between any two nodes, over the samples after the first of them.
+    """Squared errors of segments, each over the samples after its start.
 
     Args:
-        desired: Samples, shape (n,).
-        ideal: Their slope-bounded ideal, shape (n,).
-        weights: Their weights, shape (n,).
-        nodes: Samples where knots may lie, shape (m,), increasing.
+        ideal: The slope-bounded ideal of the samples, shape (n,).
+        sums: Over the samples and over the ideal, one after the other, for every segment.
+        start: Samples where the segments start, of any shape.
+        end: Samples where they end, of the same shape.
         step: Largest change per sample.
         price: Which price, see the module.
 
     Returns:
-        Prices, shape (m, m), infinite on and below the diagonal.
+        Prices, of the same shape, infinite where a segment does not end after its start.
     """
-    start, end = nodes[:, None], nodes[None, :]
-    sums = moments(desired if price == "chord" else ideal, weights, start, end)
+    which = 0 if price == "chord" else 1
+    w0, w1, w2 = sums.w0, sums.w1, sums.w2
+    d0, d1, d2 = sums.d0[which], sums.d1[which], sums.d2[which]
     if price == "chord":
         a = ideal[start]
         m = (ideal[end] - a) / np.maximum(end - start, 1)
-        error = sums.w0 * a * a + 2.0 * a * m * sums.w1 + m * m * sums.w2
-        error -= 2.0 * (a * sums.d0 + m * sums.d1) - sums.d2
+        error = w0 * a * a + 2.0 * a * m * w1 + m * m * w2
+        error -= 2.0 * (a * d0 + m * d1) - d2
     else:
-        weight = np.where(end > start, sums.w0, 1.0)
-        sxx = sums.w2 - sums.w1 * sums.w1 / weight
-        sxy = sums.d1 - sums.w1 * sums.d0 / weight
+        weight = np.where(end > start, w0, 1.0)
+        sxx = w2 - w1 * w1 / weight
+        sxy = d1 - w1 * d0 / weight
         m = np.clip(sxy / np.maximum(sxx, 1e-9), -step, step)
-        error = sums.d2 - sums.d0 * sums.d0 / weight + m * (m * sxx - 2.0 * sxy)
+        error = d2 - d0 * d0 / weight + m * (m * sxx - 2.0 * sxy)
     error = np.maximum(error, 0.0)
     error[end <= start] = np.inf
     return np.asarray(error)

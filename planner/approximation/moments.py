@@ -27,7 +27,7 @@ def moments(
     """Sums over the samples after ``start`` up to ``end``, with k = 0 at ``start``.
 
     Args:
-        desired: Samples, shape (n,).
+        desired: Samples, shape (..., n); their sums have the same leading axes.
         weights: Their weights, shape (n,).
         start: Nodes, of any shape that broadcasts with ``end``.
         end: Nodes.
@@ -35,11 +35,11 @@ def moments(
     Returns:
         The sums, each of the common shape. Cost O(n) and a few operations per stretch.
     """
-    k = np.arange(desired.size, dtype=np.float64)
+    k = np.arange(desired.shape[-1], dtype=np.float64)
     wk, wd = weights * k, weights * desired
     w0, w1, w2, d0, d1, d2 = (
-        total[end] - total[start]
-        for total in map(np.cumsum, (weights, wk, wk * k, wd, wk * desired, wd * desired))
+        (total := np.cumsum(each, axis=-1))[..., end] - total[..., start]
+        for each in (weights, wk, wk * k, wd, wk * desired, wd * desired)
     )
     # About the start.
     w2 = w2 - start * (2.0 * w1 - start * w0)

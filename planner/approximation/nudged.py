@@ -13,7 +13,7 @@ from planner.approximation.objective import Candidate, Problem
 from planner.approximation.requirements import BARELY_SHORT, held
 from planner.approximation.together import descend_all
 
-MOVES = (-1.0, 1.0, -3.0, 3.0)
+MOVES = (-1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
 """What a knot is moved by [samples]."""
 
 ROUNDS = 4

@@ -38,6 +38,10 @@ FIRST_ROUNDS = 4
 ROUNDS = 15
 """Most further evaluations of that one."""
 
+HARDLY_LESS = 0.9
+"""Squared error over that of a rough curve with a segment less from which on that one is sought
+in earnest, to begin from it."""
+
 DESCENTS = 2
 """Starts of many segments, of all that are proposed, from which a descent is begun."""
 
@@ -157,9 +161,14 @@ class Search:
         best = self._rough(segments)
         if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
-        if best.error > self._good_enough:
-            best = self._around(best)
-        return self._descend(best, ROUNDS)
+        if best.error <= self._good_enough:
+            return self._descend(best, ROUNDS)
+        best = self._descend(self._around(best), ROUNDS)
+        less = self._roughly.get(segments - 1)
+        if less is not None and best.error > HARDLY_LESS * less.error:
+            extended = with_one_more(self.problem, self.curve(segments - 1))
+            best = self._descend(self._best_of([best, *extended]), ROUNDS)
+        return best
 
     def _rough(self, segments: int) -> Candidate:
         """The best of a few rounds from what is proposed and from a segment less, found once."""
