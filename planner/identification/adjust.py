@@ -192,7 +192,7 @@ def slopes(at: Adjusted, *, blur: float = 0.0) -> Slopes:
     raw = grid.at_rows(change.by_parameter) * units(grid, at.parameters)
     by_start = grid.at_rows(change.by_start)
     runs = len(grid.starts)
-    norms = np.bincount(grid.run, at.weights * by_start**2, runs)
+    norms: Array = np.bincount(grid.run, at.weights * by_start**2, runs).astype(float)
     along: Array = np.stack(
         [np.bincount(grid.run, at.weights * by_start * column, runs) for column in raw.T], axis=1
     )

@@ -19,8 +19,8 @@ TICK_OF_SLOW_LOGS = 0.005
 """Slower ones with ticks of at most this [s]: a joint that closes in by 50 a second then covers a
 quarter of its error a tick, and finer ticks predict recordings no better (docs/math.md)."""
 
-SLACK = 1.01
-"""A period may exceed a bound by this factor: 20.06 ms are 4 ticks, not 5."""
+SLACK = 1.05
+"""A tick may exceed these by this factor: periods of 20.06 and 20.55 ms are 4 ticks, not 5."""
 
 AGREEMENT = 1e-3
 """A given tick and hold must agree with the log's period to this."""

@@ -165,11 +165,11 @@ def gridded(
     """
     axis = _Axis(logs, reach)
     ticks: list[Array] = []
-    states: list[Array] = []
+    states: list[npt.NDArray[np.int_]] = []
     starts: list[int] = []
-    before: list[Array] = []
+    before: list[npt.NDArray[np.int_]] = []
     share: list[Array] = []
-    number: list[Array] = []
+    number: list[npt.NDArray[np.int_]] = []
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [~glitches(log.angles) for log in logs]
     firsts: list[Place] = []
@@ -180,7 +180,7 @@ def gridded(
             continue
         used[run.log][kept] = True
         times = axis.shifted[run.log][kept]
-        places = (times - times[0]) / tick
+        places: Array = (times - times[0]) / tick
         whole = np.round(places)
         places = np.where(
             np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole), whole, places
@@ -216,7 +216,8 @@ class _Axis:
     """One axis of time for all pieces of all logs, and the requests on it."""
 
     def __init__(self, logs: Sequence[Log], reach: float) -> None:
-        edges, requests = [], []
+        edges: list[Array] = []
+        requests: list[Array] = []
         self.shifted: list[Array] = []
         now = 0.0
         for log in logs:
@@ -224,7 +225,7 @@ class _Axis:
             for piece in pieces_of(log):
                 now += 2.0 * reach
                 shifted[piece] += now - log.times[piece.start]
-                edges += [[now - 2.0 * reach], shifted[piece]]
+                edges += [np.array([now - 2.0 * reach]), shifted[piece]]
                 requests += [log.requests[piece][:1], log.requests[piece]]
                 now = float(shifted[piece][-1])
             self.shifted.append(shifted)

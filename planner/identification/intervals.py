@@ -226,6 +226,11 @@ def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
     return min(max(deviation * fit.grid.tick, 0.25 * fit.grid.tick), 0.3 * delay)
 
 
+def speed_bounded(fit: Adjusted) -> bool:
+    """Whether the data bounds the top speed from above."""
+    return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1))
+
+
 def peak_call(fit: Adjusted) -> float:
     """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
     return fastest_call(fit.parameters, fit.grid, fit.pulls, fit.states)

@@ -25,8 +25,11 @@ MOST_FOLLOWED = 3
 HOPS = ((1.0, -1.0), (-1.0, 1.0), (-1.0, 2.0), (1.0, -2.0))
 """Changes of lag and acceleration time [ticks] that may lead to a better fit nearby."""
 
-HOP_STEPS = 5
-"""Steps after which a hop is judged."""
+HOP_STEPS = (5, 15)
+"""Steps after which a hop is judged: on long logs, and on short ones, where steps cost little."""
+
+SHORT = 8000
+"""Ticks up to which a log is short."""
 
 HOP_ROUNDS = 3
 """Hops in a row at most."""
@@ -117,6 +120,7 @@ def searched(grid: Grid) -> list[Adjusted]:
 def nearby(fit: Adjusted) -> Adjusted:
     """The fit or a better one nearby, across the corners that whole ticks put into the cost."""
     tick = fit.grid.tick
+    steps = HOP_STEPS[len(fit.grid.ticks) <= SHORT]
     for _ in range(HOP_ROUNDS):
         at = fit.parameters
         begins = [
@@ -127,9 +131,7 @@ def nearby(fit: Adjusted) -> Adjusted:
             if at.lag + lag * tick > -tick and at.acceleration_time + more * tick > 0.0
         ]
         others = [
-            adjust(
-                fit.grid, begin, starts=fit.starts, scale=fit.scale, steps=HOP_STEPS, precision=1e-3
-            )
+            adjust(fit.grid, begin, starts=fit.starts, scale=fit.scale, steps=steps, precision=1e-3)
             for begin in begins
         ]
         best = min(others, key=lambda other: other.cost, default=fit)

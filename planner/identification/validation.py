@@ -13,7 +13,12 @@ from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.clock import Clock
 from planner.identification.fitting import fitted, moving
 from planner.identification.grid import Grid, gridded
-from planner.identification.intervals import fastest_call, with_shown_speed
+from planner.identification.intervals import (
+    fastest_call,
+    peak_call,
+    speed_bounded,
+    with_shown_speed,
+)
 from planner.identification.log import Log
 from planner.identification.simulation import pulls_of, respond
 from planner.trajectory import Array
@@ -33,8 +38,8 @@ class HeldOut(NamedTuple):
         predicted: Angle at them by the model fitted to the others [rad].
         rms: Its error [rad].
         alternatives: Error of each simpler description, fitted to the others too [rad].
-        beyond: Whether they call for faster motion than the model, fitted to rows in which it did
-            not saturate, has seen.
+        beyond: Whether they call for faster motion than the other rows, which do not say how fast
+            the joint can be.
     """
 
     rows: np.ndarray
@@ -66,9 +71,8 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
     )
     if not rows.any():
         return None
-    capped = with_shown_speed(fit)
-    unseen = capped is not fit  # the top speed is a mere guess from what was called for
-    fit = capped
+    shown = peak_call(fit)
+    fit = with_shown_speed(fit)
     pulls = pulls_of(grid, fit.parameters)
     states = respond(grid, fit.parameters, _starts(grid, fit, parts), pulls=pulls)
     called = fastest_call(fit.parameters, grid, pulls, states)
@@ -80,7 +84,7 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
         predicted=predicted[rows],
         rms=_rms((predicted - grid.angles)[rows]),
         alternatives={name: _rms(error) for name, error in errors.items()},
-        beyond=unseen and called > FASTER * fit.parameters.v_max,
+        beyond=called > FASTER * shown and not speed_bounded(fit),
     )
 
 

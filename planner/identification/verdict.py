@@ -16,7 +16,7 @@ from planner.identification.validation import HeldOut
 
 REFUSED = 0.25
 """A model whose error exceeds this share of the motion's standard deviation is refused. Recordings
-of joints that the model is meant for leave 0.03 to 0.23, those of an overloaded one 0.23 to 0.75."""
+of joints that the model is meant for leave 0.02 to 0.23, those of an overloaded one 0.23 to 1."""
 
 SUSPECT = 0.1
 """From this share on the user is told what may be the reason."""
@@ -24,8 +24,8 @@ SUSPECT = 0.1
 SIMPLER_WINS = 1.02
 """A simpler description that predicts held-out rows better by this factor is pointed out."""
 
-NO_BETTER = 1.25
-"""By this factor, where the model is suspect as well, it is refused."""
+NO_BETTER = 0.9
+"""A suspect model has to come below this share of the error of a mere delay."""
 
 LOOSE = 0.5
 """A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
@@ -75,9 +75,16 @@ def verdict_on(
         errors.append((held.rms, " in the part that was held out"))
     error, where = max(errors)
     missed = error / signal
-    accepted = missed <= REFUSED
+    mere = min(simple["raw"], simple["delay"])
+    useless = missed > SUSPECT and fit.rms > NO_BETTER * mere
+    accepted = missed <= REFUSED and not useless
     said = f"{missed:.0%} of the motion's standard deviation{where} (rms {_said(error, unit)})"
-    if not accepted:
+    if useless:
+        warnings.append(
+            f"the model does not fit: it misses {said}, and a mere delay hardly more "
+            f"({_said(mere, unit)} in place of {_said(fit.rms, unit)}); {REASONS}"
+        )
+    elif not accepted:
         warnings.append(
             f"the model does not fit: it misses {said}; more than {REFUSED:.0%} is not accepted; "
             f"{REASONS}"
@@ -87,7 +94,6 @@ def verdict_on(
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     if ours > SIMPLER_WINS * others[name] and (fair or held is None):
-        accepted = accepted and not (missed > SUSPECT and ours > NO_BETTER * others[name])
         warnings.append(
             f"{WORDS[name]} predicts better than the model (rms {_said(others[name], unit)} "
             f"against {_said(ours, unit)}): the log is too short or too gentle for more"
