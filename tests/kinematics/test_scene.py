@@ -68,7 +68,7 @@ def test_the_foot_that_is_seen_is_where_the_leg_has_it(urdf, base, foot):
     angles = ANGLES[:, : len(leg.joint_names)]
     seen = scene.placements(angles)[:, number]
     assert np.max(np.abs(seen[:, :3, 3] - leg.foot_positions(angles))) <= SAME
-    assert np.max(np.abs(seen[:, :3, :3] @ seen[:, :3, :3].mT - np.eye(3))) <= SAME
+    assert np.max(np.abs(np.swapaxes(seen[:, :3, :3], 1, 2) @ seen[:, :3, :3] - np.eye(3))) <= SAME
 
 
 def test_only_the_leg_moves():

@@ -35,17 +35,17 @@ def joint_trajectory(
         The message's fields, with points that carry positions [rad], times, and perhaps velocities.
 
     Raises:
-        InvalidInput: A lead below 0, two points at the same nanosecond, or one too late for a
-            duration of ROS.
+        InvalidInput: A lead below 0, points within a nanosecond, or one too late for a duration
+            of ROS.
     """
     if not 0.0 <= lead < math.inf:
         raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
-    times = schedule.nanoseconds + round(lead * NANOSECONDS)
-    if times[-1] >= LONGEST * NANOSECONDS or (np.diff(times) <= 0).any():
+    if schedule.duration + lead >= LONGEST or schedule.period * NANOSECONDS < 1.0:
         raise InvalidInput(
-            f"a request every {schedule.period:g} s for {schedule.duration:g} s: ROS has whole "
-            f"nanoseconds up to {LONGEST} s; export fewer cycles, or at another rate"
+            f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS has "
+            f"whole nanoseconds up to {LONGEST} s; export fewer cycles, or at another rate"
         )
+    times = schedule.nanoseconds + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
     points = [
         {

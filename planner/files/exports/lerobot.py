@@ -163,7 +163,6 @@ _INDEXED_BY_TASK = {
                     ("task", "unicode", "object"),
                 )
             ],
-            "creator": {"library": "pyarrow", "version": "15"},
             "pandas_version": "2.0.0",
         }
     )

@@ -62,6 +62,8 @@ def test_a_single_request_is_a_trajectory_at_rest():
     [
         (1e-10, 0.0, "ROS has whole nanoseconds"),
         (1e9, 0.0, "ROS has whole nanoseconds up to 2147483647 s"),
+        (1e300, 0.0, "ROS has whole nanoseconds up to 2147483647 s"),
+        (0.008, 1e300, "ROS has whole nanoseconds up to 2147483647 s"),
         (0.008, -1.0, "lead: got -1 s, expected 0 or more"),
         (0.008, float("nan"), "lead: got nan s, expected 0 or more"),
     ],
