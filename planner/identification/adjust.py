@@ -16,6 +16,9 @@ from planner.trajectory import Array
 HUBER = 5.0
 """Residuals beyond so many standard deviations count by their size, not by its square."""
 
+GROSS = 10.0
+"""Residuals beyond so many standard deviations are faults of the log, not of the model."""
+
 SHARE_TRUSTED = 0.95
 """Share of the residuals that the scale is read from: more outliers than the rest would raise it.
 A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
@@ -79,6 +82,12 @@ class Adjusted:
 def scale_of(residuals: Array, floor: float) -> float:
     """Standard deviation of the bulk of the residuals."""
     return max(floor, float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE)
+
+
+def sound_rms(residuals: Array) -> float:
+    """Root mean square of the residuals that are no gross outliers [rad]."""
+    sound = np.abs(residuals) <= GROSS * scale_of(residuals, 0.0)
+    return float(np.sqrt(np.mean(residuals[sound] ** 2)))
 
 
 def huber(residuals: Array, scale: float) -> tuple[float, Array]:

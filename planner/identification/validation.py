@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjust import Adjusted
+from planner.identification.adjust import Adjusted, sound_rms
 from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.clock import Clock
 from planner.identification.fitting import fitted, moving
@@ -37,6 +37,7 @@ class HeldOut(NamedTuple):
         rows: Which of the grid's rows were held out.
         predicted: Angle at them by the model fitted to the others [rad].
         rms: Its error [rad].
+        sound_rms: The same without gross outliers [rad].
         alternatives: Error of each simpler description, fitted to the others too [rad].
         beyond: Whether they call for faster motion than the other rows, which do not say how fast
             the joint can be.
@@ -45,6 +46,7 @@ class HeldOut(NamedTuple):
     rows: np.ndarray
     predicted: Array
     rms: float
+    sound_rms: float
     alternatives: dict[str, float]
     beyond: bool
 
@@ -78,12 +80,15 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
     called = fastest_call(fit.parameters, grid, pulls, states)
     predicted = grid.at_rows(states)
     simple = simple_fits(moving(gridded(known, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
-    errors = {other.name: errors_of(other, grid, grid.measured_starts)[rows] for other in simple}
+    starts = grid.measured_starts
+    others = {other.name: _rms(errors_of(other, grid, starts)[rows]) for other in simple}
+    errors = (predicted - grid.angles)[rows]
     return HeldOut(
         rows=rows,
         predicted=predicted[rows],
-        rms=_rms((predicted - grid.angles)[rows]),
-        alternatives={name: _rms(error) for name, error in errors.items()},
+        rms=_rms(errors),
+        sound_rms=sound_rms(errors),
+        alternatives=others,
         beyond=called > FASTER * shown and not speed_bounded(fit),
     )
 

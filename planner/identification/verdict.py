@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.adjust import Adjusted
+from planner.identification.adjust import Adjusted, sound_rms
 from planner.identification.clock import Clock
 from planner.identification.intervals import Bounds, peak_call
 from planner.identification.log import Log
@@ -50,7 +50,7 @@ def verdict_on(
     signal: float,
     unit: str,
 ) -> Verdict:
-    """Judge a fit by its error on all rows and on those that were held out.
+    """Judge a fit by its error, gross outliers aside, on all rows and on those held out.
 
     Rows that ask for faster motion than the fit to the others has seen are no fair question: then
     the error on all rows decides.
@@ -70,9 +70,9 @@ def verdict_on(
             "the part that was held out calls for faster motion than the part that was fitted: how "
             "well the model predicts it says little"
         )
-    errors = [(fit.rms, "")]
+    errors = [(sound_rms(fit.residuals), "")]
     if held is not None and fair:
-        errors.append((held.rms, " in the part that was held out"))
+        errors.append((held.sound_rms, " in the part that was held out"))
     error, where = max(errors)
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
