@@ -204,3 +204,24 @@ def test_logs_of_different_joints_are_not_thrown_together(run):
     result = run("identify", "hip.csv", "knee.csv")
     assert result.exit_code == 2
     assert "the logs are of different joints (hip, knee)" in result.stderr
+
+
+def test_a_recorded_gripper_is_known_sharply_in_shares_of_its_range(run, recordings, tmp_path):
+    log = recordings / "so101" / "prbs_excitation.csv"
+    asked = ("identify", log, "--joint", "Jaw", "--unit", "rad,Jaw=range")
+    result = run(*asked, "--out", "jaw.toml", "--report", "jaw.html")
+    assert result.exit_code == 0, result.stderr
+    assert "Jaw: the model holds: " in result.stderr
+    (jaw,) = read_models(tmp_path / "jaw.toml").for_joints(["Jaw"])
+    assert 1.0 < jaw.v_max < 1.3
+    assert "shares of the joint's range" in (tmp_path / "jaw.toml").read_text()
+    page = (tmp_path / "jaw.html").read_text()
+    assert "Jaw, identified" in page
+    assert len(page) < 600_000  # 6000 rows may not make a heavy page [characters]
+
+
+def test_an_overloaded_servo_is_refused(run, recordings):
+    result = run("identify", recordings / "xl330" / "xl330_kp100_sin_sin.csv")
+    assert result.exit_code == 1
+    assert "THE MODEL DOES NOT FIT" in result.stderr
+    assert result.stdout.startswith("# Identified by request-planner")
