@@ -31,87 +31,87 @@ ONLY = {
 """Formats that an option has an effect on; it is refused with the others."""
 
 
+OPTIONS = (
+    click.option(
+        "--format",
+        type=click.Choice(["csv", *ROS, "lerobot"]),
+        required=True,
+        help="What to write; see above.",
+    ),
+    click.option(
+        "-o",
+        "--output",
+        default="-",
+        metavar="OUT",
+        help="The file, or folder, to write; '-' is standard output.  [default: -]",
+    ),
+    click.option(
+        "--cycles",
+        type=int,
+        default=1,
+        show_default=True,
+        metavar="N",
+        help="How often to go through the requests.",
+    ),
+    click.option(
+        "--rate-hz",
+        type=float,
+        metavar="HZ",
+        help="Rows per second; by default one per request.",
+    ),
+    click.option(
+        "--between",
+        type=click.Choice(["hold", "linear"]),
+        help="With --rate-hz: hold each request until the next one, or go there in a "
+        "straight line.  [default: hold]",
+    ),
+    click.option(
+        "--period-s",
+        type=float,
+        metavar="S",
+        help="Time between requests, where the file has no column t_s.",
+    ),
+    click.option(
+        "--joint-names",
+        metavar="A,B,C",
+        help="The joints' names on the robot, in the order of the columns.",
+    ),
+    click.option(
+        "--unit",
+        type=click.Choice(["rad", "deg", "ticks"]),
+        help="csv: unit of the columns.  [default: rad]",
+    ),
+    click.option("--ticks-per-turn", type=int, metavar="N", help="csv: ticks.  [default: 4096]"),
+    click.option(
+        "--zero-tick",
+        multiple=True,
+        metavar="[JOINT=]N",
+        help="csv: tick at angle 0, of all joints or one.  [default: 2048]",
+    ),
+    click.option(
+        "--lead-s",
+        type=float,
+        metavar="S",
+        help="yaml, bag, mcap: time of the first point, in which the controller leads the "
+        "joints there.  [default: 0]",
+    ),
+    click.option(
+        "--velocities",
+        is_flag=True,
+        help="yaml, bag, mcap: points carry velocities, and become splines.",
+    ),
+    click.option(
+        "--topic",
+        help="bag, mcap.  [default: /joint_trajectory_controller/joint_trajectory]",
+    ),
+    click.option("--task", help="lerobot: what the episode shows, in words."),
+)
+"""What is written and how, in the order of the help."""
+
+
 def to_robots(command: Command) -> Command:
-    """Add the options that say what is written and how."""
-    for option in reversed(
-        (
-            click.option(
-                "--format",
-                type=click.Choice(["csv", *ROS, "lerobot"]),
-                required=True,
-                help="What to write; see above.",
-            ),
-            click.option(
-                "-o",
-                "--output",
-                default="-",
-                metavar="OUT",
-                help="The file, or folder, to write; '-' is standard output.  [default: -]",
-            ),
-            click.option(
-                "--cycles",
-                type=int,
-                default=1,
-                show_default=True,
-                metavar="N",
-                help="How often to go through the requests.",
-            ),
-            click.option(
-                "--rate-hz",
-                type=float,
-                metavar="HZ",
-                help="Rows per second; by default one per request.",
-            ),
-            click.option(
-                "--between",
-                type=click.Choice(["hold", "linear"]),
-                help="With --rate-hz: hold each request until the next one, or go there in a "
-                "straight line.  [default: hold]",
-            ),
-            click.option(
-                "--period-s",
-                type=float,
-                metavar="S",
-                help="Time between requests, where the file has no column t_s.",
-            ),
-            click.option(
-                "--joint-names",
-                metavar="A,B,C",
-                help="The joints' names on the robot, in the order of the columns.",
-            ),
-            click.option(
-                "--unit",
-                type=click.Choice(["rad", "deg", "ticks"]),
-                help="csv: unit of the columns.  [default: rad]",
-            ),
-            click.option(
-                "--ticks-per-turn", type=int, metavar="N", help="csv: ticks.  [default: 4096]"
-            ),
-            click.option(
-                "--zero-tick",
-                multiple=True,
-                metavar="[JOINT=]N",
-                help="csv: tick at angle 0, of all joints or one.  [default: 2048]",
-            ),
-            click.option(
-                "--lead-s",
-                type=float,
-                metavar="S",
-                help="yaml, bag, mcap: time of the first point, in which the controller leads the "
-                "joints there.  [default: 0]",
-            ),
-            click.option(
-                "--velocities",
-                is_flag=True,
-                help="yaml, bag, mcap: points carry velocities, and become splines.",
-            ),
-            click.option(
-                "--topic",
-                help="bag, mcap.  [default: /joint_trajectory_controller/joint_trajectory]",
-            ),
-            click.option("--task", help="lerobot: what the episode shows, in words."),
-        )
-    ):
+    """Add :data:`OPTIONS`."""
+    for option in reversed(OPTIONS):
         command = option(command)
     return command
 
