@@ -27,6 +27,15 @@ ABOVE_NOISE = 1.1
 ONE_BY_ONE = 16
 """Segments up to which every number is tried; beyond, a bracket grows and is halved."""
 
+WIDER = 1.3
+"""Factor by which a bracket of many segments grows."""
+
+COARSE = 0.004
+"""Width of a bracket, relative to its segments, that is not halved any further."""
+
+FEWER = 0.75
+"""Segments tried first, relative to a curve that is found in one pass."""
+
 FLATTENINGS = 12
 """Times that the weights of the largest errors are raised in search of a smaller one."""
 
@@ -139,7 +148,8 @@ def within(search: Search, bound: float, most: int | None, unit: float) -> Candi
         return curve if worst <= bound else None
 
     last = search.most if most is None else min(most, search.most)
-    found = _fewest(close_enough, search.fewest, last)
+    guess = swung(problem.desired, bound)
+    found = _fewest(close_enough, search.fewest, last, math.floor(FEWER * guess))
     if found is None and last == search.most:
         found = search.closest_everywhere()
     if found is None:
@@ -167,23 +177,56 @@ def flattened(problem: Problem, curve: Candidate, bound: float) -> tuple[Candida
         weights = weights * (error / error.mean()) + 1e-6
         weights = weights / weights.mean()
         weighted = replace(problem, weights=weights)
-        curve = descend(weighted, candidate(weighted, curve.knots, curve.values), rounds=3)
+        start = candidate(weighted, curve.knots, curve.values)
+        curve = descend(weighted, start, rounds=3, only=error > bound)
         error = np.abs(residuals(problem, curve.knots, curve.values))
         if error.max() < least:
             best, least = curve, float(error.max())
     return candidate(problem, best.knots, best.values), least
 
 
+def swung(desired: Array, bound: float) -> int:
+    """Segments of the curve that goes on in a line as long as it stays within ``bound``; O(n)."""
+    segments, knot, value = 1, 0, float(desired[0])
+    low, high = -math.inf, math.inf
+    for k, angle in enumerate(desired.tolist()):
+        if k == 0:
+            continue
+        lower, upper = (angle - bound - value) / (k - knot), (angle + bound - value) / (k - knot)
+        if lower > high or upper < low:
+            value += 0.5 * (low + high) * (k - 1 - knot)
+            knot, segments = k - 1, segments + 1
+            low, high = angle - bound - value, angle + bound - value
+        else:
+            low, high = max(low, lower), min(high, upper)
+    return segments
+
+
 def _fewest(
-    found_with: Callable[[int], Candidate | None], fewest: int, most: int
+    found_with: Callable[[int], Candidate | None], fewest: int, most: int, guess: int = 0
 ) -> Candidate | None:
-    """The curve of the first number of segments that has one; few are tried where it is large."""
-    failed, count = fewest - 1, fewest
-    found = None
-    while failed < most and (found := found_with(count)) is None:
+    """The curve of the first number of segments that has one; few are tried where it is large.
+
+    Args:
+        found_with: The curve of a number of segments, if it is good enough.
+        fewest: The least number.
+        most: The largest number.
+        guess: Where to begin, if it is many.
+    """
+    failed, count = fewest - 1, max(fewest, min(guess, most) if guess > ONE_BY_ONE else fewest)
+    found = found_with(count)
+    while found is not None and count > max(fewest, ONE_BY_ONE):  # the guess was high
+        lower = max(fewest, ONE_BY_ONE, math.floor(count / WIDER))
+        better = found_with(lower)
+        if better is None:
+            failed = lower
+            break
+        found, count = better, lower
+    while found is None and count < most:
         failed = count
-        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(1.3 * count))
-    while found is not None and count - failed > 1:
+        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(WIDER * count))
+        found = found_with(count)
+    while found is not None and count - failed > 1 + math.floor(COARSE * count):
         middle = (failed + count) // 2
         better = found_with(middle)
         if better is None:

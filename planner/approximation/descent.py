@@ -63,20 +63,27 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     return Candidate(knots, values, max(here.error + change, 0.0))
 
 
-def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
+def descend(
+    problem: Problem,
+    start: Candidate,
+    *,
+    rounds: int,
+    only: npt.NDArray[np.bool_] | None = None,
+) -> Candidate:
     """Move knots and values downhill until there is no progress; the ends of a path stay.
 
     Args:
         problem: What to approximate.
         start: Where to start, within the slopes.
         rounds: Most evaluations.
+        only: Samples, shape (n,): of many knots, those in no window with one of them stay.
 
     Returns:
         The best curve found; never worse than the start.
     """
     fixed = np.concatenate(held(problem, start.knots))
     if start.knots.size > LARGEST_WINDOW:
-        return _sweep(problem, start, fixed=fixed, rounds=rounds)
+        return _sweep(problem, start, fixed=fixed, rounds=rounds, only=only)
     free = ~fixed
     if not np.any(free):
         return start
@@ -84,7 +91,12 @@ def descend(problem: Problem, start: Candidate, *, rounds: int) -> Candidate:
 
 
 def _sweep(
-    problem: Problem, start: Candidate, *, fixed: npt.NDArray[np.bool_], rounds: int
+    problem: Problem,
+    start: Candidate,
+    *,
+    fixed: npt.NDArray[np.bool_],
+    rounds: int,
+    only: npt.NDArray[np.bool_] | None,
 ) -> Candidate:
     """Move one window of knots after the other, each between knots that stay."""
     size, n = start.knots.size, problem.samples
@@ -97,6 +109,8 @@ def _sweep(
         places = knots[number % size] + n * (number // size)
         low, high = math.ceil(places[0]), math.floor(places[-1])
         inside = np.arange(low, high + 1) % n
+        if only is not None and not np.any(only[inside]):
+            continue
         window = replace(
             problem,
             desired=problem.desired[inside],

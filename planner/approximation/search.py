@@ -54,6 +54,9 @@ ROUGH = 1e-3
 WORTH_A_DESCENT = 1.1
 """Squared error over the best so far up to which a curve on a grid is descended from."""
 
+MANY_SAMPLES = 2000
+"""Samples beyond which knots are not moved across single ones."""
+
 MOST_PROPOSED = 32
 """Segments up to which knots are sought by shortest paths; beyond, by merging."""
 
@@ -157,17 +160,17 @@ class Search:
         if segments > MOST_PROPOSED:
             merged = self._merged(segments)
             merged = spread(self.problem, segments) if merged is None else merged
-            return self._descend(self.valued(merged), FIRST_ROUNDS)
+            return descend(self.problem, self.valued(merged), rounds=FIRST_ROUNDS)
         best = self._rough(segments)
         if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
         if best.error <= self._good_enough:
-            return self._descend(best, ROUNDS)
-        best = self._descend(self._around(best), ROUNDS)
+            return descend(self.problem, best, rounds=ROUNDS)
+        best = descend(self.problem, self._around(best), rounds=ROUNDS)
         less = self._roughly.get(segments - 1)
         if less is not None and best.error > HARDLY_LESS * less.error:
             extended = with_one_more(self.problem, self.curve(segments - 1))
-            best = self._descend(self._best_of([best, *extended]), ROUNDS)
+            best = descend(self.problem, self._best_of([best, *extended]), rounds=ROUNDS)
         return best
 
     def _rough(self, segments: int) -> Candidate:
@@ -190,8 +193,10 @@ class Search:
         if proposed[0].size > LARGEST_WINDOW:
             starts = [*map(self.valued, proposed), *extended[:1]]
             begun = sorted(starts, key=_error)[:DESCENTS]
-            begun = [self._descend(curve, FIRST_ROUNDS) for curve in begun]
-            return self._descend(min(begun, key=_error), ROUNDS)
+            begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in begun]
+            return descend(self.problem, min(begun, key=_error), rounds=ROUNDS)
+        if self.problem.samples > MANY_SAMPLES:  # memory takes samples times starts
+            extended = extended[:1]
         starts = all_best_values(self.problem, proposed) + extended
         return self._best_of(starts)
 
@@ -207,8 +212,9 @@ class Search:
             chained = self.valued(around)
             if chained.error < WORTH_A_DESCENT * best.error:
                 best = min(descend_all(self.problem, [best, chained], rounds=ROUNDS), key=_error)
-        best = self._descend(best, ROUNDS)
-        if self.problem.whole or self.problem.required.size:
+        best = descend(self.problem, best, rounds=ROUNDS)
+        tiny = self.problem.samples > MANY_SAMPLES  # are the kinks at samples
+        if tiny or self.problem.whole or self.problem.required.size:
             return best
         return min(best, nudged(self.problem, best), key=_error)
 
@@ -227,22 +233,15 @@ class Search:
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
         if knots.size > LARGEST_WINDOW:
+            end = [knots[0] + self.problem.samples] if self.problem.cyclic else []
             values = within_slopes(
                 solve_values(self.problem, knots),
-                self._limits(knots),
+                self.problem.step * np.diff(np.append(knots, end)),
                 cyclic=self.problem.cyclic,
                 towards=at_rest(self.problem, knots) if self.problem.required.size else None,
             )
             return candidate(self.problem, knots, values)
         return best_values(self.problem, knots)
-
-    def _limits(self, knots: Array) -> Array:
-        problem = self.problem
-        ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
-        return problem.step * np.diff(ends)
-
-    def _descend(self, curve: Candidate, rounds: int) -> Candidate:
-        return descend(self.problem, curve, rounds=rounds)
 
 
 def _error(curve: Candidate) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from planner.approximation.choose import swung
 from planner.approximation.fit import fit_pwl
 from planner.approximation.objective import Problem, constraint_rows, evaluate, slacks
 from planner.approximation.small_qp import minimize_quadratic
@@ -131,6 +132,7 @@ def test_memory_grows_in_proportion_to_the_samples():
     code = """
 import resource, sys
 import numpy as np
+from planner.approximation.choose import swung
 from planner.approximation.fit import fit_pwl
 desired = np.sin(np.arange(40_000) / 80.0)
 fit_pwl(desired[:600], v_max=0.02, tick=1.0, segments=40)
@@ -140,3 +142,19 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
 """
     child = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert int(child.stdout) <= GROWTH
+
+
+def test_thousands_of_samples_need_few_segments_for_a_largest_error_and_each_counts():
+    rng = np.random.default_rng(4)
+    desired = np.resize(samples_of("sines", 90, rng), 2700)
+    fit = fit_pwl(desired, v_max=2.0, tick=1.0, max_error=0.1)
+    assert fit.max_error <= 0.1 * (1.0 + 1e-9)
+    short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
+    assert fit.segments <= 1.15 * 30 * short.segments
+    assert swung(desired, 0.1) >= fit.segments
+
+
+def test_a_curve_swung_along_follows_corners_and_counts_them():
+    zigzag = np.interp(np.arange(41.0), [0, 10, 20, 30, 40], [0.0, 5.0, 0.0, 5.0, 0.0])
+    assert swung(zigzag, 1e-6) == 4
+    assert swung(zigzag, 10.0) == 1
