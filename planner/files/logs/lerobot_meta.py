@@ -33,7 +33,7 @@ class Dataset:
     Attributes:
         root: The folder that holds ``meta`` and ``data``.
         names: Names of the columns of ``action`` and of ``observation.state``; None where a
-            feature has no names.
+            feature does not name its joints.
     """
 
     root: Path
@@ -93,7 +93,9 @@ def find_dataset(path: Path) -> Dataset:
             known = ", ".join(features) if isinstance(features, dict) else "none"
             raise InvalidFile(root / INFO, f"no feature '{key}'; features: {known}")
         flat = tuple(_flat(feature.get("names")))
-        names[key] = tuple(plain_names(flat)) if flat else None
+        shape = feature.get("shape", [len(flat)])
+        # some datasets name the axis ("motors") and not the joints on it
+        names[key] = tuple(plain_names(flat)) if flat and shape == [len(flat)] else None
     return Dataset(root, names)
 
 

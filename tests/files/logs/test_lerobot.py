@@ -76,8 +76,9 @@ def test_all_joints_are_read_each_in_its_unit(tmp_path):
     np.testing.assert_allclose(logs[2].requests, values(0)[0][:, 2] / 100.0, atol=1e-7)
 
 
-def test_joints_without_names_are_numbered(tmp_path):
-    root = v21(tmp_path / "set", None)
+@pytest.mark.parametrize("names", [None, [], ["motors"]], ids=["none", "empty", "of the axis"])
+def test_joints_without_names_are_numbered(tmp_path, names):
+    root = v21(tmp_path / "set", names)
     assert joints_in(root) == ("0", "1", "2")
     (log,) = read_logs(root, options=LogOptions(joint="1", unit="deg", episodes="0"))
     np.testing.assert_allclose(log.requests, np.radians(values(0)[0][:, 1]), atol=1e-7)
