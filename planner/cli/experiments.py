@@ -30,8 +30,6 @@ class Told(NamedTuple):
 def on_model(folder: Path, progress: Callable[[str], None]) -> Told:
     """The paper's experiment on the paper's own model."""
     from planner.evaluation.reproduction import reproduce
-    from planner.files.output_folder import list_files
-    from planner.files.text import write_text
     from planner.report.figures import pictures
     from planner.report.page import page
     from planner.report.paper_tables import paper_text
@@ -41,18 +39,13 @@ def on_model(folder: Path, progress: Callable[[str], None]) -> Told:
     progress("the report")
     _write_paths(folder, reproduction)
     document = results(reproduction)
-    linked = ["results.json", *list_files(folder)]
-    drawn = pictures(reproduction)
-    _write_pictures(folder, drawn)
-    write_text(folder / "report.html", page(document, drawn, linked))
+    _write_report(folder, document, pictures(reproduction), page)
     return Told(document, paper_text(document))
 
 
 def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Told:
     """The paper's experiment on the virtual robot, whose joints are not the model."""
     from planner.evaluation.virtual_experiment import play_experiment
-    from planner.files.output_folder import list_files
-    from planner.files.text import write_text
     from planner.report.virtual_figures import virtual_pictures
     from planner.report.virtual_page import virtual_page
     from planner.report.virtual_results import virtual_results
@@ -62,10 +55,7 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Told:
     progress("the report")
     _write_records(folder, outcome)
     document = virtual_results(outcome)
-    linked = ["results.json", *list_files(folder)]
-    drawn = virtual_pictures(outcome)
-    _write_pictures(folder, drawn)
-    write_text(folder / "report.html", virtual_page(document, drawn, linked))
+    _write_report(folder, document, virtual_pictures(outcome), virtual_page)
     failures = [
         f"{joint.name}: the model that was identified does not describe the joint; see its "
         "warnings in results.json"
@@ -122,11 +112,20 @@ def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
             write_joint_path(path, walk.joint_names, angles, period=period)
 
 
-def _write_pictures(folder: Path, drawn: Sequence[Picture]) -> None:
+def _write_report(
+    folder: Path,
+    document: dict[str, Any],
+    drawn: Sequence[Picture],
+    page: Callable[[dict[str, Any], Sequence[Picture], Sequence[str]], str],
+) -> None:
+    """The page, which links to the files that are already there, and its pictures."""
+    from planner.files.output_folder import list_files
     from planner.files.text import write_bytes, write_text
     from planner.report.render import to_png, to_svg
 
+    linked = ["results.json", *list_files(folder)]
     (folder / "figures").mkdir()
     for picture in drawn:
         write_text(folder / "figures" / f"{picture.name}.svg", to_svg(picture.figure))
         write_bytes(folder / "figures" / f"{picture.name}.png", to_png(picture.figure))
+    write_text(folder / "report.html", page(document, drawn, linked))

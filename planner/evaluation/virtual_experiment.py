@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from planner.evaluation.planned_walk import foot_outcome, plan_walk
 from planner.evaluation.virtual_outcome import Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
 from planner.gait import ReferenceWalk, reference_walk
+from planner.identification.identification import Identification
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.result import Inversion
@@ -74,7 +76,7 @@ def play_experiment(
         clock.start("step_tests", f"the step tests of the {name}")
         logs = [record_step_test(robot, walk, j, amplitude) for amplitude in AMPLITUDES]
         clock.start("identification", f"the model of the {name}")
-        identifications.append(identify(logs, tick=robot.constants.request_period))
+        identifications.append(_identified(logs, tick=robot.constants.request_period))
     clock.stop()
     planned = plan_walk([each.model for each in identifications], segments=segments, clock=clock)
     runs = {}
@@ -123,6 +125,12 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
         name=f"step test of {amplitude:g} degrees",
         joint=walk.joint_names[joint],
     )
+
+
+def _identified(logs: list[Log], *, tick: float) -> Identification:
+    """The identification, its tick free of the rounding of the log's clock."""
+    found = identify(logs, tick=tick)
+    return replace(found, model=replace(found.model, tick=tick))
 
 
 def planned_requests(planned: PlannedWalk) -> dict[str, Array]:

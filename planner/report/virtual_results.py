@@ -32,24 +32,12 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
     predicted on the identified models (``predicted``), by how much the mean is above that
     (``loss``), and the paper's own.
     """
-    planned, direct = outcome.planned, outcome.runs["direct"]
-    table2, foot = outcome.table2, outcome.foot_table
-    sensed, sensed_foot = outcome.sensed_table2, outcome.sensed_foot_table
-    unseen = outcome.unseen_rms
+    planned = outcome.planned
     return {
         "made_by": f"request-planner {__version__} reproduce --robot virtual",
         "note": NOTE,
         "source": SOURCE,
-        "robot": {
-            "name": "virtual",
-            "seed": outcome.seed,
-            "cycles": len(direct.angles),
-            "dropped_cycles": {method: run.dropped for method, run in outcome.runs.items()},
-            "constants": outcome.constants.to_dict(),
-            "top_speed_deg_per_tick": math.degrees(outcome.constants.top_speed)
-            * outcome.constants.request_period,
-            "stall_torque_newton_metre": outcome.constants.stall_torque,
-        },
+        "robot": _robot(outcome),
         "units": {
             "table2": "deg",
             "foot": "cm",
@@ -63,36 +51,19 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         "comparisons": dict(COMPARISONS),
         "methods": dict(METHODS),
         "identified": {
-            joint.name: _identified(
-                outcome.identifications[j], planned.models[j], unseen[joint.name]
-            )
-            for j, joint in enumerate(planned.joints)
+            joint.name: _identified(found, outcome.unseen_rms[joint.name])
+            for joint, found in zip(planned.joints, outcome.identifications, strict=True)
         },
-        "table2": {
-            joint: {
-                pair: _entry(
-                    over,
-                    sensed[joint][pair],
-                    planned.table2[joint][pair],
-                    published(joint, pair),
-                )
-                for pair, over in pairs.items()
-            }
-            for joint, pairs in table2.items()
-        },
-        "foot": {
-            method: _entry(
-                over, sensed_foot[method], planned.foot_table[method], published_foot(method)
-            )
-            for method, over in foot.items()
-        },
+        "table2": _table2(outcome),
+        "foot": _foot(outcome),
         "best_shift_samples": outcome.shift_samples,
         "baseline_deviation": _baseline_deviation(outcome),
         "bounds": {joint.name: bound_entry(joint) for joint in planned.joints},
         "limits": {joint.name: limits_entry(joint) for joint in planned.joints},
         "parameters": {
             "models": {
-                joint.name: asdict(planned.models[j]) for j, joint in enumerate(planned.joints)
+                joint.name: asdict(model)
+                for joint, model in zip(planned.joints, planned.models, strict=True)
             },
             "step_amplitudes_deg": list(AMPLITUDES),
             "step_cycles": STEP_CYCLES,
@@ -104,6 +75,38 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         },
         "versions": versions("mujoco"),
         "seconds": {**outcome.seconds, "total": sum(outcome.seconds.values())},
+    }
+
+
+def _robot(outcome: VirtualOutcome) -> dict[str, Any]:
+    constants = outcome.constants
+    return {
+        "name": "virtual",
+        "seed": outcome.seed,
+        "cycles": len(outcome.runs["direct"].angles),
+        "dropped_cycles": {method: run.dropped for method, run in outcome.runs.items()},
+        "constants": constants.to_dict(),
+        "top_speed_deg_per_tick": math.degrees(constants.top_speed) * constants.request_period,
+        "stall_torque_newton_metre": constants.stall_torque,
+    }
+
+
+def _table2(outcome: VirtualOutcome) -> dict[str, Any]:
+    sensed, predicted = outcome.sensed_table2, outcome.planned.table2
+    return {
+        joint: {
+            pair: _entry(over, sensed[joint][pair], predicted[joint][pair], published(joint, pair))
+            for pair, over in pairs.items()
+        }
+        for joint, pairs in outcome.table2.items()
+    }
+
+
+def _foot(outcome: VirtualOutcome) -> dict[str, Any]:
+    sensed, predicted = outcome.sensed_foot_table, outcome.planned.foot_table
+    return {
+        method: _entry(over, sensed[method], predicted[method], published_foot(method))
+        for method, over in outcome.foot_table.items()
     }
 
 
@@ -123,12 +126,13 @@ def _entry(
     }
 
 
-def _identified(found: Identification, model: JointModel, unseen: float) -> dict[str, Any]:
+def _identified(found: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
-    paper = _in_paper_units(asdict(JointModel.ers210a()), model)
-    ours = _in_paper_units(asdict(model), model)
+    period = found.model.period
+    paper = _in_paper_units(asdict(JointModel.ers210a()), period)
+    ours = _in_paper_units(asdict(found.model), period)
     ends = [
-        _in_paper_units({name: of[end] for name, of in found.intervals.items()}, model)
+        _in_paper_units({name: of[end] for name, of in found.intervals.items()}, period)
         for end in (0, 1)
     ]
     return {
@@ -150,13 +154,13 @@ def _identified(found: Identification, model: JointModel, unseen: float) -> dict
     }
 
 
-def _in_paper_units(values: dict[str, float], model: JointModel) -> dict[str, float]:
-    """Parameters in degrees and ticks of 8 ms, as the paper's Table 1 has them."""
+def _in_paper_units(values: dict[str, float], period: float) -> dict[str, float]:
+    """Parameters in degrees and ticks of this period [s], as the paper's Table 1 has them."""
     return {
-        "v_max_deg_per_tick": math.degrees(values["v_max"]) * model.period,
+        "v_max_deg_per_tick": math.degrees(values["v_max"]) * period,
         "theta_0_deg": math.degrees(values["theta_0"]),
-        "lag_ticks": values["lag"] / model.period,
-        "acceleration_ticks": values["acceleration_time"] / model.period,
+        "lag_ticks": values["lag"] / period,
+        "acceleration_ticks": values["acceleration_time"] / period,
         "offset_deg": math.degrees(values["offset"]),
     }
 
