@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +74,8 @@ def identify(
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
-    found = _identified(_by_joint(logs, choices), choices)
+    by_joint = _by_joint(logs, choices)
+    found = _identified(by_joint, choices)
     # One model stands above all tables, so that it serves whatever a path calls the joint.
     tables = found if choices["joint"] == "all" else {"": next(iter(found.values()))}
     text = models_text(
@@ -91,6 +92,18 @@ def identify(
             output=output,
             as_json=as_json,
         )
+    _check(by_joint, found)
+
+
+def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
+    """Make sure that every joint has a model, and that every model fits.
+
+    Raises:
+        click.ClickException: It is not so; everything else is written by then.
+    """
+    left_out = [joint for joint in asked if joint not in found]
+    if left_out:
+        raise click.ClickException(f"no model of {', '.join(left_out)}; the others are written")
     refused = [joint for joint, each in found.items() if not each.accepted]
     if refused:
         which = f" of {', '.join(refused)}" if len(found) > 1 else ""
@@ -108,12 +121,7 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     from planner.files.logs.read import read_logs
 
     logs = read_logs(paths, options=to_log_options(choices))
-    for note in dict.fromkeys(
-        f"{log.name}{f' ({log.joint})' if log.joint else ''}: {note}"
-        for log in logs
-        for note in log.notes
-    ):
-        click.echo(f"request-planner: {note}", err=True)
+    _echo_notes(logs)
     named = list(dict.fromkeys(log.joint for log in logs if log.joint))
     if choices["joint"] == "all":
         unnamed = [log for log in logs if not log.joint]
@@ -127,28 +135,55 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     return {named[0] if named else "": list(logs)}
 
 
+def _echo_notes(logs: Sequence[Log]) -> None:
+    """Say what was guessed, each guess once, however many logs it is about."""
+    about: dict[str, list[str]] = {}
+    for log in logs:
+        for note in log.notes:
+            about.setdefault(note, []).append(
+                f"{log.name} ({log.joint})" if log.joint else log.name
+            )
+    for note, names in about.items():
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        click.echo(f"request-planner: {names[0]}{more}: {note}", err=True)
+
+
 def _identified(
     logs: Mapping[str, Sequence[Log]], choices: Mapping[str, Any]
 ) -> dict[str, Identification]:
+    """What is found of each joint; of several, those that cannot be identified are left out.
+
+    Raises:
+        PlannerError: None can.
+    """
+    from planner.exceptions import PlannerError
     from planner.identification.identify import identify as run
 
     tick_ms = choices["tick_ms"]
     if tick_ms is not None and not 0.0 < tick_ms < math.inf:
         raise click.UsageError(f"--tick-ms: got {tick_ms:g}, expected more than 0 milliseconds.")
-    found = {}
+    found: dict[str, Identification] = {}
+    left_out: dict[str, PlannerError] = {}
     progress = Progress()
     try:
         for joint, own in logs.items():
             progress(f"identifying {joint or 'the joint'}")
-            with naming(joint) if joint else nullcontext():
-                found[joint] = run(
-                    own,
-                    tick=None if tick_ms is None else 1e-3 * tick_ms,
-                    hold=choices["hold"],
-                    hold_out=choices["hold_out"],
-                )
+            try:
+                with naming(joint) if joint else nullcontext():
+                    found[joint] = run(
+                        own,
+                        tick=None if tick_ms is None else 1e-3 * tick_ms,
+                        hold=choices["hold"],
+                        hold_out=choices["hold_out"],
+                    )
+            except PlannerError as error:
+                left_out[joint] = error
     finally:
         progress.done()
+    if not found:  # the only joint, or the first of as many as there are
+        raise next(iter(left_out.values()))
+    for joint, reason in left_out.items():
+        click.echo(f"request-planner: warning: {joint} is left out: {reason}", err=True)
     return found
 
 

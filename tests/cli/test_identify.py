@@ -140,6 +140,21 @@ def test_every_joint_gets_a_table_that_plan_reads(run, tmp_path):
     assert hip.v_max == pytest.approx(TRUE.v_max, rel=CLOSE["v_max"])
 
 
+def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run, tmp_path):
+    write_log("both.csv", joints=("hip", "knee"))
+    lines = [line.split(",") for line in (tmp_path / "both.csv").read_text().splitlines()]
+    still = [lines[0], *([*cells[:3], "0.0", "0.0"] for cells in lines[1:])]
+    (tmp_path / "still.csv").write_text("\n".join(",".join(cells) for cells in still))
+    result = run("identify", "still.csv", "--joint", "all", "--out", "all.toml", "--no-hold-out")
+    assert result.exit_code == 1
+    assert "warning: knee is left out: " in result.stderr
+    assert result.stderr.endswith("request-planner: no model of knee; the others are written\n")
+    assert list(read_models(tmp_path / "all.toml").by_joint) == ["hip"]
+    alone = run("identify", "still.csv", "--joint", "knee")
+    assert alone.exit_code == 2
+    assert alone.stdout == ""
+
+
 def test_tick_and_hold_are_taken(identified, run):
     folder, _ = identified
     result = run("identify", folder / "log.csv", "--tick-ms", "4", "--hold", "2", "--json")
