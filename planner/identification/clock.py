@@ -25,8 +25,11 @@ SLACK = 1.05
 AGREEMENT = 1e-3
 """A given tick and hold must agree with the log's period to this."""
 
-LONGEST_REACH = 250
+LONGEST_REACH = 50
 """Periods that lag and acceleration time may span together."""
+
+LONGEST_TIME = 0.75
+"""Time that they may span in any case [s]."""
 
 SHARE_OF_LOG = 0.25
 """Share of the longest log that they may span together."""
@@ -56,7 +59,9 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
     """
     period = float(np.median(np.concatenate([np.diff(log.times) for log in logs])))
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
-    reach = max(min(LONGEST_REACH * period, SHARE_OF_LOG * longest), 4.0 * period)
+    reach = max(
+        min(max(LONGEST_REACH * period, LONGEST_TIME), SHARE_OF_LOG * longest), 4.0 * period
+    )
     if hold is None:
         hold = _default_hold(period) if tick is None else round(period / _positive(tick))
     hold = _count(hold)

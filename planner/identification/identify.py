@@ -123,7 +123,8 @@ def _theta_0(fit: Adjusted, bounds: Bounds, spread: Spread) -> Interval:
         value = fit.parameters.v_max / fit.parameters.gain
         if half < 1.0:
             return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
-    return Interval(bounds.v_max.lower / bounds.gain.upper, bounds.v_max.upper / bounds.gain.lower)
+    upper = bounds.v_max.upper / bounds.gain.lower if bounds.gain.lower > 0.0 else np.inf
+    return Interval(bounds.v_max.lower / bounds.gain.upper, upper)
 
 
 def _covariance(fit: Adjusted, bounds: Bounds, spread: Spread) -> Array | None:

@@ -27,11 +27,14 @@ CERTAIN = 0.05
 LAGS_PER_TIME = 5.0
 """Autocorrelations are summed up to so many correlation times."""
 
-PROFILE_STEPS = 7
-"""Steps with which a profile doubles its distance at most."""
+PROFILE_STEPS = 4
+"""Steps with which a profile widens at most."""
 
-BISECTIONS = 3
-"""Halvings that narrow the end of an interval to an eighth of a step."""
+WIDENING = 2.5
+"""By how much each step of a profile is wider than the one before."""
+
+BISECTIONS = 2
+"""Halvings that narrow the end of an interval."""
 
 JUST_ABOVE = 1e-6
 """Share by which a top speed that was never reached lies above the fastest call."""
@@ -154,54 +157,62 @@ def _narrow(fit: Adjusted, index: int, half: float) -> bool:
 
 
 def _end(fit: Adjusted, spread: Spread, index: int, way: int) -> float:
-    """Where the profile of a parameter has risen as far as its interval reaches, to one side."""
+    """Where the profile of a parameter has risen as far as its interval reaches, to one side.
+
+    The end is sought from where the covariance puts it outwards, so an interval may come out wider
+    than its profile but not narrower.
+    """
     rise = max(float(spread.threshold[index]), MISFIT * fit.cost)
     value = fit.parameters[index]
     limit, reported = _limit(fit, index, way)
-    best = fit
-
-    def refuted(candidate: float) -> bool:
-        nonlocal best
-        moved = best.parameters._replace(**{Parameters._fields[index]: candidate})
-        free = fit.free.copy()
-        free[index] = False
-        held = adjust(
-            fit.grid,
-            moved,
-            free=free,
-            starts=best.starts,
-            scale=fit.scale,
-            steps=6,
-            precision=1e-3,
-            enough=fit.cost + rise,
-        )
-        best = held
-        return held.cost - fit.cost > rise
-
-    reachable = way > 0 or index not in (GAIN, V_MAX)  # a logarithm has no end below
-    if limit == value or (reachable and not refuted(limit)):
+    profile = _Profile(fit, index, fit.cost + rise)
+    if limit == value or (math.isinf(limit) and not profile.refutes(limit)):
         return reported
-    best = fit
+    profile = _Profile(fit, index, fit.cost + rise)
+    logarithmic = index in (GAIN, V_MAX)
     inner, step = value, _first_step(fit, spread, index)
     for _ in range(PROFILE_STEPS):
-        outer = value * math.exp(way * step) if index in (GAIN, V_MAX) else value + way * step
-        if (outer - limit) * way >= 0.0:
-            outer = limit
+        outer = value * math.exp(way * step) if logarithmic else value + way * step
+        beyond = (outer - limit) * way >= 0.0
+        if beyond and not profile.refutes(limit):
+            return reported
+        outer = limit if beyond else outer
+        if beyond or profile.refutes(outer):
             break
-        if refuted(outer):
-            break
-        inner, step = outer, 2.0 * step
+        inner, step = outer, WIDENING * step
     else:
         return reported
-    if math.isinf(outer):
-        return inner
-    for _ in range(BISECTIONS):
-        middle = math.sqrt(inner * outer) if index in (GAIN, V_MAX) else (inner + outer) / 2.0
-        if refuted(middle):
-            outer = middle
-        else:
-            inner = middle
+    for _ in range(BISECTIONS if inner != value or step > _wald(spread, fit, index) else 0):
+        middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
+        inner, outer = (inner, middle) if profile.refutes(middle) else (middle, outer)
     return outer
+
+
+class _Profile:
+    """The best fits with one parameter held, each begun from the one before."""
+
+    def __init__(self, fit: Adjusted, index: int, allowed: float) -> None:
+        self._allowed = allowed
+        self._name = Parameters._fields[index]
+        self._free = fit.free.copy()
+        self._free[index] = False
+        self._last = fit
+
+    def refutes(self, value: float) -> bool:
+        """Whether nothing with the parameter at this value fits well enough."""
+        held = adjust(
+            self._last.grid,
+            self._last.parameters._replace(**{self._name: value}),
+            free=self._free,
+            starts=self._last.starts,
+            scale=self._last.scale,
+            steps=5,
+            precision=1e-3,
+            enough=self._allowed,
+        )
+        if math.isfinite(value):
+            self._last = held
+        return held.cost > self._allowed
 
 
 def _limit(fit: Adjusted, index: int, way: int) -> tuple[float, float]:
@@ -218,12 +229,18 @@ def _limit(fit: Adjusted, index: int, way: int) -> tuple[float, float]:
     return (room, math.inf) if way > 0 else (grid.tick, 0.0)
 
 
+def _wald(spread: Spread, fit: Adjusted, index: int) -> float:
+    """Half the width of an interval by the covariance: a logarithm, or a time [s]."""
+    half = spread.quantile * float(spread.deviations[index])
+    return half if index in (GAIN, V_MAX) else half * fit.grid.tick
+
+
 def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
-    deviation = float(spread.deviations[index])
+    half = _wald(spread, fit, index)
     if index in (GAIN, V_MAX):
-        return min(max(deviation, 0.02), 0.3)
+        return min(max(half, 0.02), 0.3)
     delay = fit.parameters.lag + fit.parameters.acceleration_time + 1.0 / fit.parameters.gain
-    return min(max(deviation * fit.grid.tick, 0.25 * fit.grid.tick), 0.3 * delay)
+    return min(max(half, 0.25 * fit.grid.tick), 0.3 * delay)
 
 
 def speed_bounded(fit: Adjusted) -> bool:

@@ -25,7 +25,10 @@ SIMPLER_WINS = 1.02
 """A simpler description that predicts held-out rows better by this factor is pointed out."""
 
 NO_BETTER = 0.9
-"""A suspect model has to come below this share of the error of a mere delay."""
+"""A model that misses more than POOR has to come below this share of the error of a mere delay."""
+
+POOR = 0.2
+"""Share of the motion's standard deviation from which a model has to prove its worth."""
 
 LOOSE = 0.5
 """A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
@@ -76,7 +79,7 @@ def verdict_on(
     error, where = max(errors)
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
-    useless = missed > SUSPECT and fit.rms > NO_BETTER * mere
+    useless = missed > POOR and fit.rms > NO_BETTER * mere
     accepted = missed <= REFUSED and not useless
     said = f"{missed:.0%} of the motion's standard deviation{where} (rms {_said(error, unit)})"
     if useless:
@@ -130,7 +133,7 @@ def _undetermined(fit: Adjusted, bounds: Bounds, unit: str) -> list[str]:
             "this log shows or calls for; record steps larger than about "
             f"{_said(_rounded(2.0 * called / at.gain), unit)}"
         )
-    elif math.isinf(bounds.gain.upper):
+    elif math.isinf(bounds.gain.upper) and bounds.gain.lower > 0.0:
         found.append(
             "theta_0 is only known to be less than "
             f"{_said(bounds.v_max.upper / bounds.gain.lower, unit)}: record small steps, or slow "
