@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -180,3 +182,20 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     assert result.exit_code == 1
     assert "rotator: the model that was identified does not describe the joint" in result.stderr
     assert json.loads(result.stdout) == json.loads((out / "results.json").read_text())
+
+
+def test_the_readme_and_its_page_state_the_figures_of_the_foot(results):
+    """Within half a millimetre: the search for requests may end elsewhere on another machine."""
+    top = Path(__file__).parents[2]
+    readme = (top / "README.md").read_text(encoding="utf-8")
+    section = readme[readme.index("## A robot that is not the model") :]
+    page = (top / "docs" / "virtual_robot.md").read_text(encoding="utf-8")
+    for method, pattern in (
+        ("direct", r"from ([\d.]+) cm \(direct\)"),
+        ("closed_form", r"([\d.]+) \(knots refined"),
+        ("foot_optimal", r"([\d.]+) \(foot-optimised"),
+    ):
+        stated = re.search(pattern, section)
+        assert stated is not None, method
+        assert float(stated[1]) == pytest.approx(results["foot"][method]["L2"], abs=0.05)
+        assert f"| {stated[1]} ±" in page

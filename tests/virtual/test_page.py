@@ -1,0 +1,92 @@
+"""The report of the virtual robot: one page that needs nothing else."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from xml.etree import ElementTree
+
+import pytest
+
+from planner.report.style import ROLES
+
+PICTURES = (
+    "foot_paths",
+    "step_tests",
+    "joints_direct",
+    "trajectories",
+    "foot_optimised_trajectories",
+    "foot_distances",
+    "promises",
+)
+
+
+@pytest.fixture(scope="module")
+def text(folder):
+    return (folder / "report.html").read_text()
+
+
+def test_every_link_is_a_file_of_the_run(text, folder):
+    links = [link for link in re.findall(r'<a href="([^"]+)"', text) if not link.startswith("#")]
+    assert len(links) > 30
+    for link in links:
+        assert (folder / link).is_file(), link
+
+
+def test_every_picture_is_well_formed_described_and_drawn(text, folder):
+    for name in PICTURES:
+        assert f'<figure id="{name}">' in text
+        ElementTree.parse(folder / "figures" / f"{name}.svg")
+        assert (folder / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+    labels = re.findall(r'<svg role="img" aria-label="([^"]{40,})"', text)
+    assert len(labels) == len(PICTURES)
+
+
+def test_nothing_is_loaded_from_a_network(text):
+    addresses = set(re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", text))
+    assert {address for address in addresses if "www.w3.org" not in address} == set()
+    assert "<script" not in text
+
+
+def test_pictures_wear_the_colours_of_the_page(text):
+    body = text[text.index("<body>") :]
+    for role in ROLES.values():
+        assert role.light not in body, role.label
+
+
+def test_every_constant_of_the_robot_stands_in_the_page(text, results):
+    for name, constant in results["robot"]["constants"].items():
+        assert f'<th scope="row">{name.replace("_", " ")}</th>' in text
+        assert constant["source"].replace("'", "&#39;") in text
+
+
+def test_chromium_opens_the_page_without_a_complaint(folder, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("Chromium is not installed")
+    done = subprocess.run(
+        [
+            browser,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--enable-logging=stderr",
+            f"--user-data-dir={tmp_path}",
+            "--window-size=400,800",
+            "--dump-dom",
+            (folder / "report.html").as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    assert "CONSOLE" not in done.stderr
+    assert done.stdout.count("<svg") == len(PICTURES)
+    assert "The paper’s experiment on a virtual robot</h1>" in done.stdout
