@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from planner.exceptions import InvalidInput
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
@@ -51,12 +51,17 @@ class LogOptions:
         """Check what can be checked without a log.
 
         Raises:
-            InvalidInput: An unknown unit, ticks that are no number, or episodes that are no list.
+            InvalidInput: No text where it belongs, an unknown unit, ticks that are no number, or
+                episodes that are no list.
         """
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name != "ticks_per_turn" and not isinstance(value, str | None):
+                raise InvalidInput(f"{field.name}: got {value!r}, expected text")
         _units(self.unit)
         ticks = self.ticks_per_turn
-        if ticks is not None and not (math.isfinite(ticks) and ticks > 0.0):
-            raise InvalidInput(f"ticks per turn: got {ticks:g}, expected more than 0, such as 4096")
+        if ticks is not None and not (_is_number(ticks) and math.isfinite(ticks) and ticks > 0.0):
+            raise InvalidInput(f"ticks per turn: got {ticks!r}, expected more than 0, such as 4096")
         self.wanted_episodes()
 
     def unit_of(self, joint: str) -> str | None:
@@ -91,6 +96,10 @@ class LogOptions:
                 )
             wanted.update(range(first, last + 1))
         return frozenset(wanted)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _units(text: str | None) -> dict[str, str]:

@@ -65,13 +65,15 @@ def read_logs(
         MissingExtra: The format needs a package that is not installed.
     """
     chosen = LogOptions() if options is None else options
-    every = [paths] if isinstance(paths, Path | str) else list(paths)
+    every = [paths] if isinstance(paths, Path | str) else paths
+    if not isinstance(every, Sequence) or isinstance(every, bytes):
+        raise InvalidInput(f"logs: got {type(every).__name__}, expected a path, or several")
     if not every:
         raise InvalidInput("no log; give at least one file")
     return tuple(log for path in every for log in _format(path, chosen).read(path, chosen))
 
 
-def joints_in(path: Path | str, *, options: LogOptions | None = None) -> tuple[str, ...]:
+def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str, ...]:
     """Names of the joints that a log holds; "" for one that has no name.
 
     Raises as :func:`read_logs` does.
@@ -82,7 +84,13 @@ def joints_in(path: Path | str, *, options: LogOptions | None = None) -> tuple[s
 
 def _format(path: Path | str, options: LogOptions) -> Format:
     """The format of a path, for which the options have to be meant."""
-    form = _recognised(path)
+    if not isinstance(path, Path | str) or "\0" in str(path):
+        raise InvalidInput(f"log: got {path!r}, expected a path")
+    try:
+        form = _recognised(path)
+    except OSError as error:  # not allowed to look, or a name that is too long
+        reason = (error.strerror or str(error)).lower()
+        raise InvalidFile(path, f"cannot be read ({reason}); check the name") from error
     for name in OWN:
         if getattr(options, name) is not None and name not in form.options:
             raise InvalidFile(

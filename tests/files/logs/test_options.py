@@ -27,6 +27,11 @@ BAD = {
         {"ticks_per_turn": 0},
         "ticks per turn: got 0, expected more than 0, such as 4096",
     ),
+    "ticks in words": (
+        {"ticks_per_turn": "4096"},
+        "ticks per turn: got '4096', expected more than 0, such as 4096",
+    ),
+    "a joint by its place": ({"joint": 3}, "joint: got 3, expected text"),
     "episodes backwards": (
         {"episodes": "3-1"},
         "episodes: got '3-1', expected numbers and ranges such as 0-3,7",
@@ -61,10 +66,26 @@ def test_a_unit_may_be_for_one_joint_only():
     assert LogOptions(unit="Jaw=range").unit_of("Elbow") is None
 
 
-def test_no_log_is_refused():
+@pytest.mark.parametrize(
+    ("paths", "message"),
+    [
+        ([], "no log; give at least one file"),
+        (None, "logs: got NoneType, expected a path, or several"),
+        (b"run.csv", "logs: got bytes, expected a path, or several"),
+        ([5], "log: got 5, expected a path"),
+        (["a\0b"], "log: got 'a\\x00b', expected a path"),
+    ],
+    ids=["none", "None", "bytes", "number", "null"],
+)
+def test_what_is_no_path_is_refused(paths, message):
     with pytest.raises(InvalidInput) as caught:
-        read_logs([])
-    assert str(caught.value) == "no log; give at least one file"
+        read_logs(paths)
+    assert str(caught.value) == message
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    with pytest.raises(InvalidFile, match=r"cannot be read \(file name too long\); "):
+        read_logs("x" * 300)
 
 
 def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
