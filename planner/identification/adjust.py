@@ -4,99 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from planner.identification.adjusted import Adjusted
 from planner.identification.derivatives import derivatives
 from planner.identification.grid import Grid
-from planner.identification.simulation import Parameters, Pulls, pulls_of, respond
+from planner.identification.loss import NO_ERROR, huber, scale_of
+from planner.identification.simulation import Parameters, pulls_of, respond
 from planner.trajectory import Array
-
-HUBER = 5.0
-"""Residuals beyond so many standard deviations count by their size, not by its square."""
-
-GROSS = 10.0
-"""Residuals beyond so many standard deviations are faults of the log, not of the model."""
-
-SHARE_TRUSTED = 0.95
-"""Share of the residuals that the scale is read from: more outliers than the rest would raise it.
-A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
-the motion, which is all there is to learn from, would count as outliers."""
-
-NORMAL_QUANTILE = 1.959964
-"""That share of a normal distribution lies within so many standard deviations."""
-
-NO_ERROR = 1e-12
-"""Scale below which residuals are rounding errors, relative to the angles' standard deviation."""
 
 FASTEST = 1.9
 """Largest gain times tick; from 2 on the joint would not come to rest."""
 
 ALL = np.ones(5, dtype=bool)
 """Every parameter free."""
-
-
-@dataclass(frozen=True, eq=False)
-class Adjusted:
-    """A fit to the rows of a grid.
-
-    Attributes:
-        grid: The rows.
-        parameters: The joint.
-        free: Which parameters were fitted, in their order.
-        starts: Angle at the start of each run [rad].
-        pulls: What pulls at each tick.
-        states: Angles at all states [rad].
-        scale: Standard deviation of the residuals, outliers aside [rad].
-        cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
-        weights: Weight of each row, 1 unless its residual is an outlier.
-    """
-
-    grid: Grid
-    parameters: Parameters
-    free: np.ndarray
-    starts: Array
-    pulls: Pulls
-    states: Array
-    scale: float
-    cost: float
-    weights: Array
-
-    @property
-    def predicted(self) -> Array:
-        """Angle at the used rows [rad]."""
-        return self.grid.at_rows(self.states)
-
-    @cached_property
-    def residuals(self) -> Array:
-        """Predicted minus actual angle at the used rows [rad]."""
-        return self.predicted - self.grid.angles
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals, outliers included [rad]."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
-
-
-def scale_of(residuals: Array, floor: float) -> float:
-    """Standard deviation of the bulk of the residuals."""
-    return max(floor, float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE)
-
-
-def sound_rms(residuals: Array) -> float:
-    """Root mean square of the residuals that are no gross outliers [rad]."""
-    sound = np.abs(residuals) <= GROSS * scale_of(residuals, 0.0)
-    return float(np.sqrt(np.mean(residuals[sound] ** 2)))
-
-
-def huber(residuals: Array, scale: float) -> tuple[float, Array]:
-    """Loss and weights of the residuals at a scale."""
-    size = np.abs(residuals)
-    bend = HUBER * scale
-    weights = np.minimum(1.0, bend / np.maximum(size, 1e-300))
-    loss = np.where(size <= bend, 0.5 * size**2, bend * (size - 0.5 * bend))
-    return float(np.sum(loss)), weights
 
 
 def adjust(

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.adjust import Adjusted, adjust
+from planner.identification.adjust import adjust
+from planner.identification.adjusted import Adjusted
 from planner.identification.grid import Grid
 from planner.identification.simulation import Parameters
 from planner.identification.starts import best_delay, delayed_errors

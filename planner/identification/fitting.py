@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjust import Adjusted, adjust
+from planner.identification.adjust import adjust
+from planner.identification.adjusted import Adjusted
 from planner.identification.clock import Clock
 from planner.identification.grid import Grid, Place, gridded, pieces_of
 from planner.identification.log import Log

@@ -8,19 +8,15 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjust import Adjusted
+from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
+from planner.identification.called import with_shown_speed
 from planner.identification.clock import clock_of
 from planner.identification.fitting import fitted
 from planner.identification.identification import Alternative, Identification, Interval, LogFit
-from planner.identification.intervals import (
-    Bounds,
-    Spread,
-    bounds_of,
-    spread_of,
-    with_shown_speed,
-)
+from planner.identification.intervals import Bounds, bounds_of
 from planner.identification.log import Log, as_logs
+from planner.identification.spread import Spread, spread_of
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, verdict_on
 from planner.trajectory import Array

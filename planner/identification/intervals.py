@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from planner.identification.adjust import FASTEST, Adjusted, adjust, slopes, units
-from planner.identification.grid import Grid
+from planner.identification.adjust import FASTEST, adjust, units
+from planner.identification.adjusted import Adjusted
 from planner.identification.identification import Interval
-from planner.identification.simulation import Parameters, Pulls
-from planner.trajectory import Array
-
-CONFIDENCE = 0.95
-"""Probability with which an interval holds the truth."""
+from planner.identification.simulation import Parameters
+from planner.identification.spread import Spread, spread_of
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real
@@ -23,9 +17,6 @@ joints are not the model, and what fits better by less says nothing about the pa
 
 CERTAIN = 0.05
 """A logarithm with a standard deviation below this is determined; no profile is asked."""
-
-LAGS_PER_TIME = 5.0
-"""Autocorrelations are summed up to so many correlation times."""
 
 PROFILE_STEPS = 4
 """Steps with which a profile widens at most."""
@@ -36,86 +27,7 @@ WIDENING = 2.5
 BISECTIONS = 2
 """Halvings that narrow the end of an interval."""
 
-JUST_ABOVE = 1e-6
-"""Share by which a top speed that was never reached lies above the fastest call."""
-
 GAIN, V_MAX, LAG, ACCELERATION_TIME, OFFSET = range(5)
-
-
-class Spread(NamedTuple):
-    """Second moments of the estimate, in what the search counts in (see ``adjust.units``).
-
-    Attributes:
-        covariance: Of log gain, log v_max, lag and acceleration time [ticks] and offset, (5, 5);
-            infinite on the diagonal where a parameter has no effect at all.
-        inflation: By how much correlated residuals raise each variance, at least 1, (5,).
-        variance: Of one residual [rad^2].
-        quantile: Standard deviations to either side of the estimate.
-    """
-
-    covariance: Array
-    inflation: Array
-    variance: float
-    quantile: float
-
-    @property
-    def deviations(self) -> Array:
-        """Standard deviations, (5,)."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def threshold(self) -> Array:
-        """Rise of the loss at the ends of each interval [rad^2], (5,)."""
-        return 0.5 * self.quantile**2 * self.variance * self.inflation
-
-
-def spread_of(fit: Adjusted) -> Spread:
-    """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are correlated."""
-    from scipy.special import stdtrit
-
-    slope = slopes(fit, blur=0.5 * fit.grid.tick * 0.05)
-    count = len(fit.residuals)
-    pulls = fit.weights * fit.residuals
-    freedom = max(count - 5 - len(fit.grid.starts), 1)
-    variance = float(np.sum(pulls**2)) / freedom
-    inner = slope.by_parameter * (fit.weights >= 1.0)[:, np.newaxis]
-    matrix = inner.T @ inner
-    size = np.sqrt(np.diag(matrix))
-    acting = size > 1e-9 * np.max(size)
-    covariance = np.diag(np.full(5, math.inf))
-    inflation = np.ones(5)
-    if acting.any():
-        scaled = matrix[np.ix_(acting, acting)] / np.outer(size[acting], size[acting])
-        inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
-        inverse /= np.outer(size[acting], size[acting])
-        influence = (pulls[:, np.newaxis] * slope.by_parameter[:, acting]) @ inverse
-        outer = slope.by_parameter[:, acting]
-        white = variance * inverse @ (outer.T @ outer) @ inverse
-        inflation[acting] = [correlation_time(column) for column in influence.T]
-        inflation[~acting] = np.max(inflation)
-        root = np.sqrt(inflation[acting])
-        covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
-    effective = max(count / float(np.median(inflation)) - 5.0, 2.0)
-    quantile = float(stdtrit(effective, 0.5 + CONFIDENCE / 2.0))
-    return Spread(covariance, inflation, variance, quantile)
-
-
-def correlation_time(series: Array) -> float:
-    """Rows that count as one because they are alike: 1 + 2 times the sum of autocorrelations.
-
-    The sum ends at five times itself, where what follows is noise (Sokal's window), and at the
-    square root of the number of rows, beyond which it would mistake a cycle for one long
-    correlation; at least 1.
-    """
-    count = len(series)
-    transformed = np.fft.rfft(series, 2 * count)
-    products = np.fft.irfft(np.abs(transformed) ** 2)[:count]
-    if products[0] <= 0.0:
-        return 1.0
-    times = 2.0 * np.cumsum(products / products[0]) - 1.0
-    furthest = math.isqrt(count)
-    ended = np.flatnonzero(np.arange(furthest) >= LAGS_PER_TIME * times[:furthest])
-    return max(1.0, float(times[ended[0] if len(ended) else furthest]))
 
 
 class Bounds(NamedTuple):
@@ -246,26 +158,3 @@ def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
 def speed_bounded(fit: Adjusted) -> bool:
     """Whether the data bounds the top speed from above."""
     return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1))
-
-
-def peak_call(fit: Adjusted) -> float:
-    """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
-    return fastest_call(fit.parameters, fit.grid, fit.pulls, fit.states)
-
-
-def fastest_call(parameters: Parameters, grid: Grid, pulls: Pulls, states: Array) -> float:
-    """Highest speed that the requests called for in any run, limited or not [rad/s]."""
-    errors = pulls.targets - states[grid.states - 1][:, np.newaxis]
-    errors[pulls.weights <= 0.0] = 0.0
-    return float(parameters.gain * np.max(np.abs(errors)))
-
-
-def with_shown_speed(fit: Adjusted) -> Adjusted:
-    """The fit with a top speed no higher than anything the log called for.
-
-    Beyond that every top speed predicts the same; this one promises the least.
-    """
-    shown = peak_call(fit)
-    if fit.parameters.v_max <= shown:
-        return fit
-    return replace(fit, parameters=fit.parameters._replace(v_max=(1.0 + JUST_ABOVE) * shown))

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.identification.adjust import Adjusted, adjust, huber
+from planner.identification.adjust import adjust
+from planner.identification.adjusted import Adjusted
 from planner.identification.grid import Grid
+from planner.identification.loss import huber
 from planner.identification.simulation import Parameters
 from planner.trajectory import Array
 

@@ -8,18 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjust import Adjusted, sound_rms
+from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
+from planner.identification.called import fastest_call, peak_call, with_shown_speed
 from planner.identification.clock import Clock
 from planner.identification.fitting import fitted, moving
 from planner.identification.grid import Grid, gridded
-from planner.identification.intervals import (
-    fastest_call,
-    peak_call,
-    speed_bounded,
-    with_shown_speed,
-)
+from planner.identification.intervals import speed_bounded
 from planner.identification.log import Log
+from planner.identification.loss import sound_rms
 from planner.identification.simulation import pulls_of, respond
 from planner.trajectory import Array
 

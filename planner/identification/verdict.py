@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.adjust import Adjusted, sound_rms
+from planner.identification.adjusted import Adjusted
+from planner.identification.called import peak_call
 from planner.identification.clock import Clock
-from planner.identification.intervals import Bounds, peak_call
+from planner.identification.intervals import Bounds
 from planner.identification.log import Log
+from planner.identification.loss import sound_rms
 from planner.identification.validation import HeldOut
 
 REFUSED = 0.25
