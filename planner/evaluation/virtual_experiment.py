@@ -22,6 +22,7 @@ from planner.identification.log import Log
 from planner.inversion.result import Inversion
 from planner.model.step_test import step_test
 from planner.trajectory import Array
+from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
 
 AMPLITUDES = (20.0, 40.0, 70.0)
@@ -51,6 +52,7 @@ def play_experiment(
     segments: int = SEGMENTS,
     cycles: int = CYCLES,
     seed: int = 0,
+    constants: Constants | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> VirtualOutcome:
     """Play the paper's experiment on a robot whose joints are not the planner's model.
@@ -62,6 +64,7 @@ def play_experiment(
         segments: Lines of each approximation.
         cycles: Cycles of each walk, once it is steady.
         seed: Of the robot's noise.
+        constants: What the robot is made of; its own where not given.
         progress: Told what is being done.
 
     Raises:
@@ -69,7 +72,7 @@ def play_experiment(
         NoSteadyCycle: The robot does not settle into a cycle.
     """
     clock = Clock(progress)
-    robot = VirtualRobot(seed=seed)
+    robot = VirtualRobot(constants=constants, seed=seed)
     walk = reference_walk()
     identifications = []
     for j, name in enumerate(walk.joint_names):
