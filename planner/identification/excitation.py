@@ -36,8 +36,8 @@ MEANING: Mapping[str, str] = {
     "random_steps": "Random levels for random times. All edges, heights and rests at once: every "
     "parameter, where the levels are further apart than theta_0.",
     "triangle": "To and fro at constant speeds. At each speed the joint trails by a constant "
-    "error, which is f itself turned upside down; lag and acceleration time show at the corners "
-    "only. The top speed shows where a part is faster than the joint.",
+    "error, so that f can be read backwards, from speed to error; lag and acceleration time show "
+    "at the corners only. The top speed shows where a part is faster than the joint.",
 }
 """The kinds of signals, and what each makes identifiable."""
 
