@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from html.parser import HTMLParser
 
 import pytest
@@ -130,31 +128,8 @@ def test_columns_of_a_text_table_line_up():
     assert table == "joint    rms\na        1.5\nlong   10.25"
 
 
-def test_chromium_opens_the_page_without_a_complaint(folder, tmp_path):
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser is None:
-        pytest.skip("Chromium is not installed")
-    done = subprocess.run(
-        [
-            browser,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--no-first-run",
-            "--disable-background-networking",
-            "--disable-component-update",
-            "--disable-sync",
-            "--enable-logging=stderr",
-            f"--user-data-dir={tmp_path}",
-            "--window-size=400,800",
-            "--dump-dom",
-            (folder / "report.html").as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
+def test_chromium_opens_the_page_without_a_complaint(folder, opened):
+    done = opened(folder / "report.html")
     assert "CONSOLE" not in done.stderr
     assert done.stdout.count("<svg") == len(PICTURES)
     assert "The paper’s experiment, again</h1>" in done.stdout
