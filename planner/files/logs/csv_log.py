@@ -11,7 +11,7 @@ from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.columns import Pair, meaning, pairs
 from planner.files.logs.csv_rows import check_column, read_clock, read_torque
 from planner.files.logs.joints import choose_joints
-from planner.files.logs.options import LogOptions
+from planner.files.logs.options import ALL_JOINTS, LogOptions
 from planner.files.logs.rows import Columns, Source, make_log
 from planner.files.logs.units import ANGLE_NAMES, Scale, scale, split_name
 from planner.files.table import Table, read_table
@@ -95,11 +95,19 @@ def _named(table: Table, found: tuple[Pair, ...], options: LogOptions) -> Pair:
     for column in named:
         check_column(table, column)
     parsed = meaning(named[0])
-    joint = options.joint or (parsed.joint if parsed is not None else "")
+    chosen = None if options.joint == ALL_JOINTS else options.joint
+    joint = chosen or (parsed.joint if parsed is not None else "")
     columns = {
         role: (column,) if column is not None else _guessed(table, found, role, joint)
         for role, column in given.items()
     }
+    if columns["requested"] == columns["actual"]:
+        raise InvalidFile(
+            table.path,
+            f"column '{named[0]}' cannot be both the requested and the actual angle; name the "
+            "other one too",
+            line=1,
+        )
     return _single(table, Pair(joint, **columns))
 
 

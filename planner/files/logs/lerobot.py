@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 Rows = npt.NDArray[np.intp]
 """Places of rows, shape (n,)."""
 
+MOST_EPISODES = 10**9
+"""Episodes are numbered below this."""
+
 TIME, EPISODE = "timestamp", "episode_index"
 """Columns of a row's time [s] in its episode, and of the episode's number."""
 
@@ -41,17 +44,25 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     found: set[int] = set()
     for file in _files(dataset, Path(path), wanted):
         columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
+        times, numbers = (_one_a_row(file, name, columns[name]) for name in (TIME, EPISODE))
         joints = _joints(dataset, file, columns)
         chosen = choose_joints(path, tuple(joints), options.joint)
         names = [tuple(joints)[k] for k in chosen]
         scales = {name: _scale(path, name, options) for name in names}
-        for episode, rows in _episodes(file, columns[EPISODE]):
+        for episode, rows in _episodes(file, numbers):
             found.add(episode)
             if wanted is None or episode in wanted:
                 source = Source(path=file, part=f"episode {episode}")
                 for name in names:
-                    numbers = _select(columns, rows, joints[name], scales[name])
-                    logs.append(make_log(source, numbers, joint=name, notes=_notes(numbers)))
+                    action, state = joints[name]
+                    values = Columns(
+                        times=times[rows],
+                        requests=columns[ACTION].reshape(len(times), -1)[rows, action],
+                        angles=columns[STATE].reshape(len(times), -1)[rows, state],
+                        request_scale=scales[name],
+                        angle_scale=scales[name],
+                    )
+                    logs.append(make_log(source, values, joint=name, notes=_notes(values)))
     missing = (wanted or frozenset()) - found
     if missing:
         raise _no_episode(path, min(missing), found | set(_named(dataset, Path(path))))
@@ -126,28 +137,20 @@ def _scale(path: Path | str, joint: str, options: LogOptions) -> Scale:
     return scale
 
 
+def _one_a_row(file: Path, name: str, values: Array) -> Array:
+    """Numbers of shape (n,); some versions of LeRobot write them as lists of one."""
+    if values.ndim == 2 and values.shape[1] != 1:
+        raise InvalidFile(file, f"'{name}' has {values.shape[1]} numbers a row, expected one")
+    return values.ravel()
+
+
 def _episodes(file: Path, numbers: Array) -> Iterator[tuple[int, Rows]]:
     """Each episode and the rows that it has."""
-    if numbers.ndim == 2:  # LeRobot writes numbers of shape (1,) as lists of one in some versions
-        numbers = numbers.ravel()
-    if not (numbers == np.floor(numbers)).all() or (numbers < 0).any():
+    known = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MOST_EPISODES)
+    if not known.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
     for episode in np.unique(numbers):
         yield int(episode), np.flatnonzero(numbers == episode)
-
-
-def _select(
-    columns: Mapping[str, Array], rows: Rows, places: tuple[int, int], scale: Scale
-) -> Columns:
-    n = len(columns[EPISODE])
-    action, state = (columns[key].reshape(n, -1) for key in (ACTION, STATE))
-    return Columns(
-        times=columns[TIME].reshape(n)[rows],
-        requests=action[rows, places[0]],
-        angles=state[rows, places[1]],
-        request_scale=scale,
-        angle_scale=scale,
-    )
 
 
 def _notes(columns: Columns) -> tuple[str, ...]:

@@ -223,6 +223,14 @@ def test_joints_may_be_named_before_or_after_what_is_measured(tmp_path, header):
     )
 
 
+def test_named_columns_are_of_the_joint_that_they_name(tmp_path):
+    (log,) = read_logs(
+        _joints_file(tmp_path),
+        options=LogOptions(joint="all", requested="req_Jaw", actual="act_Jaw", unit="range"),
+    )
+    assert log.joint == "Jaw"
+
+
 def test_standard_input_is_read(tmp_path, monkeypatch):
     file = _csv(tmp_path, "t_s,req_deg,act_deg")
     stream = io.TextIOWrapper(io.BytesIO(file.read_bytes()))
@@ -405,6 +413,12 @@ BAD = {
         {},
         ", line 1: 2 columns may say whether the torque is on (torque_on, torque_enable); name one "
         "with --torque",
+    ),
+    "one column for both": (
+        GOOD,
+        {"requested": "act_rad"},
+        ", line 1: column 'act_rad' cannot be both the requested and the actual angle; name the "
+        "other one too",
     ),
     "an option of another format": (
         GOOD,

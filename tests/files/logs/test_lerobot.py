@@ -96,6 +96,16 @@ def test_action_and_observation_may_have_other_orders(tmp_path):
     np.testing.assert_allclose(log.angles, np.radians(observed[:, 0].astype(float)), atol=EXACT)
 
 
+def test_times_in_lists_of_one_are_read(tmp_path):
+    def change(table):
+        listed = _set(table, "timestamp", [[k / FPS] for k in range(LENGTHS[0])])
+        return _set(listed, "episode_index", [[0]] * LENGTHS[0])
+
+    root, _ = _with_table(tmp_path, change)
+    (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
+    _assert_is(log, 0, "gripper")
+
+
 def _refused(path, **options):
     with pytest.raises(InvalidFile) as caught:
         read_logs(path, options=LogOptions(**options))
@@ -186,6 +196,14 @@ TABLES = {
     "no episode's number": (
         lambda table: _set(table, "episode_index", [0.5] * 5),
         ": 'episode_index': expected whole numbers from 0",
+    ),
+    "no end of episodes": (
+        lambda table: _set(table, "episode_index", [np.inf] * 5),
+        ": 'episode_index': expected whole numbers from 0",
+    ),
+    "two times a row": (
+        lambda table: _set(table, "timestamp", [[0.0, 1.0]] * 5),
+        ": 'timestamp' has 2 numbers a row, expected one",
     ),
     "one row": (
         lambda table: table.slice(0, 1),
