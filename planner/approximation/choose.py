@@ -12,6 +12,7 @@ from planner.approximation.descent import descend
 from planner.approximation.ideal import attainable_error
 from planner.approximation.objective import Candidate, Problem, candidate, residuals
 from planner.approximation.search import Search
+from planner.approximation.swing import swung
 from planner.exceptions import Infeasible
 from planner.trajectory import Array
 
@@ -34,7 +35,10 @@ COARSE = 0.004
 """Width of a bracket, relative to its segments, that is not halved any further."""
 
 FEWER = 0.75
-"""Segments tried first, relative to a curve that is found in one pass."""
+"""Segments tried first, relative to those of a curve that is found in one pass."""
+
+FEW_SAMPLES = 300
+"""Samples up to which every number of segments is tried from the fewest on."""
 
 FLATTENINGS = 12
 """Times that the weights of the largest errors are raised in search of a smaller one."""
@@ -148,8 +152,13 @@ def within(search: Search, bound: float, most: int | None, unit: float) -> Candi
         return curve if worst <= bound else None
 
     last = search.most if most is None else min(most, search.most)
-    guess = swung(problem.desired, bound)
-    found = _fewest(close_enough, search.fewest, last, math.floor(FEWER * guess))
+    if problem.shortest <= 1.0 and not problem.required.size and problem.samples > FEW_SAMPLES:
+        one_pass = swung(problem, bound)
+        count = one_pass.knots.size - (not problem.cyclic)
+        if count <= last:
+            fewer = math.floor(FEWER * count)
+            return _fewest(close_enough, search.fewest, count - 1, fewer) or one_pass
+    found = _fewest(close_enough, search.fewest, last)
     if found is None and last == search.most:
         found = search.closest_everywhere()
     if found is None:
@@ -183,23 +192,6 @@ def flattened(problem: Problem, curve: Candidate, bound: float) -> tuple[Candida
         if error.max() < least:
             best, least = curve, float(error.max())
     return candidate(problem, best.knots, best.values), least
-
-
-def swung(desired: Array, bound: float) -> int:
-    """Segments of the curve that goes on in a line as long as it stays within ``bound``; O(n)."""
-    segments, knot, value = 1, 0, float(desired[0])
-    low, high = -math.inf, math.inf
-    for k, angle in enumerate(desired.tolist()):
-        if k == 0:
-            continue
-        lower, upper = (angle - bound - value) / (k - knot), (angle + bound - value) / (k - knot)
-        if lower > high or upper < low:
-            value += 0.5 * (low + high) * (k - 1 - knot)
-            knot, segments = k - 1, segments + 1
-            low, high = angle - bound - value, angle + bound - value
-        else:
-            low, high = max(low, lower), min(high, upper)
-    return segments
 
 
 def _fewest(

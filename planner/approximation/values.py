@@ -25,6 +25,9 @@ TOLERANCE = 1e-9
 TRUSTED = 1e-6
 """Excess over a limit, in the unit of the samples, up to which an answer of OSQP is repaired."""
 
+MOST_ITERATIONS, TUBE_ITERATIONS = 50_000, 5_000
+"""Iterations of OSQP, and where another answer is at hand."""
+
 RIDGE = 1e-11
 """Pull towards the previous values, relative, that makes knots without samples determinate."""
 
@@ -153,11 +156,16 @@ def solve_values(
     tube_qp = build_values_qp(problem, knots, near, tube)
     if tube_qp.excess(values) <= 0.0:
         return values
-    values = _solved(problem, tube_qp, near)
+    try:
+        values = _solved(problem, tube_qp, near, iterations=TUBE_ITERATIONS)
+    except SolverFailed:  # it is slow where the tube is tight; ``near`` is within it
+        return near
     return values if tube_qp.excess(values) <= 1e-12 else near
 
 
-def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
+def _solved(
+    problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = MOST_ITERATIONS
+) -> Array:
     """OSQP's answer, polished and checked."""
     import osqp
     from scipy import sparse
@@ -178,7 +186,7 @@ def _solved(problem: Problem, qp: ValuesQP, near: Array) -> Array:
         (qp.upper - rows) / unit,
         eps_abs=TOLERANCE,
         eps_rel=TOLERANCE,
-        max_iter=50_000,
+        max_iter=iterations,
         polishing=False,  # OSQP's own prints when no bound is active
         verbose=False,
     )

@@ -11,10 +11,17 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from planner.approximation.choose import swung
 from planner.approximation.fit import fit_pwl
-from planner.approximation.objective import Problem, constraint_rows, evaluate, slacks
+from planner.approximation.ideal import attainable_error
+from planner.approximation.objective import (
+    Problem,
+    constraint_rows,
+    evaluate,
+    residuals,
+    slacks,
+)
 from planner.approximation.small_qp import minimize_quadratic
+from planner.approximation.swing import swung
 from tests.approximation.samples import KINDS, samples_of
 
 CLOSED = 1e3
@@ -132,7 +139,6 @@ def test_memory_grows_in_proportion_to_the_samples():
     code = """
 import resource, sys
 import numpy as np
-from planner.approximation.choose import swung
 from planner.approximation.fit import fit_pwl
 desired = np.sin(np.arange(40_000) / 80.0)
 fit_pwl(desired[:600], v_max=0.02, tick=1.0, segments=40)
@@ -144,17 +150,30 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
     assert int(child.stdout) <= GROWTH
 
 
-def test_thousands_of_samples_need_few_segments_for_a_largest_error_and_each_counts():
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
     rng = np.random.default_rng(4)
     desired = np.resize(samples_of("sines", 90, rng), 2700)
-    fit = fit_pwl(desired, v_max=2.0, tick=1.0, max_error=0.1)
+    fit = fit_pwl(desired, v_max=2.0, tick=1.0, cyclic=cyclic, max_error=0.1)
     assert fit.max_error <= 0.1 * (1.0 + 1e-9)
     short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
-    assert fit.segments <= 1.15 * 30 * short.segments
-    assert swung(desired, 0.1) >= fit.segments
+    assert fit.segments <= 1.1 * 30 * short.segments
 
 
-def test_a_curve_swung_along_follows_corners_and_counts_them():
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_curve_swung_along_keeps_the_error_and_the_slopes(kind, cyclic):
+    desired = samples_of(kind, 80, np.random.default_rng(2))
+    step = 2.0 * np.ptp(desired) / 80
+    bound = 1.01 * attainable_error(desired, step, cyclic=cyclic) + 0.02
+    problem = Problem(desired=desired, step=step, cyclic=cyclic)
+    curve = swung(problem, bound)
+    assert np.max(np.abs(residuals(problem, curve.knots, curve.values))) <= bound + 1e-12
+    assert np.min(slacks(problem, curve.knots, curve.values)) >= -1e-12
+
+
+def test_a_curve_swung_along_follows_corners():
     zigzag = np.interp(np.arange(41.0), [0, 10, 20, 30, 40], [0.0, 5.0, 0.0, 5.0, 0.0])
-    assert swung(zigzag, 1e-6) == 4
-    assert swung(zigzag, 10.0) == 1
+    problem = Problem(desired=zigzag, step=1.0, cyclic=False)
+    np.testing.assert_array_equal(swung(problem, 1e-6).knots, [0, 10, 20, 30, 40])
+    assert swung(problem, 10.0).knots.size == 2
