@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options
-from planner.cli.fit_options import add_fit_options, asked
+from planner.cli.fit_options import add_fit_options, asked, weighed
 from planner.cli.say import deliver, naming
 from planner.cli.wanted import load_wanted
 
@@ -60,13 +60,15 @@ def fit(
 
     from planner.approximation.fit import fit_pwl
     from planner.files.joint_path import write_joint_path
+    from planner.files.table import read_table
     from planner.report.text_table import text_table
 
     if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
         raise click.UsageError(
             f"--figure: got '{figure}', expected a name that ends in .svg or .png."
         )
-    wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False)
+    weights, table = weighed(given["weights"], read_table(desired))
+    wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False, table=table)
     if knots_file is not None and len(wanted.names) > 1:
         raise click.UsageError(
             f"--knots writes one joint, got {', '.join(wanted.names)}; choose one with --joint."
@@ -76,7 +78,11 @@ def fit(
     for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
         with naming(name):
             fits[name] = fit_pwl(
-                wanted.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
+                wanted.angles[:, j],
+                v_max=joint.v_max,
+                tick=joint.period,
+                weights=weights,
+                **question,
             )
     document = {
         "cyclic": cyclic,

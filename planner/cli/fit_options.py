@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from planner.files.table import Table
+    from planner.trajectory import Array
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -47,6 +52,11 @@ _OPTIONS = (
     ),
     click.option("--start-deg", type=float, metavar="DEG", help="Angle at the start of a path."),
     click.option("--end-deg", type=float, metavar="DEG", help="Angle at the end of a path."),
+    click.option(
+        "--weights",
+        metavar="COLUMN|FILE",
+        help="How much each sample's squared error counts: a column of DESIRED, or a CSV of one.",
+    ),
     click.option("--on-samples", is_flag=True, help="Put knots on samples only."),
     click.option("--exact", is_flag=True, help="Prove that no other knots on samples are better."),
 )
@@ -97,6 +107,41 @@ def asked(options: dict[str, Any], period: float) -> dict[str, Any]:
     if options["knot_s"]:
         given["knots"] = [_samples(time, period) for time in options["knot_s"]]
     return given
+
+
+def weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
+    """The weights of the samples, and the table without their column.
+
+    Args:
+        weights: The option: a column's name, or else a CSV file with one column besides its clock.
+        table: What was read from DESIRED.
+
+    Raises:
+        InvalidFile: A weight is no number, or the file has no single column.
+    """
+    from dataclasses import replace
+
+    from planner.exceptions import InvalidFile
+    from planner.files.clock import COUNTERS, TIME
+    from planner.files.table import read_table
+
+    if weights is None:
+        return None, table
+    if weights in table.names:
+        place = table.names.index(weights)
+        rows = tuple((*row[:place], *row[place + 1 :]) for row in table.rows)
+        names = (*table.names[:place], *table.names[place + 1 :])
+        return table.numbers([weights])[:, 0], replace(table, names=names, rows=rows)
+    if not Path(weights).exists():
+        raise click.UsageError(
+            f"--weights: got '{weights}', expected a column of {table.path} "
+            f"({', '.join(table.names)}) or a CSV file."
+        )
+    own = read_table(weights)
+    columns = [name for name in own.names if name != TIME and name not in COUNTERS]
+    if len(columns) != 1:
+        raise InvalidFile(weights, f"got columns {', '.join(own.names)}, expected one of weights")
+    return own.numbers(columns)[:, 0], table
 
 
 def _samples(time: float, period: float) -> float:

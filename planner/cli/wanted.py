@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from kinematics.inverse import Unreachable
     from planner.files.foot_path import FootPath
     from planner.files.joint_path import JointPath
+    from planner.files.table import Table
     from planner.model.joint import JointModel
     from planner.trajectory import Array
 
@@ -73,6 +74,7 @@ def load_wanted(
     leg: Leg | None = None,
     unreachable: Unreachable = "raise",
     takes_leg: bool = True,
+    table: Table | None = None,
 ) -> Wanted:
     """Read a joint path, or a foot path where a leg can turn it into one.
 
@@ -83,6 +85,7 @@ def load_wanted(
         leg: The leg, where the options name one.
         unreachable: What to do with foot positions out of the leg's reach.
         takes_leg: Whether the command has options that name a leg.
+        table: What stands in the file, if it has been read already.
 
     Raises:
         InvalidFile: The file is neither, or its rate is not the models'.
@@ -93,7 +96,7 @@ def load_wanted(
     from planner.files.joint_path import joint_path
     from planner.files.table import read_table
 
-    table = read_table(path)
+    table = read_table(path) if table is None else table
     if not is_foot_path(table):
         return _from_joints(joint_path(table, joints=joints), model, leg)
     if leg is None:

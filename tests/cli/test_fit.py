@@ -47,6 +47,40 @@ def test_fit_meets_the_ends_of_a_path(run, desired):
     assert answer["values_deg"][-1] == pytest.approx(-2.0, abs=1e-9)
 
 
+def test_fit_weighs_samples_by_a_column_or_by_a_file(run, desired, tmp_path):
+    header, *rows = desired.read_text().splitlines()
+    weights = [100.0 if 20 <= k < 30 else 1.0 for k in range(88)]
+    both = tmp_path / "both.csv"
+    lines = [f"{row},{weight}" for row, weight in zip(rows, weights, strict=True)]
+    both.write_text("\n".join([f"{header},care", *lines]))
+    alone = tmp_path / "alone.csv"
+    alone.write_text("\n".join(["weight", *map(str, weights)]))
+    plain = joint(run("fit", desired, "--segments", "4", "--json"), "hip")
+    column = run("fit", both, "--segments", "4", "--weights", "care", "--json")
+    assert set(json.loads(column.stdout)["joints"]) == {"hip", "knee"}
+    file = run("fit", desired, "--segments", "4", "--weights", alone, "--json")
+    assert joint(column, "hip") == joint(file, "hip")
+    angles = np.degrees(0.4 * np.sin(2.0 * np.pi * np.arange(88) / 88))[20:30]
+    careful, careless = (
+        np.max(np.abs(np.array(each["angles_deg"])[20:30] - angles))
+        for each in (joint(column, "hip"), plain)
+    )
+    assert careful < 0.5 * careless
+
+
+def test_fit_refuses_weights_that_are_none(run, desired, tmp_path):
+    result = run("fit", desired, "--weights", "care")
+    assert result.exit_code == 2
+    assert "--weights: got 'care', expected a column" in result.stderr
+    result = run("fit", desired, "--weights", desired)
+    assert result.exit_code == 2
+    assert "expected one of weights" in result.stderr
+    (tmp_path / "short.csv").write_text("weight\n1\n2\n")
+    result = run("fit", desired, "--weights", "short.csv")
+    assert result.exit_code == 2
+    assert "weights: got 2, expected 88, one per sample" in result.stderr
+
+
 def test_fit_proves_its_answer_on_request(run, desired):
     proved = joint(run("fit", desired, "--segments", "4", "--exact", "--json"), "hip")
     sought = joint(run("fit", desired, "--segments", "4", "--on-samples", "--json"), "hip")
