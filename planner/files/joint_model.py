@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import Any
 
 from planner.exceptions import InvalidFile, InvalidModel
 from planner.files.table import nearest
-from planner.files.text import read_text, write_text
+from planner.files.text import write_text
+from planner.files.toml import Toml, read_toml
 from planner.model.joint import JointModel
 
 FIELDS = tuple(field.name for field in fields(JointModel))
@@ -64,28 +64,23 @@ def read_models(path: Path | str) -> ModelFile:
     Raises:
         InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
     """
-    text = read_text(path)
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        place = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
-        raise InvalidFile(
-            path,
-            f"not TOML: {_cut(str(error), place)}; expected lines such as 'v_max = 5.45', and 0.1 "
-            "for .1",
-            line=int(place[1]) if place else None,
-        ) from error
+    return models_of(read_toml(path, example="v_max = 5.45"))
+
+
+def models_of(file: Toml) -> ModelFile:
+    """Understand TOML as joint models; see :func:`read_models`."""
+    path, content = file.path, file.content
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     for table, keys in ((None, common), *tables.items()):
         for key in keys:
-            _check_key(path, text, key, table)
+            _check_key(file, key, table)
     by_joint = {
         table: _model(path, {**common, **own}, f"table [{table}]: ")
         for table, own in tables.items()
     }
     complete = not tables or all(key in common for key in REQUIRED)
-    return ModelFile(str(path), _model(path, common, "") if complete else None, by_joint)
+    return ModelFile(path, _model(path, common, "") if complete else None, by_joint)
 
 
 def write_model(path: Path | str, model: JointModel) -> None:
@@ -146,28 +141,12 @@ def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:
         raise InvalidFile(path, f"{place}{error}") from error
 
 
-def _check_key(path: Path | str, text: str, key: str, table: str | None) -> None:
+def _check_key(file: Toml, key: str, table: str | None) -> None:
     if key in FIELDS:
         return
     place = f" in [{table}]" if table is not None else ""
     raise InvalidFile(
-        path,
+        file.path,
         f"unknown key '{key}'{place}{nearest(key, FIELDS)}; keys: {', '.join(FIELDS)}",
-        line=_line_of(text, key, table),
+        line=file.line_of((key,) if table is None else (table, key)),
     )
-
-
-def _line_of(text: str, key: str, table: str | None) -> int | None:
-    """Line on which a table first sets a key, as far as it is written in the usual way."""
-    current: str | None = None
-    for number, line in enumerate(text.splitlines(), 1):
-        header = re.match(r"\s*\[\s*[\"']?(.+?)[\"']?\s*\]", line)
-        if header:
-            current = header[1]
-        elif current == table and re.match(rf"\s*[\"']?{re.escape(key)}[\"']?\s*=", line):
-            return number
-    return None
-
-
-def _cut(message: str, place: re.Match[str] | None) -> str:
-    return f"{message[: place.start()]} at column {place[2]}" if place else message
