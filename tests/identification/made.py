@@ -1,0 +1,92 @@
+"""Logs whose joint is known, and the recorded ones."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+import planner
+
+AIBO = planner.JointModel.ers210a()
+
+NOISE = math.radians(0.2)
+"""Standard deviation of the made logs' noise [rad]."""
+
+QUANTUM = math.radians(0.3)
+"""Step of the made logs' sensor [rad]."""
+
+AMPLITUDES = tuple(map(math.radians, (30.0, 90.0)))
+"""Step tests [rad]: small enough to see the joint close in, large enough to saturate it."""
+
+
+def measured(angles, rng, *, noise=NOISE, quantum=QUANTUM):
+    """Angles as a noisy sensor of finite resolution reports them."""
+    noisy = angles + rng.normal(scale=noise, size=len(angles)) if noise else angles
+    return np.round(noisy / quantum) * quantum if quantum else noisy
+
+
+def step_logs(
+    model=AIBO, *, seed=0, amplitudes=AMPLITUDES, samples=88, cycles=3, noise=NOISE, quantum=QUANTUM
+):
+    """Step tests of a joint that rests at 0 before, one log for each amplitude."""
+    rng = np.random.default_rng(seed)
+    logs = []
+    for amplitude in amplitudes:
+        requests = np.tile(planner.step_test(amplitude, samples=samples), cycles)
+        angles = planner.simulate(model, requests, cyclic=False, start=model.offset)
+        logs.append(
+            planner.Log(
+                times=np.arange(len(requests)) * model.period,
+                requests=requests,
+                angles=measured(angles, rng, noise=noise, quantum=quantum),
+            )
+        )
+    return logs
+
+
+def rich_log(model=AIBO, *, seed=0, rows=400, amplitude=0.6, noise=0.0, quantum=0.0):
+    """Steps of random height and length."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(4, 30, size=rows)
+    heights = rng.uniform(-amplitude, amplitude, size=rows)
+    requests = np.repeat(heights, lengths)[:rows]
+    angles = planner.simulate(model, requests, cyclic=False)
+    return planner.Log(
+        times=np.arange(rows) * model.period,
+        requests=requests,
+        angles=measured(angles, rng, noise=noise, quantum=quantum),
+    )
+
+
+def changed(log, **changes):
+    """The log with other columns."""
+    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
+    columns["torque_on"] = log.torque_on
+    return planner.Log(**{**columns, **changes})
+
+
+def so101(folder: Path, recording: str, joint: str) -> planner.Log:
+    """One joint of the SO-101's recordings."""
+    table = np.genfromtxt(folder / "so101" / f"{recording}.csv", delimiter=",", names=True)
+    return planner.Log(
+        times=table["t_s"],
+        requests=table[f"req_{joint}"],
+        angles=table[f"act_{joint}"],
+        name=recording,
+        joint=joint,
+        unit="1" if joint == "Jaw" else "rad",
+    )
+
+
+def pendulum(folder: Path, servo: str, recording: str) -> planner.Log:
+    """A servo that swings a weight."""
+    table = np.genfromtxt(folder / servo / f"{recording}.csv", delimiter=",", names=True)
+    return planner.Log(
+        times=table["t_s"],
+        requests=table["req_rad"],
+        angles=table["act_rad"],
+        torque_on=table["torque_on"] > 0.0,
+        name=recording,
+    )

@@ -1,0 +1,138 @@
+"""Intervals hold the truth as often as they say, and are infinite where the data is silent."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import planner
+from planner.identification.spread import correlation_time
+from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+
+SEEDS = 24
+"""Repetitions of a noisy experiment; with 95 % coverage fewer than 19 hits come once in 250 times
+for one parameter, and these seeds are always the same."""
+
+FEWEST_HITS = 19
+
+GENTLE = 0.05
+"""Amplitude that calls for 40 % of the joint's top speed [rad]."""
+
+
+def hits(model, interval, name):
+    return interval.lower <= getattr(model, name) <= interval.upper
+
+
+def test_intervals_hold_the_truth_nineteen_times_in_twenty():
+    found = [planner.identify(step_logs(seed=seed), hold_out=False) for seed in range(SEEDS)]
+    for name in ("v_max", "theta_0", "lag", "acceleration_time", "offset"):
+        count = sum(hits(AIBO, one.intervals[name], name) for one in found)
+        assert count >= FEWEST_HITS, name
+    gains = sum(one.gain_interval.lower <= 1.0 / 0.0224 <= one.gain_interval.upper for one in found)
+    assert gains >= FEWEST_HITS
+    errors = np.array([one.model.lag - AIBO.lag for one in found]) / AIBO.tick
+    assert np.sqrt(np.mean(errors**2)) <= 0.125  # so a quarter of a tick is two deviations
+
+
+def test_a_joint_that_never_saturates_shows_only_the_ratio():
+    log = rich_log(amplitude=GENTLE, noise=NOISE / 10.0)
+    found = planner.identify(log)
+    lower, upper = found.intervals["v_max"]
+    assert 0.0 < lower <= AIBO.v_max
+    assert upper == math.inf
+    assert found.intervals["theta_0"].upper == math.inf
+    assert found.gain_interval.lower <= AIBO.v_max / AIBO.theta_0 <= found.gain_interval.upper
+    assert found.gain_interval.bounded
+    assert not found.saturates
+    assert found.covariance is None
+    assert lower <= found.model.v_max <= AIBO.v_max  # no more than the log called for
+    said = next(warning for warning in found.warnings if "saturates" in warning)
+    assert f"v_max/theta_0 = {found.gain:.3g} per second is known" in said
+    assert "record steps larger than about 0.2 rad" in said
+
+
+def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
+    found = planner.identify(step_logs())
+    assert found.saturates
+    assert all(interval.bounded for interval in found.intervals.values())
+    deviations = np.sqrt(np.diag(found.covariance))
+    for deviation, (lower, upper) in zip(deviations, found.intervals.values(), strict=True):
+        assert 1.5 * deviation <= (upper - lower) / 2.0 <= 2.5 * deviation
+
+
+def test_slow_motion_cannot_tell_the_delays_apart():
+    times = np.arange(600) * AIBO.period
+    requests = 0.2 * np.sin(2.0 * np.pi * 0.5 * times)
+    rng = np.random.default_rng(0)
+    angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
+    found = planner.identify((times, requests, angles))
+    assert found.intervals["lag"].upper - found.intervals["lag"].lower >= 2.0 * AIBO.tick
+    assert any("lag lies anywhere" in warning for warning in found.warnings)
+
+
+def test_more_noise_widens_every_interval():
+    quiet, loud = (
+        planner.identify(step_logs(noise=k * NOISE), hold_out=False).intervals for k in (1.0, 4.0)
+    )
+    for name, (lower, upper) in quiet.items():
+        assert upper - lower < loud[name].upper - loud[name].lower, name
+
+
+def test_correlated_rows_count_for_fewer():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=4000)
+    assert 1.0 <= correlation_time(white) <= 1.3
+    kept, drifting = 0.9, [0.0]
+    for step in white:
+        drifting.append(kept * drifting[-1] + step)
+    expected = (1.0 + kept) / (1.0 - kept)
+    assert abs(correlation_time(np.array(drifting)) / expected - 1.0) <= 0.35
+    assert correlation_time(np.zeros(10)) == 1.0
+
+
+def test_everything_can_be_written_as_json():
+    found = planner.identify(rich_log(amplitude=GENTLE, noise=NOISE / 10.0))
+    kept = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert kept["intervals"]["v_max"][1] is None
+    assert kept["model"]["lag"] == found.model.lag
+
+
+@pytest.mark.parametrize(
+    ("angles", "requests", "message"),
+    [
+        (np.zeros(60), np.repeat([0.0, 1.0, 0.0], 20), "the joint does not move in this log"),
+        (np.sin(np.arange(60)), np.zeros(60), "the requests never change in this log"),
+    ],
+)
+def test_a_log_without_motion_is_refused(angles, requests, message):
+    with pytest.raises(planner.InvalidInput, match=message):
+        planner.identify((np.arange(60) * 0.02, requests, angles))
+
+
+def test_a_log_without_torque_is_refused():
+    log = changed(step_logs()[0], torque_on=np.zeros(264, dtype=bool))
+    with pytest.raises(planner.InvalidInput, match="0 rows to learn from"):
+        planner.identify(log)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"tick": 0.003, "hold": 2}, "expected the log's median period"),
+        ({"tick": -1.0}, "more than 0 s"),
+        ({"hold": 0}, "1 or more"),
+    ],
+)
+def test_ticks_that_do_not_make_the_period_are_refused(settings, message):
+    with pytest.raises(planner.InvalidInput, match=message):
+        planner.identify(step_logs(), **settings)
+
+
+def test_logs_of_different_joints_are_refused():
+    log = step_logs()[0]
+    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
+    with pytest.raises(planner.InvalidInput, match="logs of one joint"):
+        planner.identify([{**columns, "joint": "knee"}, {**columns, "joint": "hip"}])

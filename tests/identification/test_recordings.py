@@ -1,0 +1,74 @@
+"""Real servos: as good as is known to be possible, fast enough, and honest where it cannot be."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import planner
+from tests.identification.made import pendulum, so101
+
+KNOWN = {
+    "Rotation": 0.0089,
+    "Pitch": 0.0126,
+    "Elbow": 0.0214,
+    "Wrist_Pitch": 0.0084,
+    "Wrist_Roll": 0.0046,
+    "Jaw": 0.0032,
+}
+"""Error on the second half of the PRBS recording by a fit to the first [rad; Jaw: share]."""
+
+ROUNDED = 0.00006
+"""The known errors are rounded to the fourth decimal."""
+
+STS3250 = tuple(f"sts3250_kp32_{name}" for name in ("sin_sin", "sin_time_square", "up_and_down"))
+
+
+@pytest.mark.parametrize("joint", KNOWN)
+def test_a_small_arm_is_predicted_as_well_as_is_known_to_be_possible(recordings, joint):
+    found = planner.identify(so101(recordings, "prbs_excitation", joint))
+    assert found.held_out_rms <= KNOWN[joint] + ROUNDED
+    assert found.accepted
+    if joint == "Jaw":
+        assert 1.0 <= found.intervals["v_max"].lower <= found.intervals["v_max"].upper <= 1.3
+    else:
+        assert found.intervals["v_max"].upper == math.inf
+        assert any("record steps larger than" in warning for warning in found.warnings)
+        assert 9.0 <= found.gain_interval.lower <= found.gain_interval.upper <= 15.0
+
+
+def test_three_runs_of_a_pendulum_are_one_joint(recordings):
+    found = planner.identify([pendulum(recordings, "sts3250", name) for name in STS3250])
+    assert found.rms <= 0.0195
+    assert found.accepted
+    assert found.intervals["v_max"].lower <= 8.0
+    assert found.intervals["v_max"].upper >= 7.8
+
+
+def test_a_dropped_pendulum_is_fitted_where_it_has_torque(recordings):
+    log = pendulum(recordings, "sts3250", "sts3250_kp32_lift_and_drop")
+    found = planner.identify(log)
+    assert found.rms <= 0.02
+    assert not found.fits[0].used[~log.torque_on].any()
+    assert any("torque is off" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("gain", [100, 800])
+@pytest.mark.parametrize("motion", ["sin_sin", "sin_time_square"])
+def test_an_overloaded_servo_is_refused(recordings, gain, motion):
+    found = planner.identify(pendulum(recordings, "xl330", f"xl330_kp{gain}_{motion}"))
+    assert not found.accepted
+    assert any("the model does not fit" in warning for warning in found.warnings)
+
+
+def test_a_gripper_that_opens_and_shuts_has_its_top_speed_bounded(recordings):
+    found = planner.identify(so101(recordings, "gripper_cycles", "Jaw"))
+    assert found.accepted
+    assert found.saturates
+    assert 0.7 <= found.model.v_max <= 1.3
+
+
+def test_joints_that_were_not_moved_say_so(recordings):
+    with pytest.raises(planner.InvalidInput, match="the requests never change"):
+        planner.identify(so101(recordings, "triangle_wave", "Rotation"))

@@ -1,0 +1,169 @@
+"""What is known is found, whatever the unit, the origin, the clock and the disturbance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import planner
+from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+
+EXACT = 1e-6
+"""Without noise parameters are found to this, relative to their size (offset: to 1 rad, lag: to a tick at least)."""
+
+SAME_FIT = 2e-3
+"""Two fits of the same rows, scaled or shifted, stop at the same parameters to this share."""
+
+QUARTER = 0.25
+"""Share of a tick within which lag and acceleration time are to be found."""
+
+SERVO = planner.JointModel(
+    v_max=6.0, theta_0=0.3, lag=0.0123, acceleration_time=0.0417, tick=0.005, hold=4, offset=0.02
+)
+
+
+def assert_close(model, expected, share):
+    for field in fields(expected):
+        found, true = getattr(model, field.name), getattr(expected, field.name)
+        size = {"offset": 1.0, "lag": max(true, expected.tick)}.get(field.name, true)
+        assert abs(found - true) <= share * size, field.name
+
+
+def assert_found(model, expected):
+    assert abs(model.v_max / expected.v_max - 1.0) <= 0.005
+    assert abs(model.theta_0 / expected.theta_0 - 1.0) <= 0.04
+    assert abs(model.lag - expected.lag) <= QUARTER * expected.tick
+    # Twice as much: an acceleration time moves the joint by half of what a lag does.
+    assert abs(model.acceleration_time - expected.acceleration_time) <= 2 * QUARTER * expected.tick
+
+
+@pytest.mark.parametrize("model", [AIBO, SERVO, replace(AIBO, lag=0.0, acceleration_time=0.0104)])
+def test_a_log_without_noise_gives_the_model_back(model):
+    found = planner.identify(rich_log(model, amplitude=1.0))
+    assert_close(found.model, model, EXACT)
+    assert found.accepted
+    assert found.held_out_rms <= EXACT
+
+
+def test_the_model_keeps_the_logs_period_and_its_own_ticks():
+    for model in (AIBO, SERVO):
+        found = planner.identify(rich_log(model, amplitude=1.0), hold_out=False).model
+        assert found.hold == model.hold
+        assert math.isclose(found.period, model.period)
+    given = planner.identify(rich_log(SERVO, amplitude=1.0), hold=2, hold_out=False).model
+    assert given.hold == 2
+    assert math.isclose(given.tick, SERVO.period / 2)
+
+
+def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
+    log = rich_log(noise=NOISE)
+    one, three = (
+        planner.identify(changed(log, requests=k * log.requests, angles=k * log.angles))
+        for k in (1.0, 3.0)
+    )
+    scaled = replace(
+        one.model,
+        v_max=3.0 * one.model.v_max,
+        theta_0=3.0 * one.model.theta_0,
+        offset=3.0 * one.model.offset,
+    )
+    assert_close(three.model, scaled, SAME_FIT)
+    assert math.isclose(three.rms, 3.0 * one.rms, rel_tol=SAME_FIT)
+
+
+def test_shifting_requests_and_angles_together_changes_nothing():
+    log = rich_log(noise=NOISE)
+    moved = changed(log, requests=log.requests + 2.0, angles=log.angles + 2.0)
+    assert_close(planner.identify(moved).model, planner.identify(log).model, SAME_FIT)
+
+
+def test_shifting_the_angles_alone_shifts_the_offset():
+    log = rich_log(noise=NOISE)
+    moved = changed(log, angles=log.angles + 0.1)
+    one = planner.identify(log).model
+    assert_close(planner.identify(moved).model, replace(one, offset=one.offset + 0.1), SAME_FIT)
+
+
+def test_a_slower_clock_slows_the_model():
+    log = rich_log(noise=NOISE)
+    slow = changed(log, times=0.5 * log.times)  # 4 ms: still a tick a row
+    one = planner.identify(log).model
+    half = replace(
+        one,
+        v_max=2.0 * one.v_max,
+        lag=0.5 * one.lag,
+        acceleration_time=0.5 * one.acceleration_time,
+        tick=0.5 * one.tick,
+    )
+    assert_close(planner.identify(slow).model, half, SAME_FIT)
+
+
+def test_when_the_log_began_does_not_matter():
+    log = rich_log(noise=NOISE)
+    later = changed(log, times=log.times + 1.7e9)  # seconds since 1970, good to 0.2 us
+    assert_close(planner.identify(later).model, planner.identify(log).model, SAME_FIT)
+
+
+def test_single_glitches_do_not_move_the_answer():
+    logs = step_logs()
+    rng = np.random.default_rng(1)
+    spoilt = []
+    for log in logs:
+        angles = log.angles.copy()
+        rows = rng.choice(len(angles), size=5, replace=False)
+        angles[rows] += rng.choice([-1.0, 1.0], size=5) * rng.uniform(0.3, 3.0, size=5)
+        spoilt.append(changed(log, angles=angles))
+    clean, found = planner.identify(logs), planner.identify(spoilt)
+    assert_found(found.model, AIBO)
+    for name, interval in clean.intervals.items():
+        moved = abs(getattr(found.model, name) - getattr(clean.model, name))
+        assert moved <= 0.5 * (interval.upper - interval.lower), name
+    assert found.accepted
+
+
+def test_dropped_rows_are_bridged():
+    rng = np.random.default_rng(2)
+    thinned = []
+    for log in step_logs():
+        kept = rng.uniform(size=len(log.times)) > 0.05
+        columns = {name: getattr(log, name)[kept] for name in ("times", "requests", "angles")}
+        thinned.append(planner.Log(**columns))
+    found = planner.identify(thinned)
+    assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
+    assert abs(found.model.lag - AIBO.lag) <= 2 * QUARTER * AIBO.tick
+
+
+def test_uneven_rows_are_taken_when_they_are():
+    rng = np.random.default_rng(3)
+    fine = rich_log(AIBO, rows=900, amplitude=1.0)
+    rows = np.unique(np.cumsum(rng.integers(1, 4, size=400)))
+    rows = rows[rows < 900]
+    # The requests that a sparse log misses would be unknown, so they change only where it has rows.
+    requests = fine.requests[rows][np.searchsorted(rows, np.arange(900), side="right") - 1]
+    requests[: rows[0]] = requests[rows[0]]
+    angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
+    log = planner.Log(times=fine.times[rows], requests=requests[rows], angles=angles[rows])
+    found = planner.identify(log, tick=0.008, hold=2)
+    assert_found(found.model, AIBO)
+
+
+def test_several_logs_count_together():
+    logs = step_logs()
+    together = planner.identify(logs)
+    alone = planner.identify(logs[0])
+    assert len(together.fits) == 2
+    width = {n: together.intervals[n].upper - together.intervals[n].lower for n in ("v_max", "lag")}
+    for name, wide in width.items():
+        assert wide < alone.intervals[name].upper - alone.intervals[name].lower
+
+
+@pytest.mark.parametrize("form", ["triple", "mapping", "list"])
+def test_logs_may_be_plain_arrays(form):
+    log = step_logs()[0]
+    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
+    given = {"triple": tuple(columns.values()), "mapping": columns, "list": [columns]}[form]
+    expected = planner.identify(log, hold_out=False).model
+    assert planner.identify(given, hold_out=False).model == expected

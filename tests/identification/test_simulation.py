@@ -1,0 +1,97 @@
+"""The joint on the ticks of a log is the joint of the planner, and its derivatives are slopes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.identification.derivatives import derivatives
+from planner.identification.grid import GAP, glitches, gridded
+from planner.identification.simulation import Parameters, pulls_of, respond
+from planner.identification.walk import CHUNKS_PER_TICK
+from tests.identification.made import changed, rich_log
+from tests.strategies import models, trajectories
+
+SAME_RUN = 1e-11
+"""Two simulations of some hundred ticks of angles within 3 rad differ by rounding [rad]."""
+
+SLOPE = 1e-5
+"""Difference quotients with steps of 1e-6 agree to this, relative to the largest slope."""
+
+
+def log_of(model, requests):
+    angles = planner.simulate(model, requests, cyclic=False)
+    times = np.arange(len(requests)) * model.period
+    return planner.Log(times=times, requests=requests, angles=angles)
+
+
+@given(models(), trajectories(least=4, most=40))
+def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests):
+    log = log_of(model, requests)
+    window = model.lag + model.acceleration_time
+    grid = gridded([log], tick=model.tick, reach=2.0 * window + model.period, burn_in=0.0)
+    states = respond(grid, Parameters.of(model), log.angles[:1])
+    assert np.max(np.abs(grid.at_rows(states) - log.angles[grid.places[0]])) <= SAME_RUN
+
+
+def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
+    model = planner.JointModel(v_max=0.3, theta_0=0.05, lag=0.02, acceleration_time=0.05)
+    log = rich_log(model, rows=600)  # saturated most of the time: nothing is forgotten
+    grid = gridded([log], tick=model.tick, reach=1.0, burn_in=0.0)
+    assert len(grid.ticks) > 4 * CHUNKS_PER_TICK * len(grid.ticks) ** 0.5
+    guess = np.random.default_rng(0).normal(size=len(grid.ticks) + 1)
+    states = respond(grid, Parameters.of(model), log.angles[:1], guess=guess)
+    assert np.max(np.abs(grid.at_rows(states) - log.angles)) <= SAME_RUN
+
+
+@pytest.mark.parametrize("field", Parameters._fields)
+def test_the_derivatives_are_slopes(field):
+    model = planner.JointModel(
+        v_max=4.0, theta_0=0.2, lag=0.0133, acceleration_time=0.0371, hold=2, offset=0.03
+    )
+    log = rich_log(model)
+    grid = gridded([log], tick=model.tick, reach=0.5, burn_in=0.0)
+    at, starts = Parameters.of(model), log.angles[:1]
+    slopes = derivatives(grid, at, respond(grid, at, starts), pulls_of(grid, at)).by_parameter
+    step = 1e-6 * max(getattr(at, field), 0.1)
+    ahead, behind = (
+        respond(grid, at._replace(**{field: getattr(at, field) + way}), starts)
+        for way in (step, -step)
+    )
+    quotients = (ahead - behind) / (2.0 * step)
+    column = slopes[:, Parameters._fields.index(field)]
+    assert np.max(np.abs(quotients - column)) <= SLOPE * np.max(np.abs(quotients))
+
+
+def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():
+    model = planner.JointModel.ers210a()
+    log = rich_log(model, rows=300)
+    torque = np.ones(300, dtype=bool)
+    torque[100:130] = False
+    angles = np.where(torque, log.angles, 7.0)  # whatever the joint does without torque
+    grid = gridded(
+        [changed(log, angles=angles, torque_on=torque)], tick=model.tick, reach=0.5, burn_in=0.0
+    )
+    assert [first for _, first in grid.firsts] == [0, 130]
+    states = respond(grid, Parameters.of(model), grid.measured_starts)
+    assert np.max(np.abs(grid.at_rows(states) - log.angles[torque])) <= SAME_RUN
+
+
+def test_after_a_gap_nothing_is_assumed_of_the_requests_before():
+    log = rich_log(rows=300)
+    times = np.where(np.arange(300) < 150, log.times, log.times + 2.0 * GAP * log.period)
+    grid = gridded([changed(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
+    rows = np.ceil(0.1 / 0.008)
+    assert [first for _, first in grid.firsts] == [rows, 150 + rows]
+
+
+@given(st.integers(5, 94), st.floats(2.0, 50.0), st.integers(0, 9))
+def test_a_jump_away_and_back_is_a_glitch_and_motion_is_none(row, size, seed):
+    log = rich_log(seed=seed, rows=100)
+    assert not glitches(log.angles).any()
+    angles = log.angles.copy()
+    angles[row] += size
+    assert np.flatnonzero(glitches(angles)).tolist() == [row]

@@ -1,0 +1,95 @@
+"""Held-out rows are predicted, alternatives compared, and a joint that is no such joint refused."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import planner
+from tests.identification.made import AIBO, NOISE, changed, rich_log, step_logs
+
+WHITE = 1.3
+"""A good fit leaves little more than the noise, by this factor."""
+
+
+def test_what_was_held_out_is_predicted_to_the_noise():
+    log = rich_log(noise=NOISE)
+    found = planner.identify(log)
+    assert NOISE / WHITE <= found.held_out_rms <= WHITE * NOISE
+    assert NOISE / WHITE <= found.noise <= WHITE * NOISE
+    (fit,) = found.fits
+    assert fit.held_out.sum() == 200
+    assert not fit.held_out[:200].any()
+    errors = (fit.held_out_predicted - log.angles)[fit.held_out]
+    assert np.isclose(np.sqrt(np.mean(errors**2)), found.held_out_rms)
+    assert np.isnan(fit.held_out_predicted[~fit.held_out]).all()
+
+
+def test_hold_out_can_be_left_out():
+    found = planner.identify(rich_log(noise=NOISE), hold_out=False)
+    assert found.held_out_rms is None
+    assert not found.fits[0].held_out.any()
+    assert all(other.held_out_rms is None for other in found.alternatives)
+
+
+def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_simpler():
+    found = planner.identify(step_logs())
+    raw, delay, first_order = found.alternatives
+    assert [raw.name, delay.name, first_order.name] == ["raw", "delay", "first_order"]
+    assert raw.rms > delay.rms > first_order.rms > 10.0 * found.rms
+    assert set(first_order.parameters) == {"delay", "time_constant", "offset"}
+
+
+def test_a_joint_that_merely_delays_has_that_delay():
+    requests = rich_log().requests
+    angles = np.concatenate([np.full(5, requests[0]), requests[:-5]])
+    found = planner.identify((np.arange(len(requests)) * 0.008, requests, angles))
+    delay = found.alternatives[1]
+    assert delay.rms == 0.0
+    assert abs(delay.parameters["delay"] - 5 * 0.008) <= 0.008
+
+
+def test_rows_without_torque_are_not_used():
+    log = rich_log(noise=NOISE)
+    torque = np.ones(400, dtype=bool)
+    torque[50:120] = torque[300:310] = False
+    spoilt = np.where(torque, log.angles, 1.0)
+    found = planner.identify(changed(log, angles=spoilt, torque_on=torque))
+    (fit,) = found.fits
+    assert not fit.used[~torque].any()
+    assert np.isnan(fit.predicted[~fit.used]).all()
+    assert found.rms <= WHITE * NOISE
+    assert any("torque is off in 20% of the rows" in warning for warning in found.warnings)
+
+
+def test_an_angle_that_does_not_follow_the_requests_is_refused():
+    log = rich_log()
+    other = rich_log(seed=1)
+    found = planner.identify(changed(log, angles=other.angles))
+    assert not found.accepted
+    assert any("the model does not fit" in warning for warning in found.warnings)
+
+
+def test_a_joint_that_sticks_badly_is_refused():
+    log = rich_log(noise=NOISE)
+    stuck = np.clip(log.angles, -0.1, 0.1)  # something holds it
+    found = planner.identify(changed(log, angles=stuck))
+    assert not found.accepted
+
+
+def test_outliers_weigh_little_and_are_not_held_against_the_model():
+    log = rich_log(noise=NOISE)
+    angles = log.angles.copy()
+    angles[200:203] += 0.5  # too long for a glitch
+    found = planner.identify(changed(log, angles=angles))
+    assert found.accepted
+    weights = found.fits[0].weights
+    assert np.max(weights[200:203]) < 0.1
+    assert np.median(weights) == 1.0
+    assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
+
+
+def test_logs_of_unequal_period_are_pointed_out():
+    one = rich_log(noise=NOISE)
+    two = changed(one, times=1.2 * one.times)
+    found = planner.identify([one, two])
+    assert any("the logs have periods from 8 to 9.6 ms" in warning for warning in found.warnings)
