@@ -27,6 +27,21 @@ SEGMENTS = 6
 TOLERANCE = math.radians(2.0)
 """Largest error allowed where the fewest segments are sought [rad]."""
 
+LOOSE_SEGMENTS = (2, 3, 4, 5, 6, 7, 8)
+"""Numbers of segments at which pwlf is met."""
+
+LOOSE = 1000.0
+"""A bound of so many v_max binds nowhere."""
+
+CURVES = (1, 100, 10_000)
+"""Curves that are turned into requests at once."""
+
+SAMPLES = 88
+"""Samples of the reference walk's cycle."""
+
+RULES = ("paper", "exact")
+
+Call = Callable[[], piecewise_linear.Knots]
 
 FASTER = 5.0
 """A joint so much faster than the ERS-210A's can keep the tolerance."""
@@ -34,7 +49,13 @@ FASTER = 5.0
 
 def measure(options: Options) -> list[Table]:
     """Times by length, and the rivals that can be imported."""
-    return [times(options), beside(options)]
+    return [
+        times(options),
+        beside(options),
+        speed(options),
+        loose(options),
+        known(options),
+    ]
 
 
 def times(options: Options) -> Table:
@@ -69,50 +90,146 @@ def ours(instance: Instance, *, faster: float = 1.0, **choice: Any) -> Any:
 
 def beside(options: Options) -> Table:
     """Every method on the reference joints, with the same number of segments."""
-    missing = piecewise_linear.missing()
-    left_out = f" Not installed, so left out: {', '.join(missing)}." if missing else ""
     table = Table(
         f"Approximation, {SEGMENTS} segments, side by side",
-        ("rms, deg", "steepest over v_max", "ends apart, deg", "time, ms"),
-        note=f"The reference joints' cycle, its first sample once more at its end.{left_out}",
+        ("rms, deg", "steepest over v_max", "ends apart, deg", "time, ms", "time over fit_pwl"),
+        note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
         stub="joint and method",
     )
     for instance in reference():
-        methods = {"fit_pwl": partial(our_knots, instance)}
-        for name, method in piecewise_linear.available().items():
-            methods[name] = partial(
-                method, instance.desired, SEGMENTS, instance.model.v_max * instance.model.period
-            )
-        for name, call in methods.items():
-            add(table, instance, name, call, options.repeats)
+        ours_first: dict[str, Call] = {"fit_pwl": partial(our_cycle, instance)}
+        add_all(table, instance, ours_first | rivals(instance, SEGMENTS), options.repeats)
     return table
 
 
-def our_knots(instance: Instance) -> piecewise_linear.Knots:
+def loose(options: Options) -> Table:
+    """The same samples as a path with free ends and no bound on slopes, as pwlf takes them."""
+    table = Table(
+        "Approximation, ends free and slopes unbounded",
+        ("rms, deg", "steepest over v_max", "ends apart, deg", "time, ms", "time over fit_pwl"),
+        note=f"The reference joints' cycle, its first sample once more at its end.{left_out()}",
+        stub="joint, segments and method",
+    )
+    for instance in reference():
+        for segments in LOOSE_SEGMENTS:
+            methods: dict[str, Call] = {"fit_pwl": partial(our_path, instance, segments)}
+            fit = rivals(instance, segments).get("pwlf fit")
+            if fit is not None:
+                methods["pwlf fit"] = fit
+            add_all(table, instance, methods, options.repeats, f", {segments}")
+    return table
+
+
+def speed(options: Options) -> Table:
+    """Our time for each number of segments, and how many times longer pwlf takes."""
+    table = Table(
+        "Approximation, fit_pwl and pwlf.fit by number of segments",
+        tuple(
+            f"{instance.name}, {what}"
+            for instance in reference()
+            for what in ("ms", "pwlf over it")
+        ),
+        note=f"The reference joints' cycle, slopes bounded in fit_pwl.{left_out()}",
+        stub="segments",
+    )
+    for segments in LOOSE_SEGMENTS:
+        row = []
+        for instance in reference():
+            own = typical_time(partial(our_cycle, instance, segments), options.repeats)
+            fit = rivals(instance, segments).get("pwlf fit")
+            rival = math.nan if fit is None else typical_time(fit, 1)
+            row += [1e3 * own, rival / own]
+        table.add(f"{segments}", *row)
+    return table
+
+
+def known(options: Options) -> Table:
+    """Requests from curves that are known already, many at once."""
+    table = Table(
+        "Closed form of known curves, microseconds per cycle",
+        tuple(f"rule {rule!r}" for rule in RULES),
+        note=f"The reference rotator's {SEGMENTS} segments, scaled at random, {SAMPLES} samples "
+        "a cycle, by closed_form_requests.",
+        stub="curves at once",
+    )
+    rotator = reference()[0]
+    fit = ours(rotator, segments=SEGMENTS)
+    rng = np.random.default_rng(0)
+    for curves in CURVES:
+        stack = planner.CurveStack(
+            knots=fit.knots,
+            values=fit.values * rng.uniform(0.5, 1.0, size=(curves, 1)),
+            samples=fit.samples,
+            tick=fit.tick,
+            cyclic=True,
+        )
+        calls = [
+            partial(planner.closed_form_requests, rotator.model, stack, rule=rule) for rule in RULES
+        ]
+        seconds = [typical_time(call, options.repeats) for call in calls]
+        table.add(f"{curves}", *(1e6 * each / curves for each in seconds))
+    return table
+
+
+def left_out() -> str:
+    """Which rivals are not there, in words."""
+    missing = piecewise_linear.missing()
+    if not missing:
+        return ""
+    return f" Not installed, so left out: {', '.join(missing)} (the extra 'bench' has them)."
+
+
+def rivals(instance: Instance, segments: int) -> dict[str, Call]:
+    """The other methods that can be imported."""
+    step = instance.model.v_max * instance.model.period
+    return {
+        name: partial(method, instance.desired, segments, step)
+        for name, method in piecewise_linear.available().items()
+    }
+
+
+def our_cycle(instance: Instance, segments: int = SEGMENTS) -> piecewise_linear.Knots:
     """Knots and values of our own approximation, over one cycle and the way back to its start."""
-    fit = ours(instance, segments=SEGMENTS)
+    fit = ours(instance, segments=segments)
     samples = len(instance.desired)
     inner = fit.knots[(fit.knots > 0.0) & (fit.knots < samples)]
     knots = np.array([0.0, *inner, samples])
     return knots, fit(knots)
 
 
-def add(
-    table: Table,
-    instance: Instance,
-    name: str,
-    call: Callable[[], piecewise_linear.Knots],
-    repeats: int,
-) -> None:
-    """A row: how near the curve comes, and what it breaks."""
-    (knots, values), first = timed(call)
-    seconds = median_time(call, repeats if first < PATIENCE else 1)
-    errors = np.interp(np.arange(len(instance.desired)), knots, values) - instance.desired
-    steepest = np.max(np.abs(np.diff(values) / np.diff(knots))) / instance.model.period
-    table.add(
-        f"{instance.name}: {name}",
-        math.degrees(float(np.sqrt(np.mean(errors**2)))),
-        float(steepest / instance.model.v_max),
-        math.degrees(abs(float(values[-1] - values[0]))),
-        1e3 * seconds,
+def our_path(instance: Instance, segments: int) -> piecewise_linear.Knots:
+    """Knots and values of our own approximation where the ends are free and slopes unbounded."""
+    model = instance.model
+    closed = np.append(instance.desired, instance.desired[0])
+    fit = planner.fit_pwl(
+        closed, v_max=LOOSE * model.v_max, tick=model.period, segments=segments, cyclic=False
     )
+    return fit.knots, fit.values
+
+
+def add_all(
+    table: Table, instance: Instance, methods: dict[str, Call], repeats: int, more: str = ""
+) -> None:
+    """A row for each method, ours first: how near the curve comes, and what it breaks."""
+    ours_took = math.nan
+    for name, call in methods.items():
+        (knots, values), first = timed(call)
+        seconds = median_time(call, repeats) if first < PATIENCE else first
+        ours_took = seconds if name == "fit_pwl" else ours_took
+        closed = np.append(instance.desired, instance.desired[0])
+        errors = np.interp(np.arange(len(closed)), knots, values) - closed
+        steepest = np.max(np.abs(np.diff(values) / np.diff(knots))) / instance.model.period
+        table.add(
+            f"{instance.name}{more}: {name}",
+            math.degrees(float(np.sqrt(np.mean(errors**2)))),
+            float(steepest / instance.model.v_max),
+            math.degrees(abs(float(values[-1] - values[0]))),
+            1e3 * seconds,
+            seconds / ours_took,
+        )
+
+
+def typical_time(call: Callable[[], object], repeats: int) -> float:
+    """Median time of several calls after a first one, or that of the first where it is long [s]."""
+    first = timed(call)[1]
+    return median_time(call, repeats) if first < PATIENCE else first
