@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,28 +63,16 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --figure compare.png
     """  # noqa: D301
-    from planner.evaluation.cross_check import cross_check
     from planner.report.comparison_text import comparison_text, verdict_line
 
     if figure is not None and Path(figure).suffix.lower() not in PICTURES:
         raise click.UsageError(f"--figure: got '{figure}', expected a name in .png or .svg.")
     leg, wanted = load_chosen(path, choices)
-    wanted, leg = _in_order_of(leg, wanted)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
-    check = cross_check(
-        wanted.models,
-        wanted.angles,
-        cyclic=choices["cyclic"],
-        limits=_by_column(limits, wanted.names),
-        segments=choices["segments"],
-        leg=leg,
-        norm=choices["norm"],
-        level=choices["level"],
-        names=wanted.names,
-    )
+    check = cross_checked(leg, wanted, limits, choices)
     document = {**check.to_dict(), "unreachable_samples": wanted.moved}
     if figure is not None:
-        _write_picture(Path(figure), check)
+        write_picture(Path(figure), check)
     if out is not None:
         _write_folder(out, check, document)
     if as_json:
@@ -96,6 +85,26 @@ def compare(
         raise click.ClickException(verdict_line(check))
     if not as_json:
         summarise(verdict_line(check))
+
+
+def cross_checked(
+    leg: Leg | None, wanted: Wanted, limits: Limits, choices: Mapping[str, Any]
+) -> CrossCheck:
+    """The plans for what is wanted, held against each other."""
+    from planner.evaluation.cross_check import cross_check
+
+    wanted, leg = _in_order_of(leg, wanted)
+    return cross_check(
+        wanted.models,
+        wanted.angles,
+        cyclic=choices["cyclic"],
+        limits=_by_column(limits, wanted.names),
+        segments=choices["segments"],
+        leg=leg,
+        norm=choices["norm"],
+        level=choices["level"],
+        names=wanted.names,
+    )
 
 
 def _in_order_of(leg: Leg | None, wanted: Wanted) -> tuple[Wanted, Leg | None]:
@@ -119,7 +128,8 @@ def _by_column(
     return lower, upper
 
 
-def _write_picture(file: Path, check: CrossCheck) -> None:
+def write_picture(file: Path, check: CrossCheck) -> None:
+    """Write the picture of a comparison, as PNG or SVG by the file's ending."""
     from planner.files.text import write_bytes, write_text
     from planner.report.draw_comparison import draw_comparison
     from planner.report.render import to_png, to_svg
@@ -151,6 +161,6 @@ def _write_folder(out: str, check: CrossCheck, document: dict[str, Any]) -> None
                 folder / "requests_foot_optimal.csv", names, requests, period=check.period
             )
         for ending in PICTURES:
-            _write_picture(folder / f"comparison{ending}", check)
+            write_picture(folder / f"comparison{ending}", check)
         written = {**document, "files": list_files(folder)}
         write_text(folder / "results.json", to_json(written))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from planner.cli import options
-from planner.cli.export_options import check_options, parse_zero_ticks, to_robots
+from planner.cli.export_options import check_options, to_robots
+from planner.cli.export_rows import rows_to_write, write_schedule
 from planner.cli.say import deliver
 
 if TYPE_CHECKING:
-    from planner.robot.resample import Between
     from planner.robot.schedule import Schedule
 
 
@@ -36,7 +37,7 @@ def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_1,lf_2,lf_3
     """  # noqa: D301, E501
     check_options(choices, output)
-    schedule, skipped = _load(requests, choices)
+    schedule, skipped = rows_to_write(_read(requests, choices), choices)
     document = {
         "format": choices["format"],
         "joints": list(schedule.names),
@@ -57,17 +58,16 @@ def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None
     deliver(
         document,
         summary,
-        lambda file: _write(file, schedule, choices),
+        lambda file: write_schedule(file, schedule, choices),
         output=output,
         as_json=as_json,
     )
 
 
-def _load(requests: str, choices: dict[str, Any]) -> tuple[Schedule, int]:
-    """The rows to write, and how many requests are not among them."""
+def _read(requests: str, choices: Mapping[str, Any]) -> Schedule:
+    """The requests of the file, at the times that it or the options say."""
     from planner.exceptions import InvalidFile
     from planner.files.joint_path import read_joint_path
-    from planner.robot.resample import never_sent, repeated, resampled
     from planner.robot.schedule import Schedule, check_period
 
     given = read_joint_path(requests, joints=choices["joints"])
@@ -81,42 +81,4 @@ def _load(requests: str, choices: dict[str, Any]) -> tuple[Schedule, int]:
         )
     else:
         period = float(given.times[-1] - given.times[0]) / (len(given.times) - 1)
-    schedule = Schedule(given.names, given.angles, period)
-    if choices["joint_names"] is not None:
-        schedule = schedule.renamed([name.strip() for name in choices["joint_names"].split(",")])
-    schedule = repeated(schedule, choices["cycles"])
-    rate = choices["rate_hz"]
-    between: Between = choices["between"] or "hold"
-    if rate is None:
-        return schedule, 0
-    rows = resampled(schedule, rate, between=between)
-    return rows, never_sent(schedule, rate)
-
-
-def _write(file: str, schedule: Schedule, choices: dict[str, Any]) -> None:
-    kind = choices["format"]
-    if kind == "csv":
-        from planner.files.exports.controller_csv import write_controller_csv
-
-        ticks = parse_zero_ticks(choices) if choices["unit"] == "ticks" else None
-        write_controller_csv(file, schedule, unit=choices["unit"] or "rad", ticks=ticks)
-        return
-    if kind == "lerobot":
-        from planner.files.exports.lerobot import TASK, write_lerobot
-
-        write_lerobot(file, schedule, task=choices["task"] or TASK)
-        return
-    from planner.files.exports.joint_trajectory import joint_trajectory
-
-    message = joint_trajectory(
-        schedule, lead=choices["lead_s"] or 0.0, velocities=choices["velocities"]
-    )
-    if kind == "yaml":
-        from planner.files.exports.trajectory_yaml import write_trajectory_yaml
-
-        write_trajectory_yaml(file, message)
-    else:
-        from planner.files.exports.bag import TOPIC, write_bag
-
-        storage: Any = "mcap" if kind == "mcap" else "sqlite3"
-        write_bag(file, message, storage=storage, topic=choices["topic"] or TOPIC)
+    return Schedule(given.names, given.angles, period)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from planner.cli import legs, options, planning, starts, tolerance
 from planner.cli.limits import option as limits_option
 from planner.cli.limits import parse_limits
+from planner.cli.plan_answer import document, summary
 from planner.cli.say import deliver
 from planner.cli.wanted import load_chosen
-
-if TYPE_CHECKING:
-    from planner.cli.planning import Plan
-    from planner.cli.wanted import Wanted
 
 
 @click.command(short_help="Plan requests for joint angles or a foot path.")
@@ -75,76 +72,11 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     made = planning.make_plan(choices, wanted, limits, rest)
     missed = tolerance.misses(choices, wanted, made)
     deliver(
-        _document(choices, wanted, made, missed),
-        _summary(wanted, made),
+        document(choices, wanted, made, missed),
+        summary(wanted, made),
         lambda file: write_joint_path(file, wanted.names, made.requests, period=wanted.period),
         output=output,
         as_json=as_json,
     )
     if missed:
         raise click.ClickException(f"{'; '.join(missed)}; the requests are written all the same")
-
-
-def _document(
-    choices: dict[str, Any], wanted: Wanted, made: Plan, missed: list[str]
-) -> dict[str, Any]:
-    """The plan for machines; what a plan for the foot does not have is null."""
-    import numpy as np
-
-    joints = {}
-    for j, name in enumerate(wanted.names):
-        inversion = made.inversions.get(name)
-        joints[name] = {
-            **_errors(np.degrees(np.abs(made.predicted[:, j] - wanted.angles[:, j])), "deg"),
-            "norm": inversion and inversion.norm,
-            "lower_bound_deg": inversion and float(np.degrees(inversion.lower_bound)),
-            "gap": inversion and inversion.gap,
-            "requests_deg": np.degrees(made.requests[:, j]).tolist(),
-            "predicted_deg": np.degrees(made.predicted[:, j]).tolist(),
-        }
-    foot = None
-    if wanted.foot is not None:
-        foot = {
-            **_errors(100.0 * made.foot_distances(wanted), "cm"),
-            "predicted_m": made.foot_positions(wanted).tolist(),
-        }
-    return {
-        "method": choices["method"],
-        "cyclic": choices["cyclic"],
-        "period_s": wanted.period,
-        "unreachable_samples": wanted.moved,
-        "joints": joints,
-        "foot": foot,
-        "within_tolerance": not missed if tolerance.asked(choices) else None,
-    }
-
-
-def _summary(wanted: Wanted, made: Plan) -> str:
-    import numpy as np
-
-    from planner.report.text_table import NOTHING, percent, text_table
-
-    rows = []
-    for j, name in enumerate(wanted.names):
-        errors = _errors(np.degrees(np.abs(made.predicted[:, j] - wanted.angles[:, j])), "deg")
-        bounded = [NOTHING, NOTHING]
-        if name in made.inversions:
-            inversion = made.inversions[name]
-            bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        rows.append([name, *(f"{error:.3f}" for error in errors.values()), *bounded])
-    text = text_table(["joint", "rms [deg]", "max [deg]", "no plan below", "gap"], rows)
-    if wanted.foot is not None:
-        rms, largest = _errors(100.0 * made.foot_distances(wanted), "cm").values()
-        text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
-    if wanted.moved:
-        text += f"\n{wanted.moved} samples were out of the leg's reach"
-    return text
-
-
-def _errors(errors: Any, unit: str) -> dict[str, float]:
-    import numpy as np
-
-    return {
-        f"rms_{unit}": float(np.sqrt(np.mean(errors**2))),
-        f"max_{unit}": float(np.max(errors)),
-    }

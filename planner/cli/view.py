@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 from contextlib import redirect_stdout
 from typing import TYPE_CHECKING, Any
 
@@ -81,9 +80,10 @@ def view(
             f"{path}: got joints {', '.join(wanted.names)}, expected those of the leg: "
             f"{', '.join(leg.joint_names)}."
         )
-    shown = _motions(leg, wanted, requests, choices)
+    cyclic = choices["cyclic"]
+    shown = shown_motions(leg, wanted, _planned(wanted, requests, choices), cyclic=cyclic)
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot)
-    settings = {"period": wanted.period, "cyclic": choices["cyclic"]}
+    settings = {"period": wanted.period, "cyclic": cyclic}
     if html is not None:
         from planner.files.text import write_text
         from planner.report.scene_page import scene_page
@@ -95,35 +95,41 @@ def view(
         _serve(scene, shown, settings, browse=browse)
 
 
-def _motions(
-    leg: Leg, wanted: Wanted, requests: str | None, choices: dict[str, Any]
-) -> tuple[Motion, ...]:
-    """The three motions, the joints in the order of the leg."""
-    import numpy as np
+def shown_motions(leg: Leg, wanted: Wanted, planned: Array, *, cyclic: bool) -> tuple[Motion, ...]:
+    """The three motions, the joints in the order of the leg.
 
-    from planner.model.response import simulate
+    Args:
+        leg: The leg.
+        wanted: What its joints should do.
+        planned: What they do as planned [rad], shape (n, k), in the order of ``wanted``.
+        cyclic: Whether the path repeats for ever.
+    """
     from planner.report.draw_scene import motions
 
-    def answers(sent: Array) -> Array:
-        columns = [
-            simulate(model, column, cyclic=choices["cyclic"])
-            for model, column in zip(wanted.models, sent.T, strict=True)
-        ]
-        return np.column_stack(columns)
-
     order = [wanted.names.index(name) for name in leg.joint_names]
-    planned = _planned(wanted, requests, choices, answers)
-    angles = [each[:, order] for each in (wanted.angles, answers(wanted.angles), planned)]
+    direct = _answers(wanted, wanted.angles, cyclic=cyclic)
+    angles = [each[:, order] for each in (wanted.angles, direct, planned)]
     feet = [leg.foot_positions(each) for each in angles]
     if wanted.foot is not None:
         feet[0] = wanted.foot
-    desired, direct, plan = zip(angles, feet, strict=True)
-    return motions(desired, direct, plan)
+    first, second, third = zip(angles, feet, strict=True)
+    return motions(first, second, third)
 
 
-def _planned(
-    wanted: Wanted, requests: str | None, choices: dict[str, Any], answers: Callable[[Array], Array]
-) -> Array:
+def _answers(wanted: Wanted, requests: Array, *, cyclic: bool) -> Array:
+    """What the joints do under requests [rad], shape (n, k)."""
+    import numpy as np
+
+    from planner.model.response import simulate
+
+    columns = [
+        simulate(model, column, cyclic=cyclic)
+        for model, column in zip(wanted.models, requests.T, strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+def _planned(wanted: Wanted, requests: str | None, choices: dict[str, Any]) -> Array:
     """What the joints do under the requests of a file, or under some that are planned here."""
     if requests is None:
         method = choices["method"] or ("optimal" if wanted.foot is None else "foot-optimal")
@@ -142,7 +148,7 @@ def _planned(
             f"got {len(given.angles)} requests, expected {len(wanted.angles)}, one per sample; "
             "show the path that they were planned for",
         )
-    return answers(given.angles)
+    return _answers(wanted, given.angles, cyclic=choices["cyclic"])
 
 
 def _serve(

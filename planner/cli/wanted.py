@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from kinematics import Leg
     from kinematics.inverse import Unreachable
     from planner.files.foot_path import FootPath
+    from planner.files.joint_model import ModelFile
     from planner.files.joint_path import JointPath
     from planner.files.table import Table
     from planner.model.joint import JointModel
@@ -69,7 +70,7 @@ def load_chosen(path: str, choices: Mapping[str, Any]) -> tuple[Leg | None, Want
 def load_wanted(
     path: str,
     *,
-    model: str,
+    model: str | ModelFile,
     joints: tuple[str, ...] = (),
     leg: Leg | None = None,
     unreachable: Unreachable = "raise",
@@ -80,7 +81,7 @@ def load_wanted(
 
     Args:
         path: The file, or ``-`` for standard input.
-        model: The option ``--model``.
+        model: The option ``--model``, or models that have been read already.
         joints: Joints to read from a joint path.
         leg: The leg, where the options name one.
         unreachable: What to do with foot positions out of the leg's reach.
@@ -107,10 +108,10 @@ def load_wanted(
         )
     if joints:
         raise click.UsageError("--joint chooses columns of a joint path; a foot moves all joints.")
-    return _from_foot(foot_path(table), model, leg, unreachable)
+    return from_foot(foot_path(table), model, leg, unreachable)
 
 
-def _from_joints(given: JointPath, model: str, leg: Leg | None) -> Wanted:
+def _from_joints(given: JointPath, model: str | ModelFile, leg: Leg | None) -> Wanted:
     models = load_models(model, given.names)
     given.check_period(models[0].period)
     limits = {} if leg is None else _limits(leg)
@@ -123,7 +124,13 @@ def _from_joints(given: JointPath, model: str, leg: Leg | None) -> Wanted:
     return Wanted(given.names, given.angles, models, limits, leg)
 
 
-def _from_foot(given: FootPath, model: str, leg: Leg, unreachable: Unreachable) -> Wanted:
+def from_foot(
+    given: FootPath, model: str | ModelFile, leg: Leg, unreachable: Unreachable
+) -> Wanted:
+    """What the joints of a leg should do for its foot to follow a path.
+
+    Raises as :func:`load_wanted` does.
+    """
     models = load_models(model, leg.joint_names)
     given.check_period(models[0].period)
     solution = leg.inverse(given.positions, unreachable=unreachable)
