@@ -18,6 +18,12 @@ from planner.inversion.tracking import Tracking, follow
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
 
+MORE_LINES = 2
+"""Lines that are tried beyond those that the approximation needs by itself."""
+
+WORTH_MORE = 0.995
+"""Tracking error, relative to that of fewer lines, that is worth more of them."""
+
 
 def invert_closed_form(
     model: JointModel,
@@ -40,7 +46,8 @@ def invert_closed_form(
         model: The joint.
         desired: Wanted angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
-        segments: Number of lines; chosen by :func:`planner.fit_pwl` where not given.
+        segments: Number of lines; where not given, chosen by :func:`planner.fit_pwl`, or two more
+            if the joint then comes closer by half a percent.
         rule: How to invert a line, see :func:`planner.line_offset`.
         refine: Whether to move the knots of the approximation until the joint itself, not only the
             approximation, comes as close to ``desired`` as it can with these lines; this never
@@ -62,6 +69,11 @@ def invert_closed_form(
     curve, column = closed_form(
         problem, desired, segments=segments, rule=rule, refining=MOST_WORK if refine else 0
     )
+    more = curve.segments + MORE_LINES
+    if refine and segments is None and more <= desired.size - (not cyclic):
+        other = closed_form(problem, desired, segments=more, rule=rule, refining=MOST_WORK)
+        if problem.exact_error(other[1]) < WORTH_MORE * problem.exact_error(column):
+            curve, column = other
     requests = column[:, 0].copy()
     requests.setflags(write=False)
     return Inversion(

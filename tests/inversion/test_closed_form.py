@@ -19,6 +19,9 @@ from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
 ERS210A = JointModel.ers210a()
 
+NEAR_THE_BOUND = 1.0125
+"""Rms error over the least that any requests could reach, 1 % and what rounds the bound down."""
+
 AT_A_SWITCH = 1e-6
 """A request this close to a switch may belong to either line [samples]."""
 
@@ -63,6 +66,12 @@ def test_six_segments_track_the_reference_walk_as_closely_as_known(joint):
 def test_the_number_of_segments_chosen_alone_is_nearly_as_good(joint):
     plan = invert_closed_form(ERS210A, joint.desired)
     assert math.degrees(plan.rms) <= 1.05 * joint.closed_form_rms_deg
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_lines_chosen_for_the_joint_come_near_the_exact_bound(joint):
+    plan = invert_closed_form(ERS210A, joint.desired)
+    assert math.degrees(plan.rms) <= NEAR_THE_BOUND * joint.exact_bound_deg
 
 
 @pytest.mark.parametrize("rule", RULES)
