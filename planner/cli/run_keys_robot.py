@@ -1,0 +1,162 @@
+"""Keys of a run file about the leg, how its joints answer, and the path that they should follow."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from planner.cli.legs import SHIPPED
+from planner.cli.models import SHIPPED as SHIPPED_MODEL
+from planner.files.kinds import choice, number, several, source, text, whole
+from planner.files.schema import Key, Table
+from planner.model.joint import JointModel
+
+ABOUT_PARAMETERS = {
+    "v_max": "Top speed [rad/s].",
+    "theta_0": "Error from which on the joint moves at top speed [rad].",
+    "lag": "Time until it answers [s].",
+    "acceleration_time": "Time until it answers fully [s].",
+    "tick": "Time step of the model [s].",
+    "hold": "Ticks for which a request is held.",
+    "offset": "Static sag [rad].",
+}
+
+PARAMETERS = tuple(
+    Key(
+        name=field.name,
+        kind=whole(least=1, most=10**6) if field.name == "hold" else number(),
+        about=ABOUT_PARAMETERS[field.name],
+        otherwise=f"{field.default:g}" if isinstance(field.default, int | float) else "",
+        example=round(getattr(JointModel.ers210a(), field.name), 4),
+    )
+    for field in fields(JointModel)
+)
+"""The parameters of a joint; none has a default here, as a joint's own table changes only some."""
+
+LEG = Table(
+    name=("leg",),
+    about="The leg that follows a foot path; with a path of joints it gives their limits.",
+    keys=(
+        Key(
+            name="name",
+            kind=choice(*SHIPPED),
+            about="A shipped leg: paths are in the body's frame, for 'reference' in the hip's.",
+            example="front-left",
+            set_to="reference",
+        ),
+        Key(
+            name="urdf",
+            kind=source(),
+            about="The description of your own robot, in place of name.",
+            example="robot.urdf",
+        ),
+        Key(
+            name="base",
+            kind=text("the name of a frame"),
+            about="With urdf: the frame that positions of the foot are in.",
+            example="base_link",
+        ),
+        Key(
+            name="foot",
+            kind=text("the name of a frame"),
+            about="With urdf: the frame of the foot.",
+            example="lf_foot",
+        ),
+        Key(
+            name="unreachable",
+            kind=choice("raise", "nearest", "clamp"),
+            about="Positions out of reach: stop and list them, take the nearest, or clamp joints.",
+            default="raise",
+            set_to="clamp",
+        ),
+    ),
+)
+
+MODELS = (
+    Table(
+        name=("model",),
+        about="How the joints answer.",
+        keys=(
+            Key(
+                name="file",
+                kind=source(f"a model file, or {SHIPPED_MODEL}"),
+                about=f"A model file as identify writes it, or '{SHIPPED_MODEL}', of Table 1.",
+                default=SHIPPED_MODEL,
+            ),
+        ),
+    ),
+    Table(
+        name=("model", "parameters"),
+        about="In place of model.file: the parameters of all joints.",
+        keys=PARAMETERS,
+        wanted=False,
+    ),
+    Table(
+        name=("model", "joints"),
+        about="A table for a joint that is unlike the others: its own file, or some parameters.",
+        keys=(
+            Key(
+                name="file",
+                kind=source(),
+                about="A model file for this joint alone, in place of parameters.",
+                example="knee.toml",
+            ),
+            *PARAMETERS,
+        ),
+        named=True,
+        wanted=False,
+    ),
+)
+
+PATHS = (
+    Table(
+        name=("path",),
+        about="What the joints or the foot should do: a file, or else a half ellipse.",
+        keys=(
+            Key(
+                name="file",
+                kind=source(),
+                about="A CSV of joints (<joint>_deg, _rad) or of a foot (x_m, y_m, z_m; _cm, _mm).",
+                example="path.csv",
+            ),
+            Key(
+                name="joints",
+                kind=several(text(), "names of joints"),
+                about="With a file of joints: those to use, in this order; [] is every column.",
+                default=[],
+            ),
+        ),
+    ),
+    Table(
+        name=("path", "half_ellipse"),
+        about="The foot path of a walk in the hip's frame, for which [path] has no file.",
+        keys=(
+            Key(
+                name="samples",
+                kind=whole(least=4, most=10**6),
+                about="Samples in a cycle.",
+                default=88,
+            ),
+            Key(
+                name="length",
+                kind=number(above=0.0),
+                about="Half of the stroke [m].",
+                default=0.04893,
+            ),
+            Key(
+                name="height",
+                kind=number(least=0.0),
+                about="How high the foot swings [m].",
+                default=0.042,
+            ),
+            Key(name="forward", kind=number(), about="Middle before the hip [m].", default=0.049),
+            Key(name="sideways", kind=number(), about="Outward of the hip [m].", default=0.028),
+            Key(name="hip_height", kind=number(), about="Hip above ground [m].", default=0.077),
+            Key(
+                name="ground_fraction",
+                kind=number(above=0.0, below=1.0),
+                about="Part of the cycle on the ground.",
+                default=0.5,
+            ),
+        ),
+    ),
+)
