@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.export_options import check_options, to_robots
-from planner.cli.export_rows import rows_to_write, write_schedule
+from planner.cli.export_rows import rows_document, rows_summary, rows_to_write, write_schedule
 from planner.cli.say import deliver
 
 if TYPE_CHECKING:
@@ -38,26 +38,9 @@ def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None
     """  # noqa: D301, E501
     check_options(choices, output)
     schedule, skipped = rows_to_write(_read(requests, choices), choices)
-    document = {
-        "format": choices["format"],
-        "joints": list(schedule.names),
-        "rows": len(schedule.requests),
-        "period_s": schedule.period,
-        "duration_s": schedule.duration,
-        "requests_never_sent": skipped,
-    }
-    summary = (
-        f"{len(schedule.requests)} rows of {', '.join(schedule.names)} at "
-        f"{1.0 / schedule.period:.6g} Hz, {schedule.duration:.6g} s"
-    )
-    if skipped:
-        summary += (
-            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
-            "not move as planned; plan at this rate, by tick and hold of the model"
-        )
     deliver(
-        document,
-        summary,
+        rows_document(schedule, skipped, choices),
+        rows_summary(schedule, skipped),
         lambda file: write_schedule(file, schedule, choices),
         output=output,
         as_json=as_json,

@@ -26,6 +26,32 @@ def rows_to_write(schedule: Schedule, choices: Mapping[str, Any]) -> tuple[Sched
     return resampled(schedule, rate, between=between), never_sent(schedule, rate)
 
 
+def rows_document(schedule: Schedule, skipped: int, choices: Mapping[str, Any]) -> dict[str, Any]:
+    """What is written, for machines."""
+    return {
+        "format": choices["format"],
+        "joints": list(schedule.names),
+        "rows": len(schedule.requests),
+        "period_s": schedule.period,
+        "duration_s": schedule.duration,
+        "requests_never_sent": skipped,
+    }
+
+
+def rows_summary(schedule: Schedule, skipped: int) -> str:
+    """What is written, for people."""
+    summary = (
+        f"{len(schedule.requests)} rows of {', '.join(schedule.names)} at "
+        f"{1.0 / schedule.period:.6g} Hz, {schedule.duration:.6g} s"
+    )
+    if skipped:
+        summary += (
+            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
+            "not move as planned; plan at this rate, by tick and hold of the model"
+        )
+    return summary
+
+
 def write_schedule(file: str, schedule: Schedule, choices: Mapping[str, Any]) -> None:
     """Write rows in the format chosen; a folder where the format is one."""
     kind = choices["format"]
