@@ -40,19 +40,15 @@ def fitted(logs: Sequence[Log], clock: Clock) -> Adjusted:
         adjust(fine, fit.parameters, scale=found[0].scale, steps=25, precision=1e-3)
         for fit in _unlike(found)
     ]
-    best = nearby(min(fits, key=lambda fit: fit.cost))
+    best = min(fits, key=lambda fit: fit.cost)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
     if settled or window > burn_in:
-        fine = gridded(
-            logs,
-            tick=clock.tick,
-            reach=clock.reach,
-            burn_in=min(max(burn_in, 1.2 * window), clock.reach),
-            settled=settled,
-        )
-        return adjust(moving(fine), best.parameters)
-    return adjust(fine, best.parameters, starts=best.starts)
+        burn_in = min(max(burn_in, 1.2 * window), clock.reach)
+        final = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in, settled=settled)
+        best = adjust(moving(final), best.parameters, scale=best.scale, steps=15, precision=1e-3)
+    best = nearby(best)
+    return adjust(best.grid, best.parameters, starts=best.starts)
 
 
 def _unlike(found: list[Adjusted]) -> list[Adjusted]:

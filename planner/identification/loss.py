@@ -25,13 +25,14 @@ NO_ERROR = 1e-12
 
 
 def scale_of(residuals: Array, floor: float) -> float:
-    """Standard deviation of the bulk of the residuals."""
-    return max(floor, float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE)
+    """Standard deviation of the residuals that are no gross outliers."""
+    return max(floor, sound_rms(residuals))
 
 
 def sound_rms(residuals: Array) -> float:
     """Root mean square of the residuals that are no gross outliers [rad]."""
-    sound = np.abs(residuals) <= GROSS * scale_of(residuals, 0.0)
+    bulk = float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE
+    sound = np.abs(residuals) <= GROSS * bulk
     return float(np.sqrt(np.mean(residuals[sound] ** 2)))
 
 

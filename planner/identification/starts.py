@@ -25,7 +25,14 @@ MOST_FOLLOWED = 3
 """Starts that are followed to the end at most."""
 
 HOPS = ((1.0, -1.0), (-1.0, 1.0), (-1.0, 2.0), (1.0, -2.0))
-"""Changes of lag and acceleration time [ticks] that may lead to a better fit nearby."""
+"""Changes of lag and acceleration time [ticks] that may lead to a better fit nearby; the gain makes
+up for the change of the whole delay."""
+
+LEAST_REST = 0.3
+"""Share of its time constant that the gain may give away for it."""
+
+MORE_HOPS = ((-0.5, 0.0), (0.5, 0.0), (-1.0, 0.0), (-2.0, 4.0), (0.0, 3.0), (0.0, -2.0), (1.0, 1.0))
+"""More of them, tried on short logs."""
 
 HOP_STEPS = (5, 15)
 """Steps after which a hop is judged: on long logs, and on short ones, where steps cost little."""
@@ -122,15 +129,19 @@ def searched(grid: Grid) -> list[Adjusted]:
 def nearby(fit: Adjusted) -> Adjusted:
     """The fit or a better one nearby, across the corners that whole ticks put into the cost."""
     tick = fit.grid.tick
-    steps = HOP_STEPS[len(fit.grid.ticks) <= SHORT]
+    short = len(fit.grid.ticks) <= SHORT
+    steps, hops = HOP_STEPS[short], HOPS + MORE_HOPS * short
     for _ in range(HOP_ROUNDS):
         at = fit.parameters
+        moves = [(lag * tick, more * tick) for lag, more in hops]
         begins = [
             at._replace(
-                lag=at.lag + lag * tick, acceleration_time=at.acceleration_time + more * tick
+                gain=1.0 / max(1.0 / at.gain - lag - more / 2.0, LEAST_REST / at.gain),
+                lag=at.lag + lag,
+                acceleration_time=at.acceleration_time + more,
             )
-            for lag, more in HOPS
-            if at.lag + lag * tick > -tick and at.acceleration_time + more * tick > 0.0
+            for lag, more in moves
+            if at.lag + lag > -tick and at.acceleration_time + more > 0.0
         ]
         others = [
             adjust(fit.grid, begin, starts=fit.starts, scale=fit.scale, steps=steps, precision=1e-3)
