@@ -11,7 +11,7 @@ import numpy as np
 from planner.approximation.descent import descend
 from planner.approximation.ideal import attainable_error
 from planner.approximation.objective import Candidate, Problem, candidate, residuals
-from planner.approximation.search import Search
+from planner.approximation.search import MANY_SAMPLES, Search
 from planner.approximation.swing import swung
 from planner.exceptions import Infeasible
 from planner.trajectory import Array
@@ -68,7 +68,7 @@ def automatic(search: Search) -> Candidate:
         curve = search.curve(segments)
         return curve if curve.error <= enough else None
 
-    found = _fewest(close_enough, search.fewest, search.most)
+    found = _fewest(close_enough, search.fewest, search.most, long=_is_long(search))
     return search.curve(search.most) if found is None else found
 
 
@@ -108,7 +108,7 @@ def within_rms(search: Search, bound: float, most: int | None, unit: float) -> C
             curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
-    found = _fewest(close_enough, search.fewest, last)
+    found = _fewest(close_enough, search.fewest, last, long=_is_long(search))
     if found is None:
         least = math.sqrt(search.curve(last).error / n)
         raise Infeasible(
@@ -194,8 +194,18 @@ def flattened(problem: Problem, curve: Candidate, bound: float) -> tuple[Candida
     return candidate(problem, best.knots, best.values), least
 
 
+def _is_long(search: Search) -> bool:
+    """Whether one number of segments more takes long."""
+    return search.problem.samples > MANY_SAMPLES
+
+
 def _fewest(
-    found_with: Callable[[int], Candidate | None], fewest: int, most: int, guess: int = 0
+    found_with: Callable[[int], Candidate | None],
+    fewest: int,
+    most: int,
+    guess: int = 0,
+    *,
+    long: bool = False,
 ) -> Candidate | None:
     """The curve of the first number of segments that has one; few are tried where it is large.
 
@@ -204,7 +214,9 @@ def _fewest(
         fewest: The least number.
         most: The largest number.
         guess: Where to begin, if it is many.
+        long: Whether to leave some numbers out from the fewest on.
     """
+    one_by_one = 0 if long else ONE_BY_ONE
     failed, count = fewest - 1, max(fewest, min(guess, most) if guess > ONE_BY_ONE else fewest)
     found = found_with(count)
     while found is not None and count > max(fewest, ONE_BY_ONE):  # the guess was high
@@ -216,7 +228,7 @@ def _fewest(
         found, count = better, lower
     while found is None and count < most:
         failed = count
-        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(WIDER * count))
+        count = min(most, count + 1 if count < one_by_one else math.ceil(WIDER * count))
         found = found_with(count)
     while found is not None and count - failed > 1 + math.floor(COARSE * count):
         middle = (failed + count) // 2
