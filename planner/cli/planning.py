@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -73,9 +73,21 @@ def check_choices(choices: Mapping[str, Any], wanted: Wanted) -> None:
 
 
 def make_plan(
-    choices: Mapping[str, Any], wanted: Wanted, limits: Limits, starts: Mapping[str, float]
+    choices: Mapping[str, Any],
+    wanted: Wanted,
+    limits: Limits,
+    starts: Mapping[str, float],
+    *,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Plan:
     """Plan by the method chosen, and look at the answer before it is handed over.
+
+    Args:
+        choices: The options.
+        wanted: What the joints or the foot should do.
+        limits: Limits of the requests [rad].
+        starts: Where joints rest before [rad].
+        progress: Told what is being planned.
 
     Raises:
         click.ClickException: The answer failed a check.
@@ -84,10 +96,12 @@ def make_plan(
     import numpy as np
 
     if choices["method"] == "foot-optimal":
+        progress("the foot")
         plan = _for_the_foot(choices, wanted, limits)
     else:
         inversions = {}
         for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+            progress(name)
             with naming(name):
                 inversions[name] = _for_a_joint(
                     choices, joint, wanted.angles[:, j], limits.get(name), starts.get(name)

@@ -25,6 +25,7 @@ COMMANDS = (
     "identify",
     "plan",
     "reproduce",
+    "run",
     "simulate",
     "view",
 )

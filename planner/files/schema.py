@@ -84,7 +84,10 @@ class Settings:
 
     def fault(self, name: str, problem: str) -> InvalidFile:
         """The error that something about a key is wrong."""
-        line = self.file.line_of(tuple(name.split(".")))
+        place: list[str | int] = []
+        for part, number in re.findall(r"([^.\[]+)|\[(\d+)\]", name):
+            place.append(part or int(number))
+        line = self.file.line_of(place)
         return InvalidFile(self.file.path, f"{name}: {problem}", line=line)
 
 

@@ -1,0 +1,222 @@
+"""From a run file to all that its run needs, checked before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from planner.cli import planning, starts, tolerance
+from planner.cli.export_options import check_options
+from planner.cli.legs import Place, find_leg
+from planner.cli.limits import Limits, parse_limits
+from planner.cli.run_models import models_of_run
+from planner.cli.run_words import in_export_keys, speaking_of_keys
+from planner.cli.wanted import Wanted, from_foot, load_wanted
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+    from planner.files.schema import Settings
+
+COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
+"""Files of a comparison."""
+
+TABLES_OF_JOINTS = ("limits.joints", "start.joints", "model.joints")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run, ready to be made.
+
+    Attributes:
+        settings: What the file says.
+        choices: The same as the options of `plan`.
+        place: Where the leg is described; None where there is none.
+        wanted: What every joint should do.
+        limits: Limits of the requests [rad].
+        starts: Where joints rest before [rad].
+        exports: The files for robots, as the options of `export`.
+    """
+
+    settings: Settings
+    choices: Mapping[str, Any]
+    place: Place | None
+    wanted: Wanted
+    limits: Limits
+    starts: Mapping[str, float]
+    exports: tuple[Mapping[str, Any], ...]
+
+
+def read_run(path: str) -> Run:
+    """Read a run file, or standard input for ``-``, and whatever it names.
+
+    Raises:
+        InvalidFile: Something is wrong with it; the message says where.
+        KinematicsError: The leg cannot be made, or cannot reach the path.
+    """
+    from planner.cli.run_keys import RUN
+    from planner.files.schema import understand
+    from planner.files.toml import read_toml
+
+    settings = understand(read_toml(path, example='method = "optimal"'), RUN)
+    exports = tuple(
+        _export(settings, number, each) for number, each in enumerate(settings["export"])
+    )
+    _check_names(settings)
+    choices = _choices(settings)
+    with speaking_of_keys(settings):
+        place = find_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
+        wanted = _wanted(settings, place)
+        _check_joints(settings, wanted.names)
+        planning.check_choices(choices, wanted)
+        tolerance.check_choices(choices, foot=wanted.foot is not None)
+        limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
+        rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
+    _check_outputs(settings, wanted)
+    return Run(settings, choices, place, wanted, limits, rest, exports)
+
+
+def _beside(settings: Settings, name: str) -> str:
+    """Where a file is that the run file names: as it says, from its own folder."""
+    return str(Path(settings.file.path).parent / name)
+
+
+def _choices(settings: Settings) -> dict[str, Any]:
+    """The settings as the options of `plan`."""
+    limits = _entries(settings, "limits", lambda span: f"{span[0]!r}:{span[1]!r}")
+    urdf = settings["leg.urdf"]
+    return {
+        "leg": settings["leg.name"],
+        "urdf": None if urdf is None else _beside(settings, urdf),
+        "base": settings["leg.base"],
+        "foot": settings["leg.foot"],
+        **{key: settings[f"plan.{key}"] for key in ("method", "cyclic", "norm", "weights")},
+        **{key: settings[f"plan.{key}"] for key in ("segments", "rule")},
+        **{f"tolerance_{unit}": settings[f"tolerance.{unit}"] for unit in ("deg", "cm")},
+        "limits": limits,
+        "start_deg": _entries(settings, "start", repr),
+        "level": settings["output.level"] or "envelope",
+    }
+
+
+def _entries(settings: Settings, table: str, spelt: Any) -> tuple[str, ...]:
+    """A table of all joints and of single ones, as an option that is given several times."""
+    common = settings[f"{table}.deg"]
+    entries = [] if common is None else [spelt(common)]
+    entries += [f"{joint}={spelt(value)}" for joint, value in settings[f"{table}.joints"].items()]
+    return tuple(entries)
+
+
+def _wanted(settings: Settings, place: Place | None) -> Wanted:
+    from kinematics import Leg
+
+    leg = None if place is None else Leg.from_urdf(place.urdf, base=place.base, foot=place.foot)
+    models = models_of_run(settings, lambda name: _beside(settings, name))
+    file, joints = settings["path.file"], tuple(settings["path.joints"])
+    unreachable = settings["leg.unreachable"]
+    if "path.half_ellipse" in settings.given:
+        if file is not None or joints:
+            raise settings.fault(
+                "path.half_ellipse",
+                f"stands beside path.{'file' if file else 'joints'}, expected one of them; remove "
+                "the other",
+            )
+        return _half_ellipse(settings, leg, models, unreachable)
+    if file is None:
+        raise settings.fault("path", "nothing to follow, expected file or [path.half_ellipse]")
+    return load_wanted(
+        _beside(settings, file), model=models, joints=joints, leg=leg, unreachable=unreachable
+    )
+
+
+def _half_ellipse(settings: Settings, leg: Leg | None, models: Any, unreachable: Any) -> Wanted:
+    from planner.files.foot_path import FootPath
+    from planner.gait import half_ellipse
+
+    if leg is None:
+        raise settings.fault(
+            "path.half_ellipse",
+            "is a foot path: name the leg with leg.name, or with leg.urdf, leg.base and leg.foot",
+        )
+    prefix = "path.half_ellipse."
+    parameters: dict[str, Any] = {
+        name.removeprefix(prefix): value
+        for name, value in settings.values.items()
+        if name.startswith(prefix)
+    }
+    path = FootPath(settings.file.path, half_ellipse(**parameters), None)
+    return from_foot(path, models, leg, unreachable)
+
+
+def _export(settings: Settings, number: int, table: Mapping[str, Any]) -> Mapping[str, Any]:
+    """An export as the options of `export`, or an error."""
+    import click
+
+    zero = table["zero_tick"]
+    zeros = (table["zero_ticks"] or {}).items()
+    names = table["joint_names"]
+    choices = {
+        **table,
+        "joint_names": None if names is None else ",".join(names),
+        "velocities": bool(table["velocities"]),
+        "zero_tick": (
+            *(() if zero is None else (str(zero),)),
+            *(f"{joint}={tick}" for joint, tick in zeros),
+        ),
+    }
+    try:
+        check_options(choices, table["file"])
+    except click.UsageError as error:
+        problem = in_export_keys(error.message).rstrip(".")
+        raise settings.fault(f"export[{number}]", problem) from error
+    return choices
+
+
+def _check_joints(settings: Settings, joints: tuple[str, ...]) -> None:
+    """Make sure that tables of single joints are about joints of the path."""
+    from planner.files.table import nearest
+
+    for table in TABLES_OF_JOINTS:
+        for joint in settings[table]:
+            if joint not in joints:
+                raise settings.fault(
+                    f"{table}.{joint}",
+                    f"no such joint in the path{nearest(joint, joints)}; joints: "
+                    f"{', '.join(joints)}",
+                )
+
+
+def _check_names(settings: Settings) -> None:
+    """Make sure that no two files of the folder have one name, or one inside the other."""
+    from planner.files.output_folder import MANIFEST
+
+    taken = {PurePosixPath(MANIFEST): "the results"}
+    if settings["output.comparison"]:
+        taken |= {PurePosixPath(name): "output.comparison" for name in COMPARISON}
+    for key, name in _names(settings):
+        path = PurePosixPath(name.casefold())
+        for other, owner in taken.items():
+            if path == other or path in other.parents or other in path.parents:
+                raise settings.fault(key, f"got '{name}', which {owner} takes; choose another name")
+        taken[path] = key
+
+
+def _names(settings: Settings) -> Iterator[tuple[str, str]]:
+    for key in ("requests", "angles", "desired", "foot", "scene"):
+        if settings[f"output.{key}"]:
+            yield f"output.{key}", settings[f"output.{key}"]
+    for number, each in enumerate(settings["export"]):
+        yield f"export[{number}].file", each["file"]
+
+
+def _check_outputs(settings: Settings, wanted: Wanted) -> None:
+    """Refuse outputs that this path has not, and miss packages before anything is computed."""
+    if settings["output.level"] is not None and not settings["output.comparison"]:
+        raise settings.fault("output.level", "has no effect without output.comparison = true")
+    if settings["output.scene"]:
+        from planner.report.draw_scene import import_meshcat
+
+        if wanted.leg is None or set(wanted.leg.joint_names) != set(wanted.names):
+            raise settings.fault("output.scene", "needs a leg, and a path of all its joints")
+        import_meshcat()

@@ -1,0 +1,96 @@
+"""From the tables ``[model]`` of a run file to the models of its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from planner.cli.models import SHIPPED
+
+if TYPE_CHECKING:
+    from planner.files.joint_model import ModelFile
+    from planner.files.schema import Settings
+    from planner.model.joint import JointModel
+
+
+def models_of_run(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
+    """The models that a run file names or holds.
+
+    Args:
+        settings: The run.
+        beside: Where a file is that the run names.
+
+    Raises:
+        InvalidFile: A model file is unusable, parameters describe no joint, or they contradict.
+    """
+    from dataclasses import replace
+
+    base = _for_all(settings, beside)
+    by_joint = dict(base.by_joint)
+    for joint, table in settings["model.joints"].items():
+        by_joint[joint] = _of_joint(settings, base, joint, table, beside)
+    return replace(base, by_joint=by_joint)
+
+
+def _for_all(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
+    from planner.files.joint_model import REQUIRED, ModelFile, read_models
+    from planner.model.joint import JointModel
+
+    path = settings.file.path
+    if "model.parameters" not in settings.given:
+        if settings["model.file"] == SHIPPED:
+            return ModelFile(path, JointModel.ers210a(), {})
+        return read_models(beside(settings["model.file"]))
+    if "model.file" in settings.given:
+        raise settings.fault(
+            "model.parameters", "stands beside model.file, expected one of them; remove the other"
+        )
+    prefix = "model.parameters."
+    given = {
+        name.removeprefix(prefix): value
+        for name, value in settings.values.items()
+        if name.startswith(prefix) and value is not None
+    }
+    missing = [key for key in REQUIRED if key not in given]
+    if missing:
+        raise settings.fault(
+            "model.parameters",
+            f"no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
+        )
+    return ModelFile(path, _made(settings, "model.parameters", JointModel, given), {})
+
+
+def _of_joint(
+    settings: Settings,
+    base: ModelFile,
+    joint: str,
+    table: Mapping[str, Any],
+    beside: Callable[[str], str],
+) -> JointModel:
+    from dataclasses import replace
+    from functools import partial
+
+    from planner.files.joint_model import read_models
+
+    name = f"model.joints.{joint}"
+    given = {key: value for key, value in table.items() if value is not None}
+    if "file" in given:
+        others = [key for key in given if key != "file"]
+        if others:
+            raise settings.fault(
+                name, f"file stands beside {', '.join(others)}, expected a file or parameters"
+            )
+        return read_models(beside(given["file"])).for_joints([joint])[0]
+    (start,) = base.for_joints([joint])
+    return _made(settings, name, partial(replace, start), given)
+
+
+def _made(
+    settings: Settings, name: str, make: Callable[..., JointModel], given: Mapping[str, Any]
+) -> JointModel:
+    from planner.exceptions import InvalidModel
+
+    try:
+        return make(**given)
+    except InvalidModel as error:
+        raise settings.fault(name, str(error)) from error
