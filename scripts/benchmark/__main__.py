@@ -10,7 +10,7 @@ from pathlib import Path
 import planner
 from benchmark import record
 from benchmark.machine import circumstances
-from benchmark.parts import Options, Part, fit, foot, inversion, length, quality
+from benchmark.parts import Options, Part, fit, foot, identify, inversion, length, quality
 from benchmark.table import Table
 
 PARTS: dict[str, Part] = {
@@ -19,6 +19,7 @@ PARTS: dict[str, Part] = {
     "length": length.measure,
     "foot": foot.measure,
     "fit": fit.measure,
+    "identify": identify.measure,
 }
 
 QUICK = Options(instances=3, repeats=1, lengths=(88, 880), fit_lengths=(88, 880))

@@ -1,0 +1,146 @@
+"""Identification: how near to the truth, how honest, how good on recordings, how fast."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+import planner
+from benchmark.parts import Options
+from benchmark.table import Table
+
+SEEDS = 10
+"""Repetitions for each instance that is asked for."""
+
+AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
+"""Step tests [deg]; the second pair is the paper's."""
+
+NOISE, QUANTUM = 0.2, 0.3
+"""Noise and resolution of the sensor [deg]."""
+
+CYCLES, SAMPLES = 3, 88
+
+JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
+
+PENDULUMS = {
+    "sts3250, three runs": ("sts3250", ("sin_sin", "sin_time_square", "up_and_down"), 32),
+    "xl330, gain 100": ("xl330", ("sin_sin",), 100),
+    "xl330, gain 800": ("xl330", ("sin_time_square",), 800),
+}
+
+
+def measure(options: Options) -> list[Table]:
+    """Made logs, and the recordings where they are."""
+    tables = [coverage(SEEDS * options.instances)]
+    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
+    if folder and Path(folder).is_dir():
+        tables.append(recordings(Path(folder)))
+    return tables
+
+
+def coverage(seeds: int) -> Table:
+    """One row for each parameter and set of step tests."""
+    table = Table(
+        "Identification of step tests, made",
+        ("in the interval, %", "rms error", "largest error", "half interval", "time, s"),
+        note=f"The ERS-210A, {CYCLES} cycles of each amplitude, {NOISE:g} deg noise, {QUANTUM:g} "
+        f"deg resolution, {seeds} seeds. v_max and theta_0 in %, times in ticks, the offset in "
+        "degrees. Nothing is held out.",
+        stub="amplitudes and parameter",
+    )
+    truth = planner.JointModel.ers210a()
+    units = {
+        "v_max": truth.v_max / 100.0,
+        "theta_0": truth.theta_0 / 100.0,
+        "lag": truth.tick,
+        "acceleration_time": truth.tick,
+        "offset": math.radians(1.0),
+    }
+    for amplitudes in AMPLITUDES:
+        began = time.process_time()
+        found = [
+            planner.identify(made(truth, amplitudes, seed), hold_out=False) for seed in range(seeds)
+        ]
+        seconds = (time.process_time() - began) / seeds
+        for name, unit in units.items():
+            true = getattr(truth, name)
+            errors = np.array([getattr(one.model, name) - true for one in found]) / unit
+            bounds = [one.intervals[name] for one in found]
+            table.add(
+                f"{' and '.join(f'{a:g}' for a in amplitudes)} deg: {name}",
+                100.0 * float(np.mean([low <= true <= high for low, high in bounds])),
+                float(np.sqrt(np.mean(errors**2))),
+                float(np.max(np.abs(errors))),
+                float(np.median([high - low for low, high in bounds])) / 2.0 / unit,
+                seconds,
+            )
+    return table
+
+
+def made(model: planner.JointModel, amplitudes: tuple[float, ...], seed: int) -> list[planner.Log]:
+    """Step tests as a noisy sensor of finite resolution reports them."""
+    rng = np.random.default_rng(seed)
+    logs = []
+    for amplitude in amplitudes:
+        requests = np.tile(planner.step_test(math.radians(amplitude), samples=SAMPLES), CYCLES)
+        angles = np.degrees(planner.simulate(model, requests, cyclic=False, start=0.0))
+        noisy = angles + rng.normal(scale=NOISE, size=len(angles))
+        logs.append(
+            planner.Log(
+                times=np.arange(len(requests)) * model.period,
+                requests=requests,
+                angles=np.radians(np.round(noisy / QUANTUM) * QUANTUM),
+            )
+        )
+    return logs
+
+
+def recordings(folder: Path) -> Table:
+    """One row for each joint."""
+    table = Table(
+        "Identification of recordings",
+        ("raw", "delay", "first order", "model", "of motion, %", "all rows", "accepted", "time, s"),
+        note="Errors (rms, rad; Jaw: share of its range) on the second half by fits to the first, "
+        "that of the model over the standard deviation of the motion too, and the error of the "
+        "model fitted to all rows.",
+        stub="recording",
+    )
+    for name, logs in recorded(folder).items():
+        began = time.process_time()
+        found = planner.identify(logs)
+        seconds = time.process_time() - began
+        others = [other.held_out_rms or math.nan for other in found.alternatives]
+        held = found.held_out_rms or math.nan
+        share = 100.0 * held / found.signal
+        table.add(name, *others, held, share, found.rms, float(found.accepted), seconds)
+    return table
+
+
+def recorded(folder: Path) -> dict[str, list[planner.Log]]:
+    """The recordings by name."""
+    table = np.genfromtxt(folder / "so101" / "prbs_excitation.csv", delimiter=",", names=True)
+    found = {
+        f"so101, {joint}": [
+            planner.Log(
+                times=table["t_s"], requests=table[f"req_{joint}"], angles=table[f"act_{joint}"]
+            )
+        ]
+        for joint in JOINTS
+    }
+    for name, (servo, motions, gain) in PENDULUMS.items():
+        paths = [folder / servo / f"{servo}_kp{gain}_{motion}.csv" for motion in motions]
+        runs = [np.genfromtxt(path, delimiter=",", names=True) for path in paths]
+        found[name] = [
+            planner.Log(
+                times=run["t_s"],
+                requests=run["req_rad"],
+                angles=run["act_rad"],
+                torque_on=run["torque_on"] > 0.0,
+            )
+            for run in runs
+        ]
+    return found
