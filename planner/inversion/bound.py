@@ -8,12 +8,13 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed
+from planner.inversion.branching import searched_bound
 from planner.inversion.exact import TIME_LIMIT, exact_bound
 from planner.inversion.limits import positive
 from planner.inversion.norm import Norm, check_norm
@@ -24,6 +25,9 @@ from planner.trajectory import Array, as_trajectory
 
 LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
+Proof = Literal["search", "scip"]
+"""How the exact level is proved: by our own branch and bound, or by SCIP on condition 4 alone."""
+
 
 class Certificate(NamedTuple):
     """A lower bound, and how it was come by.
@@ -32,8 +36,9 @@ class Certificate(NamedTuple):
         bound: No requests go below this error [rad].
         norm: Which error.
         level: What was used of the joint.
-        solver_gap: Relative distance between the bound and the best that the solver knows of the
-            same level; 0 where multipliers prove the bound, inf where the solver knows nothing.
+        solver_gap: Relative distance between the bound and the best that is known of the same
+            level, for "exact" the error of a plan; 0 where one set of multipliers proves the bound,
+            inf where nothing is known.
         seconds: Time it took [s].
     """
 
@@ -53,6 +58,7 @@ def lower_bound(
     level: Level = "envelope",
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
+    proof: Proof = "search",
 ) -> float:
     """An error that no requests whatever can go below [rad]: see :func:`certify`."""
     return certify(
@@ -63,6 +69,7 @@ def lower_bound(
         level=level,
         start=start,
         time_limit=time_limit,
+        proof=proof,
     ).bound
 
 
@@ -75,31 +82,35 @@ def certify(
     level: Level = "envelope",
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
+    proof: Proof = "search",
 ) -> Certificate:
     """An error that no requests whatever can go below, with what is known about it.
 
     ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
-    cannot change at once; ``exact`` follows every request through the window, a mixed-integer
-    programme (``docs/math.md``, section 5). Each is at least the one before, and costs more: one
-    and a few milliseconds, and seconds to the time limit for a hundred samples.
+    cannot change at once; ``exact`` follows every request through the window, and searches among
+    all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
+    the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
+    hundred samples.
 
     Args:
         model: The joint.
         desired: Wanted angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         norm: "rms" for the root mean square of the errors, "max" for the largest.
-        level: "slope", "envelope" or "exact"; the last needs the extra ``exact``.
+        level: "slope", "envelope" or "exact".
         start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
             bound holds for every start.
         time_limit: For "exact": when to stop with what is proved by then [s].
+        proof: For "exact": "search", which comes closest, or "scip", an independent solver on a
+            programme that holds less of the joint; it needs the extra ``exact``.
 
     Returns:
         The bound, at least 0.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
-        InvalidInput: The norm or the level has another name, or a cycle is given a start.
-        MissingExtra: "exact" without SCIP.
+        InvalidInput: The norm, level or proof has another name, or a cycle is given a start.
+        MissingExtra: "scip" without SCIP.
         SolverFailed: The solver proposed no multipliers.
     """
     began = perf_counter()
@@ -109,6 +120,8 @@ def certify(
     check_norm(norm)
     if level not in LEVELS:
         raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
+    if proof not in ("search", "scip"):
+        raise InvalidInput(f"proof: got {proof!r}, expected 'search' or 'scip'")
     start = checked_start(start, cyclic=cyclic)
     linear: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
     sets = (
@@ -118,7 +131,8 @@ def certify(
     bound = max(_proved(model, desired, reachable, norm) for reachable in sets)
     gap = 0.0
     if level == "exact":
-        proved, known = exact_bound(
+        prove = exact_bound if proof == "scip" else searched_bound
+        proved, known = prove(
             model, desired, cyclic=cyclic, norm=norm, start=start, time_limit=time_limit
         )
         bound = max(bound, proved)

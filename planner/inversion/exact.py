@@ -1,4 +1,4 @@
-"""The ``exact`` bound: every request followed through the window, a mixed-integer programme.
+"""Condition 4: every request followed through the window, a mixed-integer programme for SCIP.
 
 In units of v_max a tick, with u(r, t) for what request r calls for at tick t, and k for the slope
 v_max / theta_0 of f,
@@ -69,7 +69,7 @@ def exact_bound(
     try:
         import pyscipopt  # noqa: F401
     except ImportError as error:
-        raise MissingExtra("level='exact'", "exact") from error
+        raise MissingExtra("proof='scip'", "exact") from error
     import cvxpy
 
     unit, middle = model.v_max_per_tick, float(np.mean(desired))

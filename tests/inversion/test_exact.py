@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 
 import numpy as np
@@ -11,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import invert_optimal
-from planner.exceptions import MissingExtra
+from planner.exceptions import InvalidInput, MissingExtra
 from planner.inversion.bound import certify, lower_bound
-from planner.inversion.exact import contributions
+from planner.inversion.exact import SOLVER_TOLERANCE, contributions
 from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel, saturation
 from planner.model.response import simulate
-from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.instances import random_model, saturating
 from tests.strategies import models, trajectories
 
 ERS210A = JointModel.ers210a()
@@ -76,7 +75,7 @@ def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cycli
         desired = saturating(rng, model, samples=samples)
         plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm)
         for start in {None, plan.start}:
-            options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 5.0}
+            options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 1.0}
             bounds = [
                 lower_bound(model, desired, level=level, **options)
                 for level in ("slope", "envelope", "exact")
@@ -85,12 +84,16 @@ def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cycli
             assert bounds[1] <= bounds[2] <= plan.error
 
 
-def test_the_plan_for_the_reference_rotator_is_within_a_thousandth_of_the_best():
-    joint = REFERENCE_JOINTS[0]
-    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=30.0)
-    assert math.degrees(certificate.bound) >= joint.exact_bound_deg
-    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    assert 0.0 <= plan.rms / certificate.bound - 1.0 <= 1e-3
+def test_the_search_proves_as_much_as_scip_and_scip_no_more_than_any_plan():
+    rng = np.random.default_rng(7)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=30)
+    options = {"level": "exact", "time_limit": 10.0}
+    scip = certify(model, desired, proof="scip", **options)
+    search = certify(model, desired, proof="search", **options)
+    assert lower_bound(model, desired) <= scip.bound
+    assert scip.bound <= search.bound * (1.0 + SOLVER_TOLERANCE)
+    assert search.bound <= invert_optimal(model, desired).error
 
 
 def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
@@ -101,8 +104,13 @@ def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
     assert certificate.bound >= lower_bound(model, desired)
 
 
-def test_the_exact_level_says_which_extra_it_needs(monkeypatch):
+def test_an_unknown_proof_is_refused():
+    with pytest.raises(InvalidInput, match="expected 'search' or 'scip'"):
+        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact", proof="guess")
+
+
+def test_scip_says_which_extra_it_needs(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyscipopt", None)
     with pytest.raises(MissingExtra, match="needs the extra 'exact'") as caught:
-        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact")
+        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact", proof="scip")
     assert caught.value.extra == "exact"

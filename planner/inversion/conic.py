@@ -1,0 +1,85 @@
+"""The conic solver: its multipliers are made feasible, and its answers never trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from planner.trajectory import Array
+
+
+class Cones(NamedTuple):
+    """What the rows of ``limits - matrix @ unknowns`` are, in order.
+
+    Attributes:
+        zero: So many vanish.
+        at_most: So many are at least zero.
+        ball: So many, if any, have their first at least the length of the others.
+    """
+
+    zero: int
+    at_most: int
+    ball: int = 0
+
+
+class Answer(NamedTuple):
+    """Where the solver stopped, and multipliers within the dual cones."""
+
+    unknowns: Array
+    multipliers: Array
+
+
+def minimise(
+    slopes: Sequence[Array],
+    matrix: sparse.csr_array,
+    limits: Array,
+    cones: Cones,
+    *,
+    curvature: Array | None = None,
+    tolerance: float,
+) -> list[Answer]:
+    """Minimise ``slope @ z + curvature @ z**2 / 2`` over ``limits - matrix @ z`` in the cones.
+
+    The conditions are set up once for all slopes, and an answer is returned for each.
+    """
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.presolve_enable = False
+    settings.direct_solve_method = "qdldl"
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    kinds: list[Any] = [clarabel.ZeroConeT(cones.zero), clarabel.NonnegativeConeT(cones.at_most)]
+    if cones.ball:
+        kinds.append(clarabel.SecondOrderConeT(cones.ball))
+    diagonal = np.zeros(matrix.shape[1]) if curvature is None else curvature
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(sparse.diags_array(diagonal)),
+        slopes[0],
+        sparse.csc_matrix(matrix),
+        limits,
+        kinds,
+        settings,
+    )
+    answers: list[Answer] = []
+    for slope in slopes:
+        if answers:
+            solver.update(q=slope)
+        answers.append(_feasible(solver.solve(), cones))
+    return answers
+
+
+def _feasible(solution: Any, cones: Cones) -> Answer:
+    """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
+    unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
+    if not np.all(np.isfinite(multipliers)):
+        multipliers = np.zeros(len(multipliers))
+    end = cones.zero + cones.at_most
+    multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
+    if cones.ball:
+        length = float(np.linalg.norm(multipliers[end + 1 :]))
+        multipliers[end] = max(multipliers[end], length)
+    return Answer(unknowns, multipliers)
