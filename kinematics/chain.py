@@ -69,6 +69,12 @@ class Chain:
             links.append(Link(origin[:, None], *(rotation @ part for part in parts)))
         return tuple(links)
 
+    @cached_property
+    def size(self) -> float:
+        """The way from the first joint over all others to the foot [m]."""
+        steps = np.linalg.norm(self.translations[1:], axis=1)
+        return float(np.sum(steps) + np.linalg.norm(self.tip))
+
     def foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> Any:
         """The foot in the base frame.
 
@@ -83,6 +89,22 @@ class Chain:
         for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
             point = link.origin + _turned(link, point, cosine, sine)
         return point
+
+    def joints_and_foot(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
+        """The origin of each joint in the base frame and, last, the foot.
+
+        Args:
+            cosines: Cosine of each joint's angle, from the base: k arrays (n,).
+            sines: Sine of each, likewise.
+
+        Returns:
+            k + 1 positions [m], (3, 1) or (3, n).
+        """
+        points: list[Any] = [self.tip[:, None]]
+        for link, cosine, sine in reversed(list(zip(self.links, cosines, sines, strict=True))):
+            moved = [link.origin + _turned(link, point, cosine, sine) for point in points]
+            points = [link.origin, *moved]
+        return points
 
     def foot_and_jacobian(
         self, cosines: Iterable[Any], sines: Iterable[Any]

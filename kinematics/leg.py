@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -10,9 +11,10 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import Array, Chain, read_only
+from kinematics.branches import jumps
+from kinematics.chain import Array, Chain, Indices, read_only
 from kinematics.closed_form import ClosedForm, find_closed_form
-from kinematics.exceptions import InvalidPath
+from kinematics.exceptions import InvalidInput, InvalidPath
 from kinematics.inverse import InverseSolution, Unreachable, solve_inverse
 from kinematics.limits import Limits
 from kinematics.read_urdf import read_chain
@@ -35,6 +37,8 @@ class Leg:
         joint_names: Names of the joints, from the base to the foot.
         limits: Their limits.
         chain: Their constants, checked against Pinocchio.
+        speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
+        near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
     """
 
     base: str
@@ -42,9 +46,19 @@ class Leg:
     joint_names: tuple[str, ...]
     limits: Limits
     chain: Chain
+    speeds: Array | None = None
+    near: Array | None = None
 
     @classmethod
-    def from_urdf(cls, path: str | os.PathLike[str], *, base: str, foot: str) -> Self:
+    def from_urdf(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        base: str,
+        foot: str,
+        locked: Mapping[str, float] | None = None,
+        near: Mapping[str, float] | None = None,
+    ) -> Self:
         """The leg between two frames of the robot that a URDF describes.
 
         Args:
@@ -52,15 +66,22 @@ class Leg:
                 not needed.
             base: Frame (link or joint) on the way to the foot; positions are given in it.
             foot: Frame whose origin is the foot.
+            locked: Joints that are held where they are said to be [rad; m for one that slides], so
+                that three remain of a longer chain.
+            near: Angles of joints [rad]: of several poses that bring the foot to the first point of
+                a path the one nearest to them is taken. Joints that are not named count as at 0, or
+                the end of their range that is nearer.
 
         Raises:
             InvalidUrdf: The file cannot be read or does not describe a robot.
             UnknownFrame: The robot has no such frame.
             UnsupportedLeg: The base is not above the foot, no joint lies between them, or one that
                 is neither revolute nor continuous, or one that mimics another.
+            InvalidInput: A joint cannot be held like that, or is not on the leg.
         """
-        chain, names, limits = read_chain(path, base=base, foot=foot)
-        return cls(base, foot, names, limits, chain)
+        chain, names, limits, speeds = read_chain(path, base=base, foot=foot, locked=locked)
+        pose = None if near is None else _pose(near, names, limits)
+        return cls(base, foot, names, limits, chain, speeds, pose)
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -81,6 +102,25 @@ class Leg:
         """
         turned = self._angles(angles).T
         return read_only(np.ascontiguousarray(self.chain.foot(np.cos(turned), np.sin(turned)).T))
+
+    def joint_positions(self, angles: npt.ArrayLike) -> Array:
+        """Where the joints and the foot are along a path: the leg as a line to draw.
+
+        Args:
+            angles: Joint angles [rad], shape (n, k); limits are not enforced.
+
+        Returns:
+            Origins of the joints, from the base, and last the foot, in the base frame [m], shape
+            (n, k + 1, 3), read-only.
+
+        Raises:
+            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+        """
+        turned = self._angles(angles).T
+        points = self.chain.joints_and_foot(np.cos(turned), np.sin(turned))
+        shape = (3, turned.shape[1])
+        columns = [np.broadcast_to(point, shape).T for point in points]
+        return read_only(np.stack(columns, axis=1))
 
     def jacobians(self, angles: npt.ArrayLike) -> Array:
         """How the foot moves when the joints do: derivatives of :meth:`foot_positions`.
@@ -111,7 +151,8 @@ class Leg:
         Raises:
             InvalidPath: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-            UnsupportedLeg: The leg has not three joints, or no closed form to clamp.
+            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
+            SingularLeg: Its joints cannot tell the points of a path apart.
         """
         return self.inverse(foot, unreachable=unreachable).angles
 
@@ -122,9 +163,10 @@ class Leg:
 
         Where two neighbouring axes of the leg intersect or are parallel the poses are enumerated in
         closed form (10,000 points take some 30 ms); otherwise they are searched for numerically
-        (1 ms a point). Each is judged by forward kinematics. Several poses may reach a point: at
-        the first point the one deepest inside the limits is taken, at every later point the one
-        closest to the pose before it (:func:`kinematics.branches.choose`).
+        from 27 starts (1 ms a point). Each is judged by forward kinematics. Several poses may reach
+        a point: at the first point the one deepest inside the limits is taken, or nearest to
+        ``near``, unless the path jumps from there; at every later point the one closest to the pose
+        before it (:func:`kinematics.branches.choose`). :meth:`jumps` tells where a path still does.
 
         Args:
             foot: Points in the base frame [m], shape (n, 3).
@@ -139,15 +181,50 @@ class Leg:
         Raises:
             InvalidPath: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-            UnsupportedLeg: The leg has not three joints, or no closed form to clamp.
+            UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
+            SingularLeg: Its joints cannot tell the points of a path apart.
         """
         points = _as_path(foot, name="foot", columns=3, unit="m")
         return solve_inverse(
-            self.chain, self.limits, self.closed_form, points, unreachable=unreachable
+            self.chain,
+            self.limits,
+            self.closed_form,
+            points,
+            unreachable=unreachable,
+            near=self.near,
+            names=self.joint_names,
         )
+
+    def jumps(self, angles: npt.ArrayLike) -> Indices:
+        """Where a path of the joints goes over to another pose: :func:`kinematics.branches.jumps`.
+
+        Args:
+            angles: Joint angles [rad], shape (n, k).
+
+        Returns:
+            Samples from which the leg would have to leap to the next one.
+
+        Raises:
+            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+        """
+        return read_only(jumps(self.chain, self._angles(angles)))
 
     def _angles(self, angles: npt.ArrayLike) -> Array:
         return _as_path(angles, name="angles", columns=len(self.joint_names), unit="rad")
+
+
+def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> Array:
+    """The pose that some angles describe, the joints without one at rest."""
+    pose = limits.clip(np.zeros(len(names)))
+    for name, angle in near.items():
+        if name not in names:
+            raise InvalidInput(
+                f"near: joint {name!r} is not on the leg; its joints: {', '.join(names)}"
+            )
+        if not abs(angle) <= FARTHEST:
+            raise InvalidInput(f"near: joint {name!r} at {angle!r}, expected an angle [rad]")
+        pose[names.index(name)] = angle
+    return read_only(pose)
 
 
 def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:

@@ -34,12 +34,16 @@ def test_any_leg_agrees_with_pinocchio(chain, tip, seed, tmp_path_factory):
     leg = made_up_leg(tmp_path_factory.mktemp("robot"), chain, tip)
     angles = np.random.default_rng(seed).uniform(-3.0, 3.0, (4, len(chain)))
     positions, jacobians = leg.foot_positions(angles), leg.jacobians(angles)
+    origins = leg.joint_positions(angles)
     assert positions.shape == (4, 3)
+    assert origins.shape == (4, len(chain) + 1, 3)
     assert jacobians.shape == (4, 3, len(chain))
     model = pinocchio.buildModelFromXML(urdf_text(chain, tip))
     data, tip_id = model.createData(), model.getFrameId("tip")
     ids = [model.getJointId(f"joint_{number}") for number in range(1, len(chain) + 1)]
-    for pose, position, jacobian in zip(angles, positions, jacobians, strict=True):
+    for pose, position, jacobian, points in zip(
+        angles, positions, jacobians, origins, strict=True
+    ):
         configuration = pinocchio.neutral(model)
         for joint, angle in zip(ids, pose, strict=True):
             both = [angle] if model.nqs[joint] == 1 else [np.cos(angle), np.sin(angle)]
@@ -50,6 +54,9 @@ def test_any_leg_agrees_with_pinocchio(chain, tip, seed, tmp_path_factory):
             model, data, tip_id, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
         )[:3, [model.idx_vs[joint] for joint in ids]]
         np.testing.assert_allclose(position, data.oMf[tip_id].translation, atol=ROUNDING)
+        for joint, point in zip(ids, points[:-1], strict=True):
+            np.testing.assert_allclose(point, data.oMi[joint].translation, atol=ROUNDING)
+        np.testing.assert_array_equal(points[-1], position)
         np.testing.assert_allclose(jacobian, expected, atol=ROUNDING)
 
 
