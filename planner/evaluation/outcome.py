@@ -109,6 +109,8 @@ class PlannedWalk:
         walk: The reference walk with its leg.
         joints: One outcome per joint, in the leg's order.
         knee: Where the leg's knee is at the desired angles [m], shape (n, 3).
+        legs: Where the leg's joints and, last, its foot are at the ``desired`` angles and under
+            each method [m], shape (n, joints + 1, 3).
         shift: The best time shift.
         foot_plan: The plan for all joints at once, which keeps the foot close to its path.
         foot: The foot under ``direct``, ``shift``, ``closed_form_plain``, ``closed_form``,
@@ -120,6 +122,7 @@ class PlannedWalk:
     walk: ReferenceWalk
     joints: tuple[JointOutcome, ...]
     knee: Array
+    legs: Mapping[str, Array]
     shift: TimeShift
     foot_plan: FootInversion
     foot: Mapping[str, FootOutcome]

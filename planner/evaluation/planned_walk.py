@@ -63,6 +63,10 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
         walk=walk,
         joints=joints,
         knee=_knee_of(walk),
+        legs={
+            method: walk.leg.joint_positions(each)
+            for method, each in {"desired": walk.desired, **angles}.items()
+        },
         shift=shift,
         foot_plan=foot_plan,
         foot={method: foot_outcome(walk, each) for method, each in angles.items()},

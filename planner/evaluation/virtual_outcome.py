@@ -107,13 +107,18 @@ class VirtualOutcome:
         return self._foot_table(lambda run: run.sensed)
 
     @cached_property
-    def foot_paths(self) -> dict[str, Array]:
-        """True path of the foot by method [m], shape (cycles, n, 3)."""
+    def legs(self) -> dict[str, Array]:
+        """True positions of joints and, last, foot by method [m], (cycles, n, joints + 1, 3)."""
         leg = self.planned.walk.leg
         return {
-            method: np.stack([leg.foot_positions(cycle) for cycle in run.angles])
+            method: np.stack([leg.joint_positions(cycle) for cycle in run.angles])
             for method, run in self.runs.items()
         }
+
+    @cached_property
+    def foot_paths(self) -> dict[str, Array]:
+        """True path of the foot by method [m], shape (cycles, n, 3)."""
+        return {method: points[:, :, -1] for method, points in self.legs.items()}
 
     @property
     def unseen_rms(self) -> dict[str, float]:
