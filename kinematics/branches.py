@@ -5,30 +5,45 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from kinematics.chain import Array
+from kinematics.chain import Array, Chain, Indices
 from kinematics.limits import TURN, Limits, half_turned
 
 SAME = 6
 """Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
 
+STILL = 1e-6
+"""Movement of the foot that is none, to the length of the leg."""
 
-def choose(poses: Array, allowed: npt.NDArray[np.bool_], limits: Limits) -> Array:
+
+def choose(
+    poses: Array,
+    allowed: npt.NDArray[np.bool_],
+    limits: Limits,
+    *,
+    near: Array | None = None,
+    chain: Chain | None = None,
+) -> Array:
     """One pose at each point: the first deep inside the limits, the others close to the last.
 
-    At the first point the pose whose least distance to any limit is largest; of equal ones that
-    with the larger angle of the last joint, then of the joint before it. At every later point the
-    pose with the least move from the one before (root of the sum of squares); of equal ones the
-    same order decides. For joints that can turn further than a full turn whole turns are no move.
+    At the first point the pose whose least distance to any limit is largest, or that with the least
+    move from ``near``; of equal ones that with the larger angle of the last joint, then of the
+    joint before it. At every later point the pose with the least move from the one before (root of
+    the sum of squares); of equal ones the same order decides. For joints that can turn further than
+    a full turn whole turns are no move. Where that path jumps and a chain is given, the next pose
+    at the first point is tried, and so on: the first path with the fewest jumps is taken.
 
     Args:
         poses: Angles [rad], shape (n, m, k), within the limits.
         allowed: Which of them may be chosen, at least one at each point, shape (n, m).
         limits: The joint limits.
+        near: A pose near which to start [rad], shape (k,).
+        chain: The leg, to see jumps.
 
     Returns:
         Angles [rad], shape (n, k).
     """
-    margin = np.where(allowed, limits.margin(poses), -np.inf)
+    margin = limits.margin(poses) if near is None else -_moved(poses - near, limits)
+    margin = np.where(allowed, margin, -np.inf)
     keys = np.concatenate([-np.moveaxis(poses, -1, 0), -margin[None]])
     order = np.lexsort(np.round(keys, SAME), axis=-1)  # best first
     order = order[:, : allowed.sum(axis=1).max(initial=1)]  # those not allowed come last
@@ -37,12 +52,49 @@ def choose(poses: Array, allowed: npt.NDArray[np.bool_], limits: Limits) -> Arra
 
     following = []  # for each branch: the branch to take at the next point, shape (n - 1,)
     for branch in range(poses.shape[1]):
-        move = poses[1:] - poses[:-1, branch, None]
-        move = np.where(limits.turning, half_turned(move), move)
-        length = np.round(np.sqrt((move**2).sum(axis=-1)), SAME)
+        length = np.round(_moved(poses[1:] - poses[:-1, branch, None], limits), SAME)
         following.append(np.where(allowed[1:], length, np.inf).argmin(axis=-1).tolist())
+    first = _from(0, poses, following, limits)
+    if chain is None or not (fewest := len(jumps(chain, first))):
+        return first
+    for branch in range(1, int(np.sum(allowed[0]))):
+        other = _from(branch, poses, following, limits)
+        if (count := len(jumps(chain, other))) < fewest:
+            first, fewest = other, count
+    return first
+
+
+def jumps(chain: Chain, angles: Array) -> Indices:
+    """Samples from which a path of the joints goes over to another pose for the next.
+
+    Half way between two poses of a smooth path the foot is half way between its two places, up to
+    the square of the step. Between two poses of different kinds it is somewhere else: a jump is
+    where it is further from there than the two places are from each other.
+
+    Args:
+        chain: The leg.
+        angles: Joint angles [rad], shape (n, k).
+
+    Returns:
+        Indices of the samples before the jumps.
+    """
+    half_way = 0.5 * (angles[1:] + angles[:-1])
+    feet, middle = (chain.foot(np.cos(q.T), np.sin(q.T)).T for q in (angles, half_way))
+    step = np.linalg.norm(feet[1:] - feet[:-1], axis=1)
+    aside = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
+    return np.flatnonzero(aside > step + STILL * chain.size)
+
+
+def _moved(moves: Array, limits: Limits) -> Array:
+    """Length of moves [rad], (...,) for those of shape (..., k); whole turns count for nothing."""
+    turned = np.where(limits.turning, half_turned(moves), moves)
+    return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
+
+
+def _from(branch: int, poses: Array, following: list[list[int]], limits: Limits) -> Array:
+    """The path that starts on a branch and takes the nearest pose at each point, (n, k)."""
     branches = np.zeros(len(poses), dtype=np.intp)
-    branch = 0
+    branches[:1] = branch
     for point in range(1, len(poses)):
         branch = branches[point] = following[branch][point - 1]
     chosen = np.asarray(poses[np.arange(len(poses)), branches])

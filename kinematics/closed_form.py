@@ -144,7 +144,7 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
         return None
     directions, points, foot = chain.neutral_axes()
     axes = tuple(Axis(*line) for line in zip(directions, points, strict=True))
-    size = float(np.sum(np.linalg.norm(chain.translations[1:], axis=1)) + np.linalg.norm(chain.tip))
+    size = chain.size
     if axes[2].distance(foot) <= APART * size:
         return None
     for odd in (2, 0):

@@ -8,6 +8,7 @@
         ├── InvalidUrdf                    not a robot description; carries the path
         ├── UnknownFrame                   no such frame in the robot; carries those that are
         ├── UnsupportedLeg                 a fine robot, but no such leg between the two frames
+        │   └── SingularLeg                some of its joints never move the foot
         ├── InvalidPath                    angles or foot positions with NaN or the wrong shape
         └── UnreachableFoot                points out of the leg's reach; carries which and how far
 """
@@ -80,6 +81,19 @@ class UnknownFrame(InvalidInput):
 
 class UnsupportedLeg(InvalidInput):
     """No leg can be made of what lies between the two frames, or none with an inverse."""
+
+
+class SingularLeg(UnsupportedLeg):
+    """The leg is singular in every pose: some of its joints never move the foot.
+
+    Attributes:
+        joints: Names of these joints.
+    """
+
+    def __init__(self, problem: str, *, joints: Sequence[str]) -> None:
+        """Keep the names beside the message."""
+        self.joints = tuple(joints)
+        super().__init__(problem)
 
 
 class InvalidPath(InvalidInput):

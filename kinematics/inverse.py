@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -10,11 +11,15 @@ import numpy.typing as npt
 from kinematics.branches import choose
 from kinematics.chain import Array, Chain, read_only
 from kinematics.closed_form import ClosedForm
+from kinematics.dexterity import check_joints
 from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
 from kinematics.limits import Limits
 from kinematics.nearest import nearest_poses
 
 Unreachable = Literal["raise", "nearest", "clamp"]
+
+MOST_JOINTS = 3
+"""Joints that the position of a foot can determine."""
 
 REACHED = 1e-9
 """A pose reaches a point when its foot is within this of it [m]."""
@@ -40,26 +45,32 @@ def solve_inverse(
     closed_form: ClosedForm | None,
     foot: Array,
     *,
+    names: Sequence[str],
     unreachable: Unreachable = "raise",
+    near: Array | None = None,
 ) -> InverseSolution:
     """Joint angles that put the foot at each point of a path; see :meth:`kinematics.Leg.inverse`.
 
     Args:
-        chain: The leg, with three joints.
+        chain: The leg, with three joints at most.
         limits: Its joint limits.
         closed_form: Its closed form, or None to search numerically.
         foot: Points in the base frame [m], finite, shape (n, 3).
+        names: Names of the joints, for messages.
         unreachable: What to do with points out of reach.
+        near: A pose near which to start [rad], shape (k,); by default deep inside the limits.
 
     Returns:
         The angles, each judged by the chain's forward kinematics.
 
     Raises:
         UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
-        UnsupportedLeg: The leg has not three joints, or no closed form to clamp.
+        UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
+        SingularLeg: One of its joints never moves the foot.
         InvalidInput: ``unreachable`` is none of the three.
     """
     _check(chain, closed_form, unreachable)
+    check_joints(chain, names)
     if closed_form is None:
         poses = nearest_poses(chain, limits, foot)
     else:
@@ -75,7 +86,7 @@ def solve_inverse(
         indices, least = np.flatnonzero(missed), distances[missed].min(axis=1)
         raise UnreachableFoot(read_only(indices), read_only(least), of=len(foot))
     allowance = np.where(missed, distances.min(axis=1) + REACHED, REACHED)
-    angles = choose(poses, distances <= allowance[:, None], limits)
+    angles = choose(poses, distances <= allowance[:, None], limits, near=near, chain=chain)
     distance = _distances(chain, angles[:, None], foot)[:, 0]
     return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
 
@@ -86,10 +97,11 @@ def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> No
         raise InvalidInput(
             f"unreachable: got {unreachable!r}, expected one of {', '.join(get_args(Unreachable))}"
         )
-    if len(chain.axes) != 3:
+    if len(chain.axes) > MOST_JOINTS:
         raise UnsupportedLeg(
-            f"the inverse needs a leg of 3 joints, this one has {len(chain.axes)}; choose the base "
-            "and foot frames so that three joints lie between them"
+            f"the inverse needs a leg of {MOST_JOINTS} joints at most, this one has "
+            f"{len(chain.axes)}: lock the others, or choose the base and foot frames so that three "
+            "joints lie between them"
         )
     if unreachable == "clamp" and closed_form is None:
         raise UnsupportedLeg(

@@ -152,7 +152,7 @@ class Leg:
             InvalidPath: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
             UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
-            SingularLeg: Its joints cannot tell the points of a path apart.
+            SingularLeg: One of its joints never moves the foot.
         """
         return self.inverse(foot, unreachable=unreachable).angles
 
@@ -182,7 +182,7 @@ class Leg:
             InvalidPath: ``foot`` is not a finite array of shape (n, 3).
             UnreachableFoot: Some points are out of reach, and ``unreachable`` is "raise".
             UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
-            SingularLeg: Its joints cannot tell the points of a path apart.
+            SingularLeg: One of its joints never moves the foot.
         """
         points = _as_path(foot, name="foot", columns=3, unit="m")
         return solve_inverse(
@@ -190,9 +190,9 @@ class Leg:
             self.limits,
             self.closed_form,
             points,
+            names=self.joint_names,
             unreachable=unreachable,
             near=self.near,
-            names=self.joint_names,
         )
 
     def jumps(self, angles: npt.ArrayLike) -> Indices:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.chain import Array, read_only
-from kinematics.read_urdf import configuration, find_frame, joints_between, read_model
+from kinematics.robot import configuration, find_frame, joints_between, read_robot
 from kinematics.shapes import Shape, read_shapes
 
 THICKNESS = 0.05
@@ -49,14 +50,21 @@ class Scene:
     _frames: tuple[Any, ...]
 
     @classmethod
-    def from_urdf(cls, path: str | os.PathLike[str], *, base: str, foot: str) -> Self:
+    def from_urdf(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        base: str,
+        foot: str,
+        locked: Mapping[str, float] | None = None,
+    ) -> Self:
         """The scene of the leg between two frames of the robot that a URDF describes.
 
         Where no link of the leg has a shape that can be drawn, bones from joint to joint stand for
         them. Takes what :meth:`kinematics.Leg.from_urdf` takes, and raises what that raises.
         """
         path = Path(path)
-        model, _ = read_model(path)
+        model, _ = read_robot(path, locked=locked)
         start, end = find_frame(model, base, role="base"), find_frame(model, foot, role="foot")
         joints = joints_between(model, start, end)
         bodies, frames = [], []

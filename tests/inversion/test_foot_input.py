@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinematics.exceptions import InvalidPath, UnsupportedLeg
+from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.inversion.foot import invert_foot
 from planner.model.joint import JointModel
@@ -104,16 +104,17 @@ def test_an_unknown_norm_is_refused():
         invert_foot(ERS210A, LEG, PATH, norm="l2")
 
 
-def test_a_leg_of_two_joints_has_no_inverse(tmp_path):
-    leg = made_up_leg(tmp_path, [Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y)], (0, 0, -0.1))
-    with pytest.raises(UnsupportedLeg, match="3 joints, this one has 2"):
+def test_a_leg_of_four_joints_has_no_inverse(tmp_path):
+    joints = [Joint((0, 0, -0.1), axis) for axis in (Y, X, Y, X)]
+    leg = made_up_leg(tmp_path, joints, (0, 0, -0.1))
+    with pytest.raises(UnsupportedLeg, match="3 joints at most, this one has 4"):
         invert_foot(ERS210A, leg, PATH)
 
 
 def test_a_leg_that_cannot_move_its_foot_at_all_is_refused(tmp_path):
     axes = (Y, X, Y)
     leg = made_up_leg(tmp_path, [Joint((0, 0, 0), axis) for axis in axes], (0, 0, 0))
-    with pytest.raises(InvalidInput, match=r"^leg: "):
+    with pytest.raises(SingularLeg, match=r"^leg: "):
         invert_foot(ERS210A, leg, np.zeros((5, 3)))
 
 

@@ -41,9 +41,7 @@ def test_any_leg_agrees_with_pinocchio(chain, tip, seed, tmp_path_factory):
     model = pinocchio.buildModelFromXML(urdf_text(chain, tip))
     data, tip_id = model.createData(), model.getFrameId("tip")
     ids = [model.getJointId(f"joint_{number}") for number in range(1, len(chain) + 1)]
-    for pose, position, jacobian, points in zip(
-        angles, positions, jacobians, origins, strict=True
-    ):
+    for pose, position, jacobian, points in zip(angles, positions, jacobians, origins, strict=True):
         configuration = pinocchio.neutral(model)
         for joint, angle in zip(ids, pose, strict=True):
             both = [angle] if model.nqs[joint] == 1 else [np.cos(angle), np.sin(angle)]

@@ -162,11 +162,10 @@ def test_an_unknown_mode_is_an_error_that_lists_the_modes():
         reference_leg().joint_angles([[0.0, 0.0, -0.1]], unreachable="ignore")
 
 
-@pytest.mark.parametrize("count", [1, 2, 4])
-def test_the_inverse_needs_three_joints(count, tmp_path):
-    joints = [Joint((0.0, 0.0, -0.1), axis) for axis in [(0, 1, 0), (1, 0, 0)] * 2][:count]
+def test_the_inverse_takes_three_joints_at_most(tmp_path):
+    joints = [Joint((0.0, 0.0, -0.1), axis) for axis in [(0, 1, 0), (1, 0, 0)] * 2]
     leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
-    with pytest.raises(UnsupportedLeg, match=f"3 joints, this one has {count}"):
+    with pytest.raises(UnsupportedLeg, match="3 joints at most, this one has 4: lock the others"):
         leg.joint_angles([[0.0, 0.0, -0.1]])
 
 

@@ -1,0 +1,196 @@
+"""A robot as Pinocchio has it: its model, its frames, the joints between two of them."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinematics.chain import Array
+from kinematics.exceptions import InvalidInput, InvalidUrdf, UnknownFrame, UnsupportedLeg
+
+BESIDE = 1e-9
+"""A locked joint may be this far beyond its limits [rad], for rounding."""
+
+
+class Robot(NamedTuple):
+    """A robot.
+
+    Attributes:
+        model: Pinocchio's model of it.
+        mimics: Names of the joints that mimic others.
+    """
+
+    model: Any
+    mimics: set[str]
+
+
+def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robot:
+    """The robot that a URDF describes, some of its joints held; see :func:`lock_joints`.
+
+    Raises:
+        InvalidUrdf: The file cannot be read or does not describe a robot.
+        InvalidInput: A joint cannot be held like that.
+    """
+    import pinocchio
+
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InvalidUrdf(
+            path, f"cannot be read ({error.strerror}); expected a URDF file"
+        ) from error
+    try:
+        root = ElementTree.parse(BytesIO(text)).getroot()
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise InvalidUrdf(path, f"is not XML ({error}); expected a URDF file") from error
+    if root.tag != "robot":
+        hint = (
+            "; expand xacro files first" if "xacro" in text[:2000].decode(errors="replace") else ""
+        )
+        raise InvalidUrdf(path, f"the root element is <{root.tag}>, expected <robot>{hint}")
+    mimics = {
+        joint.get("name", "") for joint in root.iter("joint") if joint.find("mimic") is not None
+    }
+    with _captured_stderr() as complaints:
+        try:
+            model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        except (ValueError, RuntimeError) as error:
+            complaint = next(iter(complaints()), str(error))
+            raise InvalidUrdf(path, f"is not a valid URDF: {complaint}") from error
+    return Robot(lock_joints(model, locked or {}), mimics)
+
+
+def lock_joints(model: Any, positions: Mapping[str, float]) -> Any:
+    """The same robot with some joints held, as if they had been welded there.
+
+    Args:
+        model: Pinocchio's model.
+        positions: By joint, where it is held [rad; m for a joint that slides].
+
+    Returns:
+        Pinocchio's model without these joints; it has all the frames.
+
+    Raises:
+        InvalidInput: No such joint, or one that cannot be there.
+    """
+    import pinocchio
+
+    held, coordinates = [], pinocchio.neutral(model)
+    for name, position in positions.items():
+        joint = joint_named(model, name, role="locked")
+        kind = model.joints[joint]
+        if kind.nv != 1:
+            raise InvalidInput(f"locked: joint {name!r} has {kind.nv} ways to move, expected one")
+        where = float(position)
+        low, high = -math.inf, math.inf
+        if kind.nq == 1:
+            low = float(model.lowerPositionLimit[kind.idx_q])
+            high = float(model.upperPositionLimit[kind.idx_q])
+        if not (math.isfinite(where) and low - BESIDE <= where <= high + BESIDE):
+            raise InvalidInput(
+                f"locked: joint {name!r} at {position:g}, expected {low:g} to {high:g}, its range"
+            )
+        held.append(joint)
+        coordinates[kind.idx_q :][: kind.nq] = _coordinates(kind, where)
+    return pinocchio.buildReducedModel(model, held, coordinates) if held else model
+
+
+def joint_named(model: Any, name: str, *, role: str) -> int:
+    """The index of the joint of that name.
+
+    Raises:
+        InvalidInput: The robot has none.
+    """
+    names = [str(each) for each in model.names]
+    if name not in names[1:]:  # the first is the world
+        raise InvalidInput(
+            f"{role}: no joint {name!r} that moves in the URDF; joints: "
+            f"{', '.join(names[1:]) or 'none'}"
+        )
+    return names.index(name)
+
+
+@contextmanager
+def _captured_stderr() -> Iterator[Any]:
+    """Catch what the C++ parser writes to standard error: the reason belongs into our exception.
+
+    Yields:
+        A function that returns the complaints so far, one string each.
+    """
+    sys.stderr.flush()
+    try:
+        terminal = os.dup(2)
+    except OSError:  # a process without standard error has nothing to catch
+        yield list
+        return
+    with tempfile.TemporaryFile() as caught:
+
+        def complaints() -> list[str]:
+            caught.seek(0)
+            lines = caught.read().decode(errors="replace").splitlines()
+            return [line.removeprefix("Error:").strip() for line in lines if "Error:" in line]
+
+        os.dup2(caught.fileno(), 2)
+        try:
+            yield complaints
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
+
+
+def find_frame(model: Any, name: str, *, role: str) -> Any:
+    """The frame of that name; where a link and a joint share it, their frames coincide."""
+    # getFrameId returns nframes for a name it does not know, and refuses shared names.
+    for frame in model.frames:
+        if frame.name == name:
+            return frame
+    known = dict.fromkeys(str(frame.name) for frame in model.frames)
+    raise UnknownFrame(name, list(known), role=role)
+
+
+def joints_between(model: Any, start: Any, end: Any) -> list[int]:
+    """The joints that move ``end`` in ``start``, from the base to the foot."""
+    above = [int(joint) for joint in model.supports[end.parentJoint]]
+    if start.parentJoint not in above:
+        raise UnsupportedLeg(
+            f"base {start.name!r} is not above foot {end.name!r} in the robot's tree; are they "
+            "swapped, or on different limbs?"
+        )
+    joints = above[above.index(start.parentJoint) + 1 :]
+    if not joints:
+        raise UnsupportedLeg(
+            f"no joint lies between base {start.name!r} and foot {end.name!r}: the foot cannot "
+            "move; choose a base further up or a foot further down"
+        )
+    return joints
+
+
+def configuration(model: Any, joints: list[int], angles: Array) -> Any:
+    """Pinocchio's coordinates with these joints at these angles and the others at rest.
+
+    A joint rests at 0, or where 0 is out of its range at the end that is nearer.
+    """
+    import pinocchio
+
+    coordinates = np.clip(
+        pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit
+    )
+    for joint, angle in zip(joints, angles, strict=True):
+        kind = model.joints[joint]
+        coordinates[kind.idx_q :][: kind.nq] = _coordinates(kind, angle)
+    return coordinates
+
+
+def _coordinates(kind: Any, angle: float) -> list[float]:
+    """An angle as Pinocchio stores it: a continuous joint has its cosine and sine."""
+    return [angle] if kind.nq == 1 else [math.cos(angle), math.sin(angle)]
