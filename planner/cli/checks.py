@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from planner.cli.say import warn
+
 if TYPE_CHECKING:
     from planner.inversion.result import Inversion
     from planner.trajectory import Array
@@ -60,4 +62,4 @@ def check_limits(
     )
     if not may_exceed:
         raise click.ClickException(message)
-    click.echo(f"request-planner: warning: {message}", err=True)
+    warn(message)

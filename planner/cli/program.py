@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 import warnings
 from collections.abc import Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn, TextIO
 
@@ -14,10 +16,14 @@ import click
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
+from planner.cli.manner import add_to, coloured
+from planner.cli.names_of_files import complete_names_of_files
+from planner.cli.say import complain, detail, warn
 from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
 
 COMMANDS = (
     "compare",
+    "completion",
     "excite",
     "export",
     "fit",
@@ -66,12 +72,28 @@ class Commands(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
+        add_to(command)
+        complete_names_of_files(command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the arguments begin with, or an error that names the nearest."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            close = get_close_matches(name, COMMANDS, n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            ctx.fail(f"No such command '{name}'.{hint}")
+        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a reader that has gone away is no error, only the end."""
+        began = time.monotonic()
         try:
-            return super().invoke(ctx)
+            answer = super().invoke(ctx)
+            detail(f"{time.monotonic() - began:.3g} s in all")
+            return answer
         except BrokenPipeError as error:
             _discard(sys.stdout)
             raise click.exceptions.Exit(PIPE_CLOSED) from error
@@ -141,8 +163,7 @@ def cli(context: click.Context) -> None:
         request-planner plan foot.csv --leg reference --unreachable clamp -o requests.csv
         request-planner simulate requests.csv -o angles.csv
     """  # noqa: D301
-    if "NO_COLOR" in os.environ:
-        context.color = False
+    context.color = coloured()
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 
@@ -159,9 +180,11 @@ def _terminate(*_: object) -> NoReturn:
     sys.exit(TERMINATED)
 
 
+add_to(cli)
+
+
 def _complain(message: str, status: int) -> int:
-    line = " ".join(message.split())
-    click.echo(f"request-planner: {line}", err=True)
+    complain(message)
     return status
 
 
@@ -174,7 +197,7 @@ class _Warnings:
     def show(self, message: Warning | str, *_where: object) -> None:
         if str(message) not in self._said:
             self._said.add(str(message))
-            click.echo(f"request-planner: warning: {message}", err=True)
+            warn(str(message))
 
 
 def _flush(stream: TextIO | None) -> None:

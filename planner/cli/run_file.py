@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
 """Files of a comparison."""
 
-TABLES_OF_JOINTS = ("limits.joints", "start.joints", "model.joints")
-
 
 @dataclass(frozen=True)
 class Run:
@@ -68,7 +66,6 @@ def read_run(path: str) -> Run:
     with speaking_of_keys(settings):
         place = find_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
         wanted = _wanted(settings, place)
-        _check_joints(settings, wanted.names)
         planning.check_choices(choices, wanted)
         tolerance.check_choices(choices, foot=wanted.foot is not None)
         limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
@@ -171,20 +168,6 @@ def _export(settings: Settings, number: int, table: Mapping[str, Any]) -> Mappin
         problem = in_export_keys(error.message).rstrip(".")
         raise settings.fault(f"export[{number}]", problem) from error
     return choices
-
-
-def _check_joints(settings: Settings, joints: tuple[str, ...]) -> None:
-    """Make sure that tables of single joints are about joints of the path."""
-    from planner.files.table import nearest
-
-    for table in TABLES_OF_JOINTS:
-        for joint in settings[table]:
-            if joint not in joints:
-                raise settings.fault(
-                    f"{table}.{joint}",
-                    f"no such joint in the path{nearest(joint, joints)}; joints: "
-                    f"{', '.join(joints)}",
-                )
 
 
 def _check_names(settings: Settings) -> None:

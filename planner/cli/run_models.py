@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 from planner.cli.models import SHIPPED
+from planner.exceptions import InvalidModel
+from planner.files.joint_model import REQUIRED, ModelFile, read_models
+from planner.files.schema import Settings
+from planner.files.table import nearest
+from planner.model.joint import JointModel
 
-if TYPE_CHECKING:
-    from planner.files.joint_model import ModelFile
-    from planner.files.schema import Settings
-    from planner.model.joint import JointModel
+TABLES_OF_JOINTS = ("limits.joints", "start.joints", "model.joints")
+"""Tables whose keys are names of joints."""
+
+
+@dataclass(frozen=True)
+class ModelsOfRun(ModelFile):
+    """The models of a run.
+
+    Attributes:
+        settings: The run.
+    """
+
+    settings: Settings
+
+    def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
+        """The model of each named joint; every table of a joint must be about one of them."""
+        check_joints(self.settings, names)
+        return super().for_joints(names)
 
 
 def models_of_run(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
@@ -23,19 +44,30 @@ def models_of_run(settings: Settings, beside: Callable[[str], str]) -> ModelFile
     Raises:
         InvalidFile: A model file is unusable, parameters describe no joint, or they contradict.
     """
-    from dataclasses import replace
-
     base = _for_all(settings, beside)
     by_joint = dict(base.by_joint)
     for joint, table in settings["model.joints"].items():
         by_joint[joint] = _of_joint(settings, base, joint, table, beside)
-    return replace(base, by_joint=by_joint)
+    return ModelsOfRun(base.path, base.common, by_joint, settings)
+
+
+def check_joints(settings: Settings, joints: Sequence[str]) -> None:
+    """Make sure that tables of single joints are about joints of the path.
+
+    Raises:
+        InvalidFile: One is not.
+    """
+    for table in TABLES_OF_JOINTS:
+        for joint in settings[table]:
+            if joint not in joints:
+                raise settings.fault(
+                    f"{table}.{joint}",
+                    f"no such joint in the path{nearest(joint, joints)}; joints: "
+                    f"{', '.join(joints)}",
+                )
 
 
 def _for_all(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
-    from planner.files.joint_model import REQUIRED, ModelFile, read_models
-    from planner.model.joint import JointModel
-
     path = settings.file.path
     if "model.parameters" not in settings.given:
         if settings["model.file"] == SHIPPED:
@@ -67,11 +99,6 @@ def _of_joint(
     table: Mapping[str, Any],
     beside: Callable[[str], str],
 ) -> JointModel:
-    from dataclasses import replace
-    from functools import partial
-
-    from planner.files.joint_model import read_models
-
     name = f"model.joints.{joint}"
     given = {key: value for key, value in table.items() if value is not None}
     if "file" in given:
@@ -88,8 +115,6 @@ def _of_joint(
 def _made(
     settings: Settings, name: str, make: Callable[..., JointModel], given: Mapping[str, Any]
 ) -> JointModel:
-    from planner.exceptions import InvalidModel
-
     try:
         return make(**given)
     except InvalidModel as error:

@@ -4,12 +4,26 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import click
+
+from planner.cli.manner import coloured, manner
+from planner.cli.progress import Progress
+
+__all__ = [
+    "Progress",
+    "complain",
+    "deliver",
+    "detail",
+    "naming",
+    "print_json",
+    "summarise",
+    "to_json",
+    "warn",
+]
 
 
 def print_json(content: Mapping[str, Any]) -> None:
@@ -26,8 +40,33 @@ def to_json(content: Mapping[str, Any]) -> str:
 
 def summarise(text: str) -> None:
     """Print a summary on standard error, out of the way of the data; the first line stands out."""
+    if manner() == "quiet":
+        return
     first, newline, rest = text.partition("\n")
-    click.echo(click.style(first, bold=True) + newline + rest, err=True)
+    _say(click.style(first, bold=True) + newline + rest)
+
+
+def complain(message: str) -> None:
+    """Say in one line on standard error why there is no answer, or none to be trusted."""
+    _say(f"{click.style('request-planner:', fg='red', bold=True)} {' '.join(message.split())}")
+
+
+def warn(message: str) -> None:
+    """Say in one line on standard error what to beware of."""
+    _say(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
+
+
+def detail(message: str) -> None:
+    """Say on standard error what only ``--verbose`` asks for."""
+    if manner() == "verbose":
+        _say(click.style(f"request-planner: {message}", dim=True))
+
+
+def _say(text: str) -> None:
+    """A line on standard error, where no progress is shown meanwhile."""
+    if Progress.shown is not None:
+        Progress.shown.erase()
+    click.echo(text, err=True, color=coloured())
 
 
 @contextmanager
@@ -63,24 +102,6 @@ def deliver(
         print_json(document)
     else:
         summarise(summary)
-
-
-class Progress:
-    """One line on a terminal that says what is being done; silence anywhere else."""
-
-    def __init__(self) -> None:
-        """Look whether anybody is watching."""
-        self._watched = sys.stderr.isatty()
-
-    def __call__(self, doing: str) -> None:
-        """Say what is being done."""
-        if self._watched:
-            click.echo(f"\r\x1b[K{doing} …", nl=False, err=True, color=True)
-
-    def done(self) -> None:
-        """Clear the line."""
-        if self._watched:
-            click.echo("\r\x1b[K", nl=False, err=True, color=True)
 
 
 def _finite(value: Any) -> Any:
