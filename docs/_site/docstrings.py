@@ -1,0 +1,36 @@
+"""Docstrings as they are written here, for Sphinx: by Google's convention, with bars for sizes."""
+
+from __future__ import annotations
+
+import re
+
+from sphinx.ext.napoleon import Config, GoogleDocstring
+
+CONFIG = Config(napoleon_use_rtype=False, napoleon_use_ivar=True, napoleon_attr_annotations=False)
+
+VALUES = ("attribute", "data", "property")
+"""What has no arguments; Sphinx would take what stands before a colon there for a type."""
+
+RAISES = re.compile(r"^(:raises )(\w+)(?=:)")
+"""Both packages have an `InvalidInput`: the one meant is that of the package itself."""
+
+
+def _outside_literals(line):
+    pieces = re.split(r"(``.*?``)", line)
+    return "".join(p if p.startswith("``") else p.replace("|", r"\|") for p in pieces)
+
+
+def _prepare(app, what, name, obj, options, lines):
+    plain = [line if line.startswith("    |") else _outside_literals(line) for line in lines]
+    kind = "method" if what in VALUES else what
+    package = name.partition(".")[0]
+    lines[:] = [
+        RAISES.sub(rf"\1~{package}.\2", line)
+        for line in GoogleDocstring(plain, CONFIG, app, kind, name, obj, options).lines()
+    ]
+
+
+def setup(app):
+    """Take every docstring so."""
+    app.connect("autodoc-process-docstring", _prepare)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

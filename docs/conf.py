@@ -1,0 +1,60 @@
+"""How the site is made; `scripts/docs` makes it."""
+
+import sys
+from pathlib import Path
+
+from planner import __version__
+
+sys.path.insert(0, str(Path(__file__).parent / "_site"))
+
+project = "request-planner"
+author = "The request-planner developers"
+project_copyright = "The request-planner developers"
+release = version = __version__
+language = "en"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "mathml",
+    "equations",
+    "commands",
+    "docstrings",
+    "notebook",
+]
+root_doc = "index"
+exclude_patterns = ["_site"]
+nitpicky = True
+nitpick_ignore_regex = [
+    ("py:class", r"numpy\..*"),  # not of this project, and not to be had without a network
+    ("py:(mod|func|data|class)", r"(kinematics\.|SHIPPED|collections).*"),  # no public name
+]
+
+html_theme = "furo"
+html_title = "request-planner"
+html_static_path = ["_site/static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_math_renderer = "mathml"
+html_theme_options = {
+    "light_css_variables": {
+        "color-brand-primary": "#0b5fa5",
+        "color-brand-content": "#0b5fa5",
+    },
+    "dark_css_variables": {
+        "color-brand-primary": "#7cc0ff",
+        "color-brand-content": "#7cc0ff",
+    },
+}
+pygments_style = "friendly"
+pygments_dark_style = "monokai"
+
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_fence_as_directive = ["math"]
+myst_heading_anchors = 3
+
+autodoc_default_options = {"members": True, "inherited-members": "Exception"}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+add_module_names = False
