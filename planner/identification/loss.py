@@ -12,6 +12,9 @@ HUBER = 5.0
 GROSS = 10.0
 """Residuals beyond so many standard deviations are faults of the log, not of the model."""
 
+SHARE_GROSS = 0.01
+"""Share of the residuals that a verdict may leave out; single faulty rows have gone before."""
+
 SHARE_TRUSTED = 0.95
 """Share of the residuals that the scale is read from: more outliers than the rest would raise it.
 A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
@@ -26,13 +29,18 @@ NO_ERROR = 1e-12
 
 def scale_of(residuals: Array, floor: float) -> float:
     """Standard deviation of the residuals that are no gross outliers."""
-    return max(floor, sound_rms(residuals))
+    return max(floor, sound_rms(residuals, gross=1.0 - SHARE_TRUSTED))
 
 
-def sound_rms(residuals: Array) -> float:
-    """Root mean square of the residuals that are no gross outliers [rad]."""
+def sound_rms(residuals: Array, *, gross: float = SHARE_GROSS) -> float:
+    """Root mean square of the residuals that are no gross outliers [rad].
+
+    At most a share ``gross`` is taken for such: in a log that mostly rests even misses of all its
+    motion are few and large.
+    """
     bulk = float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE
-    sound = np.abs(residuals) <= GROSS * bulk
+    most = float(np.quantile(np.abs(residuals), 1.0 - gross))
+    sound = np.abs(residuals) <= max(GROSS * bulk, most)
     return float(np.sqrt(np.mean(residuals[sound] ** 2)))
 
 

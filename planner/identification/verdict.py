@@ -145,7 +145,9 @@ def _undetermined(fit: Adjusted, bounds: Bounds, unit: str) -> list[str]:
         ("lag", at.lag, bounds.lag),
         ("acceleration_time", at.acceleration_time, bounds.acceleration_time),
     ):
-        if interval.upper - interval.lower > max(2.0 * fit.grid.tick, LOOSE * value):
+        if math.isinf(interval.upper):
+            found.append(f"{name} is not known at all: record sudden steps")
+        elif interval.upper - interval.lower > max(2.0 * fit.grid.tick, LOOSE * value):
             found.append(
                 f"{name} lies anywhere between {1e3 * interval.lower:.0f} and "
                 f"{1e3 * interval.upper:.0f} ms: record sudden steps to tell it from other delays"

@@ -12,7 +12,8 @@ import planner
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 EXACT = 1e-6
-"""Without noise parameters are found to this, relative to their size (offset: to 1 rad, lag: to a tick at least)."""
+"""Without noise parameters are found to this, relative to their size; an offset relative to 1 rad,
+a lag to a tick at least."""
 
 SAME_FIT = 2e-3
 """Two fits of the same rows, scaled or shifted, stop at the same parameters to this share."""

@@ -93,3 +93,10 @@ def test_logs_of_unequal_period_are_pointed_out():
     two = changed(one, times=1.2 * one.times)
     found = planner.identify([one, two])
     assert any("the logs have periods from 8 to 9.6 ms" in warning for warning in found.warnings)
+
+
+def test_a_joint_that_jumps_is_none_even_if_it_mostly_rests():
+    requests = np.repeat([0.0, 0.5, 0.0, 0.5, 0.0], 20)
+    times = 0.02 * np.arange(len(requests))
+    found = planner.identify((times, requests, requests))  # there at once: faster than any lag
+    assert not found.accepted
