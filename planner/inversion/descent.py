@@ -1,243 +1,186 @@
-"""The search of the optimised inversion: Gauss-Newton on a saturation sharpened in stages."""
+"""The search of the optimised inversion: Gauss-Newton on a saturation sharpened in stages.
+
+Angles and requests are unknowns both, so no step waits for a simulation: an iterate's angles need
+not be what the joint makes of its requests. What they lack is charged for in the merit by which
+steps are judged, and vanishes as the steps go on; the exact models judge the requests in the end.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.goal import quadratic
-from planner.inversion.step import Pull, Quadratic, Response, Step, gauss_newton_step
+from planner.inversion.iterate import Iterate, Stage, State, iterate
+from planner.inversion.step import Damping, Mask, Step, gauss_newton_step
 from planner.inversion.tracking import Tracking
 from planner.trajectory import Array
 
-POWERS = (4.0, 8.0, 16.0, 32.0, 64.0)
-"""The largest error is approached through sums of these powers of the errors, one by one."""
-
-STRAYING = (1e-3, 1e-4)
-"""Pulls towards the desired angles that the plan is put under at the end, the first it bears."""
-
-JUMPING = (5e-2, 1e-2)
-"""Pulls towards the requests' own moving average that it is put under then, the first it bears."""
-
-SMOOTHINGS = 2
-"""Times that it is put under those."""
-
 AS_WELL = 2e-4
-"""Relative error that quieter requests may cost."""
+"""Relative error that the last stages' pull may cost: it keeps requests quiet."""
 
-ENOUGH = 1e-4
-"""A stage ends when a step lowers its cost by less than this fraction."""
+ENOUGH = 5e-4
+"""A stage ends when a step lowers its merit by less than this fraction."""
 
-MOST_STEPS = 12
-"""Steps in one stage: the next stage carries on where this one stops."""
+JUDGED = 0.1
+"""Smoothing below which what a stage ends with is worth a simulation [theta_0]."""
 
-DAMPING = (1e-9, 1e-4, 1e2)
-"""Least, first and largest weight on the size of a step, relative to that on the errors."""
+DAMPING = (1e-9, 3e-4, 1e2)
+"""Least weight on the size of a step, least one on that of a stage's first step, and largest one,
+relative to that on the errors."""
+
+CHARGE = 60.0
+"""Weight on the squares of what the angles lack, relative to that on the errors."""
+
+SHORTER = 0.4
+"""Share of a step that is tried after one that was too long."""
+
+TRIES = 4
+"""Lengths of a step that are tried before it is computed anew."""
 
 ACTIVE_SET_ROUNDS = 3
 """How often requests that would leave their limits are held there and the step is taken anew."""
 
 
-class Stage(NamedTuple):
-    """One problem of a search.
-
-    Attributes:
-        smoothing: Radius of the saturation's corners [theta_0].
-        pull: Weight on the squared distance of the requests from those that would hold the desired
-            angles, relative to that on the squared errors.
-        power: The errors' exponent in the cost.
-        unit: Error that counts as one: where the largest error counts, the largest one so far.
-    """
-
-    smoothing: float
-    pull: float
-    power: float = 2.0
-    unit: float = 1.0
-
-
 SEARCH = (
-    Stage(0.4, 1e-2),
+    Stage(0.5, 1e-2),
     Stage(0.2, 1e-3),
     Stage(0.1, 1e-4),
-    Stage(0.03, 1e-4),
-    Stage(0.008, 1e-4),
-    Stage(0.008, 1e-8),
+    Stage(0.04, 5e-5),
+    Stage(0.02, 5e-5),
+    Stage(0.008, 5e-5),
+    Stage(0.006, 1e-5, steps=2),
 )
 """The stages of a search. A pull keeps the first ones out of the plains where saturated requests no
-longer count; on random saturating trajectories this order of corners and pulls came within 0.1 % of
-the best known plan on average, and within 0.4 % on all of 48, of twelve that were tried."""
+longer count, and the last ones from jumping where nothing is gained by it."""
 
 
-class Iterate(NamedTuple):
-    """Requests, the smoothed models' answer to them, and what they cost."""
-
-    requests: Array
-    response: Response
-    cost: Quadratic
-    pull: Pull
-
-    @property
-    def value(self) -> float:
-        """The stage's cost."""
-        return self.cost.value + self.pull.value
+TOWARDS_THE_LARGEST = tuple(
+    Stage(smoothing, 1e-5, power=power, steps=8)
+    for smoothing, power in ((0.1, 4), (0.1, 8), (0.1, 16), (0.05, 32), (0.02, 64), (0.006, 64))
+)
+"""Where the largest error counts, it is approached through sums of powers of the errors. Corners
+are still wide then: a plan for the one error is far from one for the other."""
 
 
-def stages(problem: Tracking, search: Sequence[Stage]) -> list[Stage]:
+def stages(problem: Tracking, search: Sequence[Stage]) -> Sequence[Stage]:
     """The search's stages, and where the largest error counts those that turn to it."""
     if problem.norm == "rms":
-        return list(search)
-    return [*search, *(search[-1]._replace(power=power) for power in POWERS)]
+        return search
+    widest = TOWARDS_THE_LARGEST[0].smoothing
+    return [*(stage for stage in search if stage.smoothing >= widest), *TOWARDS_THE_LARGEST]
 
 
 def improve(
-    problem: Tracking, requests: Array, search: Sequence[Stage] = SEARCH
-) -> tuple[Array, float]:
-    """Requests that track at least as well as the given ones, and their exact error.
+    problem: Tracking, state: State, search: Sequence[Stage] = SEARCH
+) -> tuple[State, float]:
+    """The best of where a search leads, judged by the exact models, and that error.
 
     Args:
         problem: What to reach, and within which limits.
-        requests: Where to start [rad], shape (n, joints), within the limits.
+        state: Where to start; its requests within the limits.
         search: The stages to go through.
-
-    Returns:
-        The best requests met, judged by the exact models, and that error.
     """
-    best, least = requests, problem.exact_error(requests)
-    damping = DAMPING[1]
+    best, least = state, problem.exact_error(state.requests)
     for stage in stages(problem, search):
-        requests, damping = descend(problem, requests, stage, damping)
-        error = problem.exact_error(requests)
+        state = descend(problem, state, stage)
+        if stage.smoothing >= JUDGED:
+            continue
+        error = problem.exact_error(state.requests, state.angles[-1])
         if error < least:
-            best, least = requests, error
+            best, least = state, error
     return best, least
 
 
-def quieten(problem: Tracking, requests: Array, *, at_most: float) -> Array:
-    """Requests that track as well as the given ones, to 2 parts in 10,000, but stray and jump less.
-
-    They are put under the strongest pull that the error allows, first towards the requests that
-    would hold the desired angles, then a few times towards their own moving average.
-
-    Args:
-        problem: What to reach, and within which limits.
-        requests: A good plan [rad], shape (n, joints).
-        at_most: Error that is not to be passed in any case.
-
-    Returns:
-        The quieter requests, or the given ones.
-    """
-    budget = min(problem.exact_error(requests) * (1.0 + AS_WELL), at_most)
-    requests = _leaned(problem, requests, problem.resting, STRAYING, budget)
-    for _ in range(SMOOTHINGS):
-        requests = _leaned(problem, requests, _averaged(problem, requests), JUMPING, budget)
-    return requests
-
-
-def _leaned(
-    problem: Tracking, requests: Array, toward: Array, pulls: Sequence[float], budget: float
-) -> Array:
-    """The requests under the first of the pulls that keeps the error within the budget."""
-    leaning = problem.leaning(toward)
-    last = stages(problem, SEARCH)[-1]
-    for pull in pulls:
-        quieter, _ = descend(leaning, requests, last._replace(pull=pull), DAMPING[1])
-        if problem.exact_error(quieter) <= budget:
-            return quieter
-    return requests
-
-
-def _averaged(problem: Tracking, requests: Array) -> Array:
-    """Each request's mean over as many neighbours as act on the joint at once, (n, joints)."""
-    half = max(problem.reach.width // 2, 1)
-    around = np.arange(-half, len(requests) + half)
-    count = len(requests)
-    padded = requests[around % count if problem.cyclic else np.clip(around, 0, count - 1)]
-    neighbours = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=0)
-    average: Array = neighbours.mean(axis=-1)
-    return average
-
-
-def descend(
-    problem: Tracking, requests: Array, stage: Stage, damping: float
-) -> tuple[Array, float]:
-    """Lower one stage's cost by damped Gauss-Newton steps.
-
-    Returns:
-        The requests reached, and the damping that served last.
-    """
-    least_damping, _, most_damping = DAMPING
-    damping = max(damping, 1e3 * least_damping)
-    response = problem.respond(
-        requests, smoothing=stage.smoothing, seam=problem.resting[-1] + problem.offsets
-    )
-    if response is None:
-        return requests, damping
+def descend(problem: Tracking, state: State, stage: Stage) -> State:
+    """Lower one stage's cost by damped Gauss-Newton steps."""
     if stage.power > 2.0:
-        largest = float(np.max(problem.goal.distances(response.angles)))
+        largest = float(np.max(problem.goal.distances(state.angles)))
         stage = stage._replace(unit=max(largest, np.finfo(np.float64).tiny))
-    current = _iterate(problem, requests, response, stage)
-    for _ in range(MOST_STEPS):
+    damping = max(state.damping, DAMPING[1])
+    multipliers, held = state.multipliers, state.held
+    current = iterate(problem, state.requests, state.angles, stage)
+    charge = CHARGE * float(current.cost.curvature.max())
+    for _ in range(stage.steps):
         try:
-            step = _step(problem, current, damping)
+            step, held = _step(problem, current, damping, multipliers, held)
         except np.linalg.LinAlgError:  # the matrix is singular to working precision
-            break
-        gain = current.value - step.expected
-        following = _follow(problem, current, step, stage)
-        if following is None or following.value >= current.value:
-            damping *= 6.0
-            if damping > most_damping or gain < 0.1 * ENOUGH * current.value:
+            damping *= 10.0
+            continue
+        merit = current.merit(step.multipliers, charge)
+        gain = merit - step.expected
+        following, length = _follow(problem, current, step, stage, charge)
+        if following is None:
+            damping *= 3.0
+            if damping > DAMPING[2] or gain < 0.1 * ENOUGH * merit:
                 break
             continue
-        lowered = current.value - following.value
-        if lowered > 0.6 * gain:
-            damping = max(damping / 5.0, least_damping)
-        elif lowered < 0.2 * gain:
+        after = following.merit(step.multipliers, charge)
+        if length < 1.0:
+            damping *= 2.0
+        elif merit - after > 0.6 * gain:
+            damping = max(damping / 3.0, DAMPING[0])
+        elif merit - after < 0.2 * gain:
             damping *= 3.0
-        current = following
-        if lowered < ENOUGH * current.value:
+        current, multipliers = following, step.multipliers
+        if merit - after < ENOUGH * after:
             break
-    return current.requests, damping
+    return State(current.requests, current.angles, damping, multipliers, held)
 
 
-def _iterate(problem: Tracking, requests: Array, response: Response, stage: Stage) -> Iterate:
-    cost = quadratic(
-        problem.goal.errors(response.angles),
-        power=stage.power,
-        unit=stage.unit,
-        ridge=problem.ridge,
-    )
-    return Iterate(requests, response, cost, Pull(stage.pull, requests - problem.resting))
+def _follow(
+    problem: Tracking, current: Iterate, step: Step, stage: Stage, charge: float
+) -> tuple[Iterate | None, float]:
+    """The first share of the step that lowers the merit, and how large a share; None if none."""
+    length, merit = 1.0, current.merit(step.multipliers, charge)
+    for _ in range(TRIES):
+        requests = problem.admissible(current.requests + length * step.requests)
+        following = iterate(problem, requests, current.angles + length * step.angles, stage)
+        if following.merit(step.multipliers, charge) < merit:
+            return following, length
+        length *= SHORTER
+    return None, length
 
 
-def _follow(problem: Tracking, current: Iterate, step: Step, stage: Stage) -> Iterate | None:
-    requests = problem.admissible(current.requests + step.requests)
-    response = problem.respond(
-        requests,
-        smoothing=stage.smoothing,
-        seam=current.response.angles[-1] + step.angles[-1],
-    )
-    return None if response is None else _iterate(problem, requests, response, stage)
-
-
-def _step(problem: Tracking, current: Iterate, damping: float) -> Step:
-    """The Gauss-Newton step that holds requests at the limits they would leave."""
-    free = problem.movable
+def _step(
+    problem: Tracking,
+    current: Iterate,
+    damping: float,
+    multipliers: Array | None,
+    held: Mask | None,
+) -> tuple[Step, Mask | None]:
+    """The Gauss-Newton step, and the requests held at the limits that they would leave."""
+    below, above = current.requests <= problem.lower, current.requests >= problem.upper
+    free = problem.movable if held is None else problem.movable & ~(held & (below | above))
     for _ in range(ACTIVE_SET_ROUNDS):
         step = gauss_newton_step(
             problem.stencil,
             current.response,
             current.cost,
             pull=current.pull,
-            damping=damping,
+            lacking=current.lacking,
+            damping=_damping(problem, current, damping, multipliers),
             free=free,
         )
-        outward = free & (
-            ((current.requests <= problem.lower) & (step.requests < 0.0))
-            | ((current.requests >= problem.upper) & (step.requests > 0.0))
-        )
-        if not outward.any():
+        if not problem.limited:
+            return step, None
+        outward = (below & (step.pushes < 0.0)) | (above & (step.pushes > 0.0))
+        before, free = free, problem.movable & ~outward
+        if np.all(free >= before):  # those that may come back do so in the next step
             break
-        free = free & ~outward
-    return step
+    return step, problem.movable & ~free
+
+
+def _damping(
+    problem: Tracking, current: Iterate, damping: float, multipliers: Array | None
+) -> Damping:
+    """An even weight, and where a corner bends the response to the worse one as large as that.
+
+    See ``docs/math.md``, section 6.
+    """
+    even = np.full_like(current.requests, damping)
+    if multipliers is None:
+        return Damping(even, np.zeros_like(even))
+    bending = np.maximum(-multipliers * current.response.bending, 0.0)
+    after = bending.sum(axis=0)[problem.stencil.after]  # bends by the angle before each sample
+    return Damping(even + problem.stencil.gathered(bending), after)

@@ -13,12 +13,14 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.inversion.descent import SEARCH, Stage, improve, quieten
+from planner.inversion.descent import SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
+from planner.inversion.iterate import Stage, State
 from planner.inversion.limits import checked_limits
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
+from planner.inversion.quiet import quieten
 from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -30,19 +32,23 @@ UNMOVED = 1e-9
 """Movement of the foot per radian, relative to the last link's length, that is none."""
 
 SEARCHES = (
-    (
-        Stage(2.0, 1e-3),
-        Stage(1.0, 1e-3),
-        Stage(0.5, 1e-4),
-        Stage(0.2, 1e-4),
-        Stage(0.08, 1e-4),
-        Stage(0.02, 1e-5),
-        Stage(0.008, 1e-8),
+    tuple(
+        Stage(smoothing, pull, steps=16)
+        for smoothing, pull in (
+            (2.0, 1e-3),
+            (1.0, 1e-3),
+            (0.5, 1e-4),
+            (0.2, 1e-4),
+            (0.08, 1e-4),
+            (0.02, 1e-5),
+            (0.008, 1e-8),
+        )
     ),
-    SEARCH,
+    tuple(stage._replace(steps=16) for stage in SEARCH),
 )
 """Two searches, of which the better one is kept. The joints must leave the plans that were best for
-each alone, which wide corners let them; the second is for paths that the joints can follow."""
+each alone, which wide corners let them; the second is for paths that the joints can follow. Where
+joints can stand in for one another, it takes many steps until they have settled it."""
 
 
 class FollowFoot:
@@ -167,11 +173,13 @@ def _search(problem: Tracking, nearest: Array) -> Array:
         )
     ]
     first = problem.admissible(np.stack(singly, axis=1))
-    answers = [improve(problem, first, search) for search in SEARCHES]
-    requests, least = min(answers, key=itemgetter(1))
+    angles = problem.exact_angles(first)
+    state = State(first, nearest if angles is None else angles)
+    answers = [improve(problem, state, search) for search in SEARCHES]
+    best, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    return quieten(problem, requests, at_most=problem.exact_error(first))
+    return quieten(problem, best.requests)
 
 
 def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:

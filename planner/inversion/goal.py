@@ -65,13 +65,15 @@ def quadratic(errors: Errors, *, power: float, unit: float, ridge: float) -> Qua
         unit: Error that counts as one.
         ridge: Added to the curvature, so that it is definite where the errors do not see an angle.
     """
-    lengths = np.linalg.norm(errors.values, axis=1)
-    # Beyond this a power overflows; such a step is refused for its cost in any case.
-    share = np.minimum(lengths / unit, LARGEST_SHARE)
-    value = unit**2 * float(np.sum(share**power))
     gradient = np.einsum("kmi,km->ki", errors.jacobians, errors.values)
     curvature = np.einsum("kmi,kmj->kij", errors.jacobians, errors.jacobians)
-    if power > 2.0:
+    if power == 2.0:
+        value = float(np.vdot(errors.values, errors.values))
+    else:
+        lengths = np.linalg.norm(errors.values, axis=1)
+        # Beyond this a power overflows; such a step is refused for its cost in any case.
+        share = np.minimum(lengths / unit, LARGEST_SHARE)
+        value = unit**2 * float(np.sum(share**power))
         weights = power / 2.0 * np.maximum(share ** (power - 2.0), LEAST_WEIGHT)
         radial = gradient / np.maximum(lengths, np.finfo(np.float64).tiny)[:, np.newaxis]
         curvature += (power - 2.0) * radial[:, :, np.newaxis] * radial[:, np.newaxis]

@@ -12,11 +12,13 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
 from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import DAMPING, Stage, descend, improve, quieten
+from planner.inversion.descent import descend, improve
 from planner.inversion.goal import FollowAngles
+from planner.inversion.iterate import Stage, State
 from planner.inversion.limits import check_within, checked_limits, checked_tolerance
 from planner.inversion.line import RULES, Rule, interpolated_offset
 from planner.inversion.norm import Norm, check_norm
+from planner.inversion.quiet import quieten
 from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.switching import switching_time
@@ -25,7 +27,7 @@ from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
-GUIDE = Stage(0.1, 1e-4)
+GUIDE = Stage(0.3, 1e-2)
 """The stage in which the requests are led along the ideal."""
 
 FAR_FROM_IDEAL = 1.03
@@ -47,11 +49,10 @@ def invert_optimal(
 ) -> Inversion:
     """Requests that make the joint come as close to ``desired`` as the search can find.
 
-    The requests are the only unknowns; the angles are simulated, their derivatives written by
-    CasADi. Damped Gauss-Newton steps, each at a cost in proportion to the length, lower the error
-    on a saturation whose rounded corners are sharpened stage by stage, from the closed form of the
-    best trajectory within ±v_max onwards. Every stage is judged by the exact model, and the best
-    requests are kept, so the plan is never worse than what it starts from.
+    Angles and requests are the unknowns. Damped Gauss-Newton steps, each at a cost in proportion to
+    the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
+    from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
+    the last stages, and the best requests are kept, so the plan is never worse than that form.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
@@ -105,10 +106,10 @@ def search(problem: Tracking, desired: Array) -> Array:
 
     The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
     as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
-    requests than what it cannot. Where more binds than the top speed, which is all that the ideal
-    knows of, and the plan stays far from it, further searches set out from that closed form itself,
-    from the desired angles, and from the desired angles as early as the joint is late; for short
-    cycles and joints that overshoot, from the closed forms of few lines as well.
+    requests than what it cannot. For short cycles and joints that overshoot, where derivatives tell
+    little, and if the plan stays far from the ideal, further searches set out from that closed form
+    itself, from the desired angles, from those as early as the joint is late, and from the closed
+    forms of few lines.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -116,23 +117,23 @@ def search(problem: Tracking, desired: Array) -> Array:
         model, slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic), start
     )
     first = problem.admissible(_line_per_sample(model, ideal, cyclic=problem.cyclic))
-    guided, _ = descend(problem.toward(FollowAngles(ideal)), first, GUIDE, DAMPING[1])
+    wanted = ideal[:, np.newaxis]
+    guided = descend(problem.toward(FollowAngles(ideal)), State(first, wanted), GUIDE)
     at_most = problem.exact_error(first)
-    answers = [(first, at_most), improve(problem, guided)]
+    answers = [(State(first, wanted), at_most), improve(problem, guided)]
     short = len(desired) <= 2 * problem.reach.oldest
-    far = FAR_FROM_IDEAL * problem.error(ideal[:, np.newaxis]) + NEGLIGIBLE * model.theta_0
-    if answers[1][1] > far and (short or problem.limited or not problem.cyclic):
+    overshooting = model.v_max_per_tick > model.theta_0
+    far = FAR_FROM_IDEAL * problem.error(wanted) + NEGLIGIBLE * model.theta_0
+    if answers[1][1] > far and (short or overshooting):
         early = problem.admissible(_earlier(problem, switching_time(model) / model.period))
-        others = [first, problem.resting, early]
-        if short or model.v_max_per_tick > model.theta_0:  # where derivatives tell little
-            rules: tuple[Rule, ...] = RULES if model.keeps_equation_13 else ("exact",)
-            few_lines = (closed_form(problem, desired, rule=r, refining=MOST_WORK) for r in rules)
-            others += [requests for _, requests in few_lines]
-        answers += [improve(problem, other) for other in others]
+        rules: tuple[Rule, ...] = RULES if model.keeps_equation_13 else ("exact",)
+        few_lines = [closed_form(problem, desired, rule=r, refining=MOST_WORK)[1] for r in rules]
+        others = [first, problem.resting, early, *few_lines]
+        answers += [improve(problem, State(other, wanted)) for other in others]
     best, least = min(answers, key=itemgetter(1))
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return quieten(problem, best, at_most=at_most)
+    return quieten(problem, best.requests)
 
 
 def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array:

@@ -68,14 +68,10 @@ class Evaluation:
         offsets = interpolated_offset(self.model, slopes, rule=self.rule)
         requests = heights[segment] + slopes[segment] * past + offsets[segment]
         self.work += curve.samples
-        response = self.problem.respond(
-            self.problem.admissible(requests[:, np.newaxis]),
-            smoothing=0.0,
-            seam=self.problem.resting[-1] + self.problem.offsets,
-        )
-        if response is None:
+        angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
+        if angles is None:
             return np.inf
-        return float(np.sum(self.problem.goal.distances(response.angles) ** 2))
+        return float(np.sum(self.problem.goal.distances(angles) ** 2))
 
 
 def refined_curve(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,20 +17,25 @@ LEAST_PIVOT = 1e-14
 
 
 class Stencil:
-    """Where requests act on the samples of a trajectory, for joints of one reach."""
+    """Where requests act on the samples of a trajectory, for joints of one reach.
+
+    Derivatives by requests have shape (width, n, joints), the youngest request first.
+    """
 
     def __init__(self, reach: Reach, samples: int, joints: int, *, cyclic: bool) -> None:
         """Work out the indices once."""
         self.samples = samples
         self.cyclic = cyclic
         self.joints = joints
-        width = reach.width
-        self.acting = acting(reach, samples, cyclic=cyclic)  # request of H[k, j]
+        self.width = reach.width
         every = np.arange(samples)
-        answering = self._wrap(every[:, np.newaxis] + reach.youngest + np.arange(width))
-        self._entries = np.where(
-            answering < 0, samples * width, answering * width + np.arange(width)
-        )
+        self.acting = np.ascontiguousarray(acting(reach, samples, cyclic=cyclic).T)
+        self._standing_in = np.maximum(self.acting, 0)
+        ages = np.arange(reach.width)[:, np.newaxis]
+        answering = self._wrap(every + reach.youngest + ages)
+        self._answers = np.where(
+            answering < 0, reach.width * samples, ages * samples + answering
+        )  # where each request's derivatives are, among those of all; behind them where nowhere
         # From rest too the first sample comes after the last: by_angle is zero there.
         self.before, self.after = np.roll(every, 1), np.roll(every, -1)
         if cyclic:  # 0, n-1, 1, n-2, ...
@@ -40,103 +44,102 @@ class Stencil:
             )
         else:
             self.position = every
-        self._fold(answering)
+        self._fold()
 
     def _wrap(self, index: Indices) -> Indices:
         if self.cyclic:
             return index % self.samples
         return np.where((index < 0) | (index >= self.samples), -1, index)
 
-    def _fold(self, answering: Indices) -> None:
-        """Find where in the folded lower band each product of two entries of a column of H goes.
+    def _fold(self) -> None:
+        """Find where in the folded lower band the entries of every pair of samples go.
 
-        The same for ``B C^-1 B'``: its blocks lie on the diagonal and beside it.
+        Samples up to the width apart share requests, joint by joint; samples one apart share
+        an angle, which couples the joints.
         """
         joint = np.arange(self.joints)
-        self._pairs = np.triu_indices(answering.shape[1])
-        first, second = (answering[:, pair, np.newaxis] for pair in self._pairs)
-        shared = _places(self.position, first, second, joint, joint)
-        # A short cycle folds a request onto one sample twice: two entries of one diagonal.
-        twice = (first == second) & (self._pairs[0] != self._pairs[1])[:, np.newaxis]
-        missing = (first < 0) | (second < 0)
-        self._factor = np.where(missing, 0.0, np.where(twice, 2.0, 1.0))
-        here = np.arange(self.samples)[:, np.newaxis, np.newaxis]
-        own = _places(self.position, here, here, joint[:, np.newaxis], joint)
-        there = self._wrap(here + 1)
-        beside = _places(self.position, here, there, joint[:, np.newaxis], joint)
-        lower = joint[:, np.newaxis] >= joint
-        alone = (here == there) & (joint[:, np.newaxis] == joint)  # a cycle of one sample
-        self._own_factor = np.broadcast_to(lower, own.below.shape).astype(np.float64)
-        self._beside_factor = np.where(there < 0, 0.0, np.where(alone, 2.0, 1.0))
-        below = [
-            np.where(missing, 0, shared.below),
-            own.below,
-            np.where(there < 0, 0, beside.below),
-        ]
-        self.bandwidth = max(int(each.max()) for each in below)
-        size = self.samples * self.joints
-        columns = [shared.column, own.column, beside.column]
+        here = np.arange(self.samples)[:, np.newaxis]
+        apart = np.arange(self.width)[:, np.newaxis, np.newaxis]
+        onwards = np.arange(self.samples + self.width - 1)
+        self._onwards = onwards % self.samples if self.cyclic else onwards.clip(0, self.samples - 1)
+        shared = self._places(here, self._wrap(here + apart), joint, joint)
+        there = self._wrap(here + 1)[:, :, np.newaxis]
+        one, other = joint[:, np.newaxis], joint
+        own = self._places(here[:, :, np.newaxis], here[:, :, np.newaxis], one, other)
+        beside = self._places(here[:, :, np.newaxis], there, one, other)
+        # Joints couple both ways within a sample; the band holds one of the two.
+        own = own[0], own[1], np.broadcast_to((one >= other).astype(np.float64), own[0].shape)
+        # What lies on the diagonal though it couples two ends counts for both: a cycle so short
+        # that it meets itself.
+        shared[2][1:] *= 1.0 + (shared[0][1:] == 0)
+        beside[2][:] *= 1.0 + ((beside[0] == 0) & (one == other))
+        parts = shared, own, beside
+        self.bandwidth = max(int(below.max()) for below, _, _ in parts)
         self._place = np.concatenate(
-            [(b * size + np.maximum(c, 0)).ravel() for b, c in zip(below, columns, strict=True)]
+            [(column * (self.bandwidth + 1) + below).ravel() for below, column, _ in parts]
         )
+        self._factor = np.concatenate([factor.ravel() for _, _, factor in parts])
+
+    def _places(
+        self, one: Indices, other: Indices, i: Indices, j: Indices
+    ) -> tuple[Indices, Indices, Array]:
+        """Where the entry of joint i at sample ``one`` and joint j at sample ``other`` goes.
+
+        How far below the diagonal, in which column, and times what: 0 where there is no sample.
+        """
+        row, column = self.position[one] * self.joints + i, self.position[other] * self.joints + j
+        missing = np.broadcast_to(other < 0, np.broadcast_shapes(row.shape, column.shape))
+        below = np.where(missing, 0, np.abs(row - column))
+        return below, np.minimum(row, column), np.where(missing, 0.0, 1.0)
 
     def windows(self, requests: Array) -> Array:
-        """The requests that act before each sample, youngest first: (n, width, joints)."""
-        windows: Array = requests[np.maximum(self.acting, 0)]
+        """The requests that act before each sample, youngest first: (width, n, joints)."""
+        windows: Array = requests.take(self._standing_in, axis=0)
         return windows
 
-    def forward(self, by_request: Array, change: Array) -> Array:
-        """H dR: (n, joints)."""
-        padded = np.concatenate([change, np.zeros((1, self.joints))])
-        answer: Array = np.einsum("kji,kji->ki", by_request, padded[self.acting])
+    def felt(self, weights: Array) -> Array:
+        """Something of each request where the request acts, 0 before the first: (width, n, k)."""
+        if not self.cyclic:
+            weights = np.concatenate([weights, np.zeros((1, self.joints))])
+        felt: Array = weights.take(self.acting, axis=0)  # -1 is the row of zeros
+        return felt
+
+    def gathered(self, entries: Array, combine: np.ufunc = np.add, nothing: float = 0.0) -> Array:
+        """The sum over all samples of what each request has there: (n, joints).
+
+        ``combine`` may put something else in the sum's place, and ``nothing`` what is its zero.
+        """
+        flat = entries.reshape(-1, self.joints)
+        if not self.cyclic:
+            flat = np.concatenate([flat, np.full((1, self.joints), nothing)])
+        answer: Array = combine.reduce(flat.take(self._answers, axis=0), axis=0)
         return answer
 
-    def columns(self, by_request: Array) -> Array:
-        """The entries of H by request instead of by sample: (n, width, joints)."""
-        flat = by_request.reshape(-1, self.joints)
-        columns: Array = np.concatenate([flat, np.zeros((1, self.joints))])[self._entries]
-        return columns
+    def matrix(self, by_angle: Array, by_request: Array, inverse: Array, weighted: Array) -> Array:
+        """``B C^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints).
 
-    def backward(self, columns: Array, multipliers: Array) -> Array:
-        """H' y: (n, joints)."""
-        padded = np.concatenate([multipliers, np.zeros((1, self.joints))])
-        at = np.minimum(self._entries // columns.shape[1], self.samples)
-        answer: Array = np.einsum("kji,kji->ki", columns, padded[at])
-        return answer
-
-    def matrix(self, by_angle: Array, columns: Array, inverse: Array, inverse_pull: Array) -> Array:
-        """``B C^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints)."""
-        first, second = self._pairs
-        shared = (columns * inverse_pull[:, np.newaxis])[:, first] * columns[:, second]
+        Args:
+            by_angle: B's derivatives, (n, joints).
+            by_request: H, (width, n, joints).
+            inverse: C^-1, (n, joints, joints).
+            weighted: H Q^-1, like H.
+        """
+        size = self.samples * self.joints
+        shared = np.empty((self.width, size))
+        weighted = weighted.reshape(self.width, size)
+        onwards = by_request.take(self._onwards, axis=1).reshape(self.width, -1)
+        for apart in range(self.width):
+            later = onwards[apart:, apart * self.joints :][:, :size]
+            np.einsum("ij,ij->j", weighted[: self.width - apart], later, out=shared[apart])
         kept = by_angle[:, :, np.newaxis]
         own = inverse + kept * inverse[self.before] * by_angle[:, np.newaxis]
         beside = -inverse * by_angle[self.after][:, np.newaxis]
-        entries = np.concatenate(
-            [
-                (shared * self._factor).ravel(),
-                (own * self._own_factor).ravel(),
-                (beside * self._beside_factor).ravel(),
-            ]
-        )
-        size = self.samples * self.joints
-        band = np.bincount(self._place, weights=entries, minlength=(self.bandwidth + 1) * size)
-        matrix = np.asarray(band.reshape(self.bandwidth + 1, size), dtype=np.float64)
-        matrix[0] += LEAST_PIVOT * np.max(matrix[0])
-        return matrix
-
-
-class _Places(NamedTuple):
-    """Places in a lower band: how far below the diagonal, and in which column."""
-
-    below: Indices
-    column: Indices
-
-
-def _places(position: Indices, one: Indices, other: Indices, i: Indices, j: Indices) -> _Places:
-    """Where the entry of joint i at sample ``one`` and joint j at sample ``other`` goes."""
-    joints = int(np.max(i)) + 1
-    row, column = position[one] * joints + i, position[other] * joints + j
-    return _Places(np.abs(row - column), np.minimum(row, column))
+        entries = np.concatenate([shared.ravel(), own.ravel(), beside.ravel()])
+        entries *= self._factor
+        entries = np.bincount(self._place, entries, minlength=(self.bandwidth + 1) * size)
+        band = np.asarray(entries.reshape(size, self.bandwidth + 1), dtype=np.float64)
+        band[:, 0] += LEAST_PIVOT * band[:, 0].max()
+        return band.T  # laid out as LAPACK reads it
 
 
 @lru_cache(maxsize=32)

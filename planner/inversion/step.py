@@ -1,13 +1,15 @@
 """One Gauss-Newton step of the optimised inversion, at a cost in proportion to the length.
 
-With the angles' linearised response ``B dM = H dR`` (B bidiagonal, H banded) the step solves
+Angles and requests are unknowns both; that each angle follows from the one before it and from the
+requests is a condition, linearised to ``B dM = H dR + c`` (B bidiagonal, H banded, c what the
+condition lacks). The step solves
 
-    minimise  2 g' dM + dM' C dM + rho |R + dR - R0|^2 + mu |dR|^2
+    minimise  2 g' dM + dM' (C + E) dM + rho |R + dR - R0|^2 + dR' D dR
 
-over the free requests, where g and C are gradient and curvature of the cost, sample by sample. Its
-dual has one unknown per sample and joint, and the banded positive definite matrix
-``B C^-1 B' + H Q^-1 H'`` with ``Q = rho + mu`` (``docs/math.md``, equation 12); a cycle is folded,
-first sample beside last, so that its matrix is banded too.
+over the free requests, where g and C are gradient and curvature of the cost, sample by sample, and
+D and E are diagonal. Its dual has one unknown per sample and joint, and the banded positive
+definite matrix ``B (C + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + D`` (``docs/math.md``, equation
+12); a cycle is folded, first sample beside last, so that its matrix is banded too.
 """
 
 from __future__ import annotations
@@ -18,22 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.inversion.stencil import Indices, Stencil
+from planner.model.periods import Response
 from planner.trajectory import Array
 
 Mask = npt.NDArray[np.bool_]
-
-
-class Response(NamedTuple):
-    """Angles of all joints and their derivatives, sample by sample.
-
-    ``d angles[k] = by_angle[k] d angles[k-1] + sum_j by_request[k, j] d requests[acting[k, j]]``
-
-    From rest ``by_angle[0]`` is zero: nothing comes before the first sample that could change.
-    """
-
-    angles: Array  # (n, joints) [rad]
-    by_angle: Array  # (n, joints)
-    by_request: Array  # (n, width, joints)
 
 
 class Quadratic(NamedTuple):
@@ -53,7 +43,14 @@ class Pull(NamedTuple):
     @property
     def value(self) -> float:
         """The cost of being away."""
-        return self.weight * float(np.sum(self.away**2))
+        return self.weight * float(np.vdot(self.away, self.away))
+
+
+class Damping(NamedTuple):
+    """Weights on the squares of a step, which hold it back and are no part of the cost."""
+
+    requests: Array  # D > 0, (n, joints)
+    angles: Array  # E >= 0, (n, joints)
 
 
 class Step(NamedTuple):
@@ -61,6 +58,8 @@ class Step(NamedTuple):
 
     requests: Array  # (n, joints) [rad]
     angles: Array  # (n, joints) [rad]
+    multipliers: Array  # of the conditions, y of docs/math.md, (n, joints)
+    pushes: Array  # where the requests want to go, free or not, (n, joints)
     expected: float  # cost afterwards
 
 
@@ -70,17 +69,19 @@ def gauss_newton_step(
     cost: Quadratic,
     *,
     pull: Pull,
-    damping: float,
+    lacking: Array,
+    damping: Damping,
     free: Mask,
 ) -> Step:
     """The step of the module's problem.
 
     Args:
         stencil: Where requests act.
-        response: Angles and derivatives at the current requests.
+        response: Derivatives at the current angles and requests.
         cost: The cost of the angles.
         pull: The cost of the requests.
-        damping: mu > 0.
+        lacking: c, by how much the angles fall short of where the periods lead, (n, joints).
+        damping: What holds the step back.
         free: Requests that may change, shape (n, joints).
 
     Returns:
@@ -89,28 +90,34 @@ def gauss_newton_step(
     Raises:
         numpy.linalg.LinAlgError: The matrix is not positive definite to working precision.
     """
-    inverse_pull = np.where(free, 1.0 / (pull.weight + damping), 0.0)
-    inverse = _inverse(cost.curvature)
-    columns = stencil.columns(response.by_request)
-    matrix = stencil.matrix(response.by_angle, columns, inverse, inverse_pull)
+    inverse_pull = free / (pull.weight + damping.requests)
+    inverse = _inverse(cost.curvature, damping.angles)
+    weighted = response.by_request * stencil.felt(inverse_pull)
+    matrix = stencil.matrix(response.by_angle, response.by_request, inverse, weighted)
     steepest = _times(inverse, cost.gradient)
-    wanted = response.by_angle * steepest[stencil.before] - steepest
-    wanted += stencil.forward(response.by_request, inverse_pull * pull.weight * pull.away)
+    pulled = pull.weight * pull.away
+    wanted = response.by_angle * steepest[stencil.before] - steepest - lacking
+    wanted += (weighted * stencil.felt(pulled)).sum(axis=0)
     multipliers = _solved(matrix, wanted, stencil.position)
-    requests = inverse_pull * (stencil.backward(columns, multipliers) - pull.weight * pull.away)
+    pushes = stencil.gathered(response.by_request * multipliers) - pulled
+    requests = inverse_pull * pushes
     # (B' y)[k] = y[k] - by_angle[k+1] y[k+1]
     forces = multipliers - (response.by_angle * multipliers)[stencil.after]
     angles = -steepest - _times(inverse, forces)
     moved = pull._replace(away=pull.away + requests)
     expected = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + moved.value
     expected += float(np.vdot(angles, _times(cost.curvature, angles)))
-    return Step(requests, angles, expected)
+    return Step(requests, angles, multipliers, pushes, expected)
 
 
-def _inverse(matrices: Array) -> Array:
-    if matrices.shape[-1] == 1:
-        reciprocals: Array = 1.0 / matrices
+def _inverse(curvature: Array, added: Array) -> Array:
+    """Inverse of each matrix with something added to its diagonal."""
+    if added.shape[-1] == 1:
+        reciprocals: Array = 1.0 / (curvature + added[:, :, np.newaxis])
         return reciprocals
+    every = np.arange(added.shape[-1])
+    matrices = curvature.copy()
+    matrices[:, every, every] += added
     return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
 
 

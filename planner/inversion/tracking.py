@@ -13,22 +13,16 @@ from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
 from planner.inversion.norm import Norm
 from planner.inversion.stencil import Stencil, stencil
-from planner.inversion.step import Response
 from planner.model.joint import JointModel
-from planner.model.transition import Linearised, Reach, reach, transitions
+from planner.model.periods import Response, periods, reach_of
+from planner.model.transition import Reach, exact_run, reach
 from planner.trajectory import Array
 
-CLOSED = 1e-8
-"""Ends of a smoothed cycle that agree to this [rad] are close enough for a derivative."""
-
-EXACTLY_CLOSED = 1e-11
+CLOSED = 1e-11
 """Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
 
-NEARBY = 0.01
-"""Change of the seam, relative to the corners' radius, whose effect is all but linear."""
-
 PATIENCE = 3
-"""Cycles after which bisection takes the place of waiting where Newton's method leads nowhere."""
+"""Cycles after which bisection takes the place of waiting where the secant leads nowhere."""
 
 MOST_CYCLES = 60
 """Cycles after which requests that do not close count as unusable."""
@@ -78,7 +72,7 @@ class Tracking:
         if not cyclic:
             self.movable[0] = False
 
-    @property
+    @cached_property
     def limited(self) -> bool:
         """Whether any request has a limit."""
         return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
@@ -99,8 +93,7 @@ class Tracking:
     @cached_property
     def reach(self) -> Reach:
         """The requests that act on any of the joints between two samples."""
-        reaches = [reach(model) for model in self.models]
-        return Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+        return reach_of(self.models)
 
     @cached_property
     def stencil(self) -> Stencil:
@@ -131,69 +124,73 @@ class Tracking:
         distances = self.goal.distances(angles)
         return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
 
-    def exact_error(self, requests: Array) -> float:
+    def exact_error(self, requests: Array, seam: Array | None = None) -> float:
         """Error of the exact models; inf for requests under which a joint finds no cycle."""
-        response = self.respond(requests, smoothing=0.0, seam=self.resting[-1] + self.offsets)
-        return math.inf if response is None else self.error(response.angles)
+        angles = self.exact_angles(requests, seam)
+        return math.inf if angles is None else self.error(angles)
 
-    def respond(self, requests: Array, *, smoothing: float, seam: Array) -> Response | None:
-        """Angles of the smoothed models and their derivatives; None where there is no cycle.
+    def exact_angles(self, requests: Array, seam: Array | None = None) -> Array | None:
+        """Angles of the exact models, run; None where a joint finds no cycle.
 
         Args:
             requests: Requests [rad], shape (n, joints).
-            smoothing: Radius of the saturation's corners [theta_0].
             seam: Angles near which the cycles' seams are sought [rad], shape (joints,).
         """
         windows = self.stencil.windows(requests)
-        samples, width, joints = windows.shape
-        answer = Response(
-            np.empty((samples, joints)), np.empty((samples, joints)), np.zeros(windows.shape)
-        )
+        seam = self.resting[-1] + self.offsets if seam is None else seam
+        answer = np.empty_like(requests)
         for joint, model in enumerate(self.models):
             own = reach(model)
-            acting = slice(
-                own.youngest - self.reach.youngest, width - self.reach.oldest + own.oldest
-            )
-            run = self._run(
-                model,
-                np.ascontiguousarray(windows[:, acting, joint]),
-                smoothing * model.theta_0,
-                float(seam[joint]),
-                joint,
-            )
-            if run is None:
+            first = own.youngest - self.reach.youngest
+            acting = np.ascontiguousarray(windows[first : first + own.width, :, joint].T)
+            angles = self._run(model, acting, float(seam[joint]), joint)
+            if angles is None:
                 return None
-            answer.angles[:, joint] = run.angles
-            answer.by_angle[:, joint] = run.by_angle
-            answer.by_request[:, acting, joint] = run.by_request
+            answer[:, joint] = angles
         return answer
 
-    def _run(
-        self, model: JointModel, windows: Array, smoothing: float, seam: float, joint: int
-    ) -> Linearised | None:
-        compiled = transitions(model, len(windows))
+    def respond(self, angles: Array, requests: Array, *, smoothing: float) -> Response:
+        """Where every request period of the smoothed models leads from these angles.
+
+        Args:
+            angles: Angles at the samples, whether the models reach them or not [rad], (n, joints).
+            requests: Requests [rad], shape (n, joints).
+            smoothing: Radius of the saturation's corners [theta_0].
+        """
+        before = angles[self.stencil.before]
         if self.start is not None:
-            run = compiled.run(float(self.start[joint]), windows, smoothing)
-            run.by_angle[0] = 0.0  # nothing comes before the first sample that could change
-            return run
+            before[0] = self.start
+        evaluate = periods(self.models, len(angles))
+        response = evaluate(before, self.stencil.windows(requests), smoothing)
+        if self.start is not None:
+            response.by_angle[0] = 0.0  # nothing comes before the first sample that could change
+        return response
+
+    def _run(self, model: JointModel, windows: Array, seam: float, joint: int) -> Array | None:
+        compiled = exact_run(model, len(windows))
+        if self.start is not None:
+            return compiled(float(self.start[joint]), windows)
         low = float(np.min(windows)) + model.offset - model.theta_0
         high = float(np.max(windows)) + model.offset + model.theta_0
-        tolerance = CLOSED if smoothing else EXACTLY_CLOSED
+        earlier: tuple[float, float] | None = None
         for cycle in range(MOST_CYCLES):
-            run = compiled.run(seam, windows, smoothing)
-            end = float(run.angles[-1])
-            if abs(end - seam) <= tolerance * max(1.0, abs(seam)):
-                return run
+            angles = compiled(seam, windows)
+            end = float(angles[-1])
+            if abs(end - seam) <= CLOSED * max(1.0, abs(seam)):
+                return angles
             low, high = (seam, max(high, seam)) if end > seam else (min(low, seam), seam)
-            since_seam = np.cumprod(run.by_angle)  # d angles / d seam
-            contraction = float(since_seam[-1])
-            newton = seam + (end - seam) / (1.0 - contraction) if contraction < 1.0 else np.inf
-            if abs(newton - seam) <= NEARBY * smoothing:
-                run.angles[:] += since_seam * (newton - seam)
-                return run
             waited = end if cycle < PATIENCE else (low + high) / 2.0
-            seam = newton if low < newton < high else waited
+            closing = waited if earlier is None else _secant(earlier, (seam, end))
+            earlier = seam, end
+            seam = closing if low < closing < high else waited
         return None
+
+
+def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """The seam at which a cycle closes, if its end is a straight line between two runs of it."""
+    (seam, end), (before, ended) = other, one
+    slope = (end - ended) / (seam - before) if seam != before else 1.0
+    return seam + (end - seam) / (1.0 - slope) if slope < 1.0 else math.inf
 
 
 def follow(

@@ -12,7 +12,6 @@ from scipy.optimize import least_squares
 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.descent import AS_WELL
 from planner.inversion.line import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
@@ -335,14 +334,3 @@ def test_bad_input_is_named(desired, options, error, message):
 def _barely_around(requests):
     """Limits that leave the desired angles a thousandth of a radian of room."""
     return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
-
-
-def test_of_two_plans_that_track_equally_well_the_quieter_one_is_given(monkeypatch):
-    joint = REFERENCE_JOINTS[1]
-    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    monkeypatch.setattr("planner.inversion.descent.SMOOTHINGS", 0)
-    ragged = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    travelled, farther = (np.sum(np.abs(np.diff(p.requests))) for p in (plan, ragged))
-    assert travelled < 0.85 * farther
-    assert plan.largest_step < ragged.largest_step
-    assert plan.rms <= ragged.rms * (1.0 + AS_WELL)

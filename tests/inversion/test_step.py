@@ -9,12 +9,8 @@ import pytest
 from scipy.linalg import block_diag
 
 from planner.inversion.stencil import Stencil, stencil
-from planner.inversion.step import (
-    Pull,
-    Quadratic,
-    Response,
-    gauss_newton_step,
-)
+from planner.inversion.step import Damping, Pull, Quadratic, gauss_newton_step
+from planner.model.periods import Response
 from planner.model.transition import Reach, reach
 from planner.trajectory import Array
 from tests.instances import random_model
@@ -35,7 +31,8 @@ class Problem:
     response: Response
     cost: Quadratic
     pull: Pull
-    damping: float
+    lacking: Array
+    damping: Damping
     free: np.ndarray
 
     def solve(self):
@@ -44,6 +41,7 @@ class Problem:
             self.response,
             self.cost,
             pull=self.pull,
+            lacking=self.lacking,
             damping=self.damping,
             free=self.free,
         )
@@ -66,10 +64,10 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
     reaches = [reach(model) for model in models]
     union = Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
     by_angle = rng.uniform(-0.2, 1.0, size=(samples, joints))
-    by_request = np.zeros((samples, union.width, joints))
+    by_request = np.zeros((union.width, samples, joints))
     for joint, own in enumerate(reaches):
         felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
-        by_request[:, felt, joint] = rng.uniform(0.0, 1.0 / own.width, (samples, own.width))
+        by_request[felt, :, joint] = rng.uniform(0.0, 1.0 / own.width, (own.width, samples))
     free = rng.random((samples, joints)) < 0.8
     free[-1] = True
     if not cyclic:
@@ -80,17 +78,20 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
     return Problem(
         reach=union,
         stencil=Stencil(union, samples, joints, cyclic=cyclic),
-        response=Response(rng.normal(size=(samples, joints)), by_angle, by_request),
+        response=Response(np.empty(0), by_angle, by_request, np.empty(0)),
         cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
         pull=Pull(float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints))),
-        damping=float(10.0 ** rng.uniform(-4, 0)),
+        lacking=rng.normal(size=(samples, joints)),
+        damping=Damping(
+            10.0 ** rng.uniform(-4, 0, (samples, joints)), rng.uniform(0.0, 1.0, (samples, joints))
+        ),
         free=free,
     )
 
 
 def dense_matrices(problem):
     """B and H of ``B d angles = H d requests``, the joints of one sample side by side."""
-    samples, width, joints = problem.response.by_request.shape
+    width, samples, joints = problem.response.by_request.shape
     B, H = np.eye(samples * joints), np.zeros((samples * joints, samples * joints))
     for k in range(samples):
         for i in range(joints):
@@ -98,24 +99,26 @@ def dense_matrices(problem):
             if k > 0 or problem.stencil.cyclic:
                 B[row, (k - 1) % samples * joints + i] -= problem.response.by_angle[k, i]
             for j in range(width):
-                request = problem.stencil.acting[k, j]
+                request = problem.stencil.acting[j, k]
                 if request >= 0:
-                    H[row, request * joints + i] += problem.response.by_request[k, j, i]
+                    H[row, request * joints + i] += problem.response.by_request[j, k, i]
     return B, H
 
 
 def dense_step(problem):
-    """Normal equations of the step, with d angles = J d requests spelled out."""
+    """Normal equations of the step, with d angles = J d requests + c spelled out."""
     B, H = dense_matrices(problem)
     free = problem.free.ravel()
     J = np.linalg.solve(B, H)[:, free]
-    C = block_diag(*problem.cost.curvature)
+    caught_up = np.linalg.solve(B, problem.lacking.ravel())
+    C = block_diag(*problem.cost.curvature) + np.diag(problem.damping.angles.ravel())
     weight, away = problem.pull
-    quadratic = J.T @ C @ J + (weight + problem.damping) * np.eye(J.shape[1])
-    right = -J.T @ problem.cost.gradient.ravel() - weight * away.ravel()[free]
+    quadratic = J.T @ C @ J + np.diag(weight + problem.damping.requests.ravel()[free])
+    gradient = problem.cost.gradient.ravel() + C @ caught_up
+    right = -J.T @ gradient - weight * away.ravel()[free]
     change = np.zeros(len(free))
     change[free] = np.linalg.solve(quadratic, right)
-    return change.reshape(away.shape), (J @ change[free]).reshape(away.shape)
+    return change.reshape(away.shape), (J @ change[free] + caught_up).reshape(away.shape)
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -141,18 +144,27 @@ def test_the_expected_cost_is_that_of_the_proposed_change(samples, joints, cycli
     problem = random_problem(rng, samples, joints, cyclic=cyclic)
     step = problem.solve()
     assert step.expected == pytest.approx(problem.value(step.requests, step.angles), rel=1e-12)
-    nothing = np.zeros((samples, joints))
-    assert step.expected < problem.value(nothing, nothing)
+
+
+@pytest.mark.parametrize("joints", [1, 3])
+def test_where_nothing_lacks_a_step_is_expected_to_help(joints):
+    problem = random_problem(np.random.default_rng(joints), 40, joints)
+    problem.lacking[:] = 0.0
+    nothing = np.zeros((40, joints))
+    assert problem.solve().expected < problem.value(nothing, nothing)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3])
 def test_no_shorter_or_longer_step_is_better(joints):
     problem = random_problem(np.random.default_rng(joints), 40, joints, hold=2)
+    problem.lacking[:] = 0.0
     step = problem.solve()
 
     def damped(share):
-        moved = share * step.requests
-        return problem.value(moved, share * step.angles) + problem.damping * np.sum(moved**2)
+        requests, angles = share * step.requests, share * step.angles
+        held_back = np.sum(problem.damping.requests * requests**2)
+        held_back += np.sum(problem.damping.angles * angles**2)
+        return problem.value(requests, angles) + held_back
 
     assert damped(1.0) < min(damped(0.9), damped(1.1), damped(0.0))
 
@@ -161,12 +173,22 @@ def test_no_shorter_or_longer_step_is_better(joints):
 def test_a_request_that_is_not_free_does_not_move(cyclic):
     problem = random_problem(np.random.default_rng(3), 30, 3, cyclic=cyclic)
     assert not problem.free.all()
-    assert np.all(problem.solve().requests[~problem.free] == 0.0)
+    step = problem.solve()
+    assert np.all(step.requests[~problem.free] == 0.0)
+    assert np.all(step.pushes[~problem.free] != 0.0)
+
+
+def test_a_request_that_may_move_goes_where_it_is_pushed():
+    problem = random_problem(np.random.default_rng(5), 30, 2)
+    step, free = problem.solve(), problem.free
+    weights = problem.pull.weight + problem.damping.requests
+    np.testing.assert_allclose((step.requests * weights)[free], step.pushes[free], rtol=ROUNDING)
 
 
 def test_a_step_with_nothing_free_goes_nowhere():
     problem = random_problem(np.random.default_rng(4), 12, 2)
     problem.free[:] = False
+    problem.lacking[:] = 0.0
     step = problem.solve()
     assert np.all(step.requests == 0.0)
     np.testing.assert_allclose(step.angles, 0.0, rtol=0.0, atol=ROUNDING)
@@ -183,12 +205,13 @@ def test_joints_that_the_cost_does_not_couple_are_solved_one_by_one():
         alone = Problem(
             reach=problem.reach,
             stencil=Stencil(problem.reach, 25, 1, cyclic=True),
-            response=Response(
-                response.angles[:, only], response.by_angle[:, only], response.by_request[..., only]
+            response=response._replace(
+                by_angle=response.by_angle[:, only], by_request=response.by_request[..., only]
             ),
             cost=Quadratic(0.0, cost.gradient[:, only], cost.curvature[:, only, only]),
             pull=problem.pull._replace(away=problem.pull.away[:, only]),
-            damping=problem.damping,
+            lacking=problem.lacking[:, only],
+            damping=Damping(*(weights[:, only] for weights in problem.damping)),
             free=problem.free[:, only],
         ).solve()
         np.testing.assert_allclose(together.requests[:, only], alone.requests, atol=AGREEMENT)
@@ -214,16 +237,15 @@ def test_the_band_of_a_cycle_is_no_wider_than_twice_that_from_rest(joints):
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("samples", [2, 5, 40])
-def test_backward_is_the_transpose_of_forward(samples, cyclic):
+def test_what_is_gathered_is_the_transpose_of_what_is_felt(samples, cyclic):
     rng = np.random.default_rng([8, samples, cyclic])
     for joints in (1, 2, 3):
         problem = random_problem(rng, samples, joints, cyclic=cyclic)
         _, H = dense_matrices(problem)
         change, multipliers = rng.normal(size=(2, samples, joints))
         by_request = problem.response.by_request
-        forward = problem.stencil.forward(by_request, change)
-        columns = problem.stencil.columns(by_request)
-        backward = problem.stencil.backward(columns, multipliers)
+        forward = (by_request * problem.stencil.felt(change)).sum(axis=0)
+        backward = problem.stencil.gathered(by_request * multipliers)
         np.testing.assert_allclose(forward.ravel(), H @ change.ravel(), atol=ROUNDING)
         np.testing.assert_allclose(backward.ravel(), H.T @ multipliers.ravel(), atol=ROUNDING)
 
@@ -231,11 +253,11 @@ def test_backward_is_the_transpose_of_forward(samples, cyclic):
 def test_windows_hold_the_requests_that_act_youngest_first():
     requests = np.arange(12.0).reshape(6, 2)
     cycle = Stencil(Reach(1, 3), 6, 2, cyclic=True).windows(requests)
-    np.testing.assert_array_equal(cycle[0, :, 0], requests[[5, 4, 3], 0])
-    np.testing.assert_array_equal(cycle[4, :, 1], requests[[3, 2, 1], 1])
+    np.testing.assert_array_equal(cycle[:, 0, 0], requests[[5, 4, 3], 0])
+    np.testing.assert_array_equal(cycle[:, 4, 1], requests[[3, 2, 1], 1])
     resting = Stencil(Reach(1, 3), 6, 2, cyclic=False).windows(requests)
-    np.testing.assert_array_equal(resting[1, :, 0], requests[[0, 0, 0], 0])
-    np.testing.assert_array_equal(resting[4, :, 1], requests[[3, 2, 1], 1])
+    np.testing.assert_array_equal(resting[:, 1, 0], requests[[0, 0, 0], 0])
+    np.testing.assert_array_equal(resting[:, 4, 1], requests[[3, 2, 1], 1])
 
 
 def test_a_stencil_is_worked_out_once():

@@ -1,4 +1,4 @@
-"""Stacked joints: their angles against simulation, their derivatives against differences."""
+"""Stacked joints: what their models make of requests, run and period by period."""
 
 from __future__ import annotations
 
@@ -18,12 +18,6 @@ ERS210A = JointModel.ers210a()
 
 SAME = 1e-9
 """Agreement of the compiled run and the simulation: cycles are closed to 1e-11 [rad]."""
-
-STEP = 1e-5
-"""Step of the central differences [rad]."""
-
-SLOPES = 1e-5
-"""Central differences on corners of radius 0.2 theta_0 are right to this."""
 
 CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 HELD = pytest.mark.parametrize("hold", [1, 3])
@@ -52,119 +46,75 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
     return problem, requests, requests[-1] + offsets
 
 
-def reach_of(problem, joint):
-    single = follow(problem.models[joint], np.zeros(9), cyclic=True)
-    return single.reach
-
-
 @CYCLIC
 @HELD
 @pytest.mark.parametrize("joints", [1, 2, 3])
-def test_without_smoothing_the_response_is_the_simulation(joints, hold, cyclic):
+def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
     problem, requests, seam = stacked(1, joints, hold=hold, cyclic=cyclic)
-    response = problem.respond(requests, smoothing=0.0, seam=seam)
+    angles = problem.exact_angles(requests, seam)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
         alone = simulate(model, requests[:, joint], cyclic=cyclic, start=start)
-        np.testing.assert_allclose(response.angles[:, joint], alone, rtol=0.0, atol=SAME)
+        np.testing.assert_allclose(angles[:, joint], alone, rtol=0.0, atol=SAME)
 
 
 @CYCLIC
 @HELD
-def test_the_linearised_response_is_the_slope_of_the_response(hold, cyclic, monkeypatch):
-    monkeypatch.setattr("planner.inversion.tracking.CLOSED", 1e-13)  # differences show the seam
-    problem, requests, seam = stacked(2, 3, samples=20, hold=hold, cyclic=cyclic)
-    response = problem.respond(requests, smoothing=0.2, seam=seam)
-    # From rest the first request is not movable: it stands in for those before it too.
-    for index in range(0 if cyclic else 1, len(requests)):
-        push = np.zeros_like(requests)
-        push[index] = STEP
-        above, below = (
-            problem.respond(requests + sign * push, smoothing=0.2, seam=seam).angles
-            for sign in (1.0, -1.0)
-        )
-        expected = linearised(problem, response, index)
-        np.testing.assert_allclose((above - below) / (2.0 * STEP), expected, rtol=0.0, atol=SLOPES)
+def test_from_the_exact_angles_every_period_leads_to_the_next_one(hold, cyclic):
+    problem, requests, _ = stacked(2, 3, hold=hold, cyclic=cyclic)
+    angles = problem.exact_angles(requests)
+    reached = problem.respond(angles, requests, smoothing=0.0).reached
+    np.testing.assert_allclose(reached, angles, rtol=0.0, atol=SAME)
+    assert np.max(np.abs(problem.respond(angles, requests, smoothing=0.3).reached - angles)) > 1e-3
 
 
-def linearised(problem, response, request):
-    """Slope of every angle by one request of each joint: Equation 3 of the page, run in a loop."""
-    by_request, by_angle = response.by_request, response.by_angle
-    direct = np.einsum("kj,kji->ki", problem.stencil.acting == request, by_request)
-    slopes = np.zeros_like(direct)
-    for k in range(len(slopes) * (20 if problem.cyclic else 1)):
-        k %= len(slopes)
-        slopes[k] = by_angle[k] * slopes[k - 1] + direct[k]
-    return slopes
-
-
-def test_smoothing_is_measured_in_each_joints_own_errors():
-    small = replace(ERS210A, v_max=ERS210A.v_max / 4.0, theta_0=ERS210A.theta_0 / 4.0)
-    problem = Tracking([ERS210A, small], Nothing(), np.zeros((30, 2)), cyclic=True)
-    column = saturating(np.random.default_rng(10), ERS210A, samples=30)
-    requests = np.stack([column, column / 4.0], axis=1)
-    angles = problem.respond(requests, smoothing=0.5, seam=requests[-1]).angles
-    np.testing.assert_allclose(angles[:, 1], angles[:, 0] / 4.0, rtol=0.0, atol=SAME)
-
-
-@CYCLIC
-def test_a_joint_does_not_feel_requests_beyond_its_own_reach(cyclic):
-    problem, requests, seam = stacked(3, 3, cyclic=cyclic)
-    response = problem.respond(requests, smoothing=0.1, seam=seam)
-    reaches = [reach_of(problem, joint) for joint in range(3)]
-    assert len(set(reaches)) == 3
-    assert problem.reach.youngest == min(own.youngest for own in reaches)
-    assert problem.reach.oldest == max(own.oldest for own in reaches)
-    ages = problem.reach.youngest + np.arange(problem.reach.width)
-    for joint, own in enumerate(reaches):
-        felt = (ages >= own.youngest) & (ages <= own.oldest)
-        assert np.all(response.by_request[:, ~felt, joint] == 0.0)
-        assert np.all(np.any(response.by_request[:, felt, joint] != 0.0, axis=0))
+def test_from_rest_nothing_comes_before_the_first_sample():
+    problem, requests, _ = stacked(3, 2, cyclic=False)
+    angles = np.random.default_rng(3).normal(size=requests.shape)
+    response = problem.respond(angles, requests, smoothing=0.1)
+    assert np.all(response.by_angle[0] == 0.0)
+    angles[-1] += 1.0
+    again = problem.respond(angles, requests, smoothing=0.1)
+    np.testing.assert_array_equal(again.reached, response.reached)
 
 
 @CYCLIC
 def test_joints_answer_together_as_they_do_alone(cyclic):
     problem, requests, seam = stacked(4, 3, cyclic=cyclic)
-    together = problem.respond(requests, smoothing=0.1, seam=seam)
+    together = problem.exact_angles(requests, seam)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
         single = follow(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
         column = requests[:, joint : joint + 1]
-        alone = single.respond(column, smoothing=0.1, seam=seam[joint : joint + 1])
-        np.testing.assert_array_equal(together.angles[:, joint], alone.angles[:, 0])
-        np.testing.assert_array_equal(together.by_angle[:, joint], alone.by_angle[:, 0])
+        alone = single.exact_angles(column, seam[joint : joint + 1])
+        np.testing.assert_array_equal(together[:, joint], alone[:, 0])
 
 
-def test_the_seam_of_a_cycle_is_found_from_anywhere(monkeypatch):
-    monkeypatch.setattr("planner.inversion.tracking.CLOSED", 1e-12)
+def test_the_seam_of_a_cycle_is_found_from_anywhere():
     problem, requests, seam = stacked(5, 3)
-    near = problem.respond(requests, smoothing=0.05, seam=seam)
-    far = problem.respond(requests, smoothing=0.05, seam=seam + np.array([2.0, -9.0, 0.5]))
-    np.testing.assert_allclose(near.angles, far.angles, rtol=0.0, atol=SAME)
+    near = problem.exact_angles(requests, seam)
+    far = problem.exact_angles(requests, seam + np.array([2.0, -9.0, 0.5]))
+    np.testing.assert_allclose(near, far, rtol=0.0, atol=SAME)
 
 
-@pytest.mark.parametrize("smoothing", [0.0, 0.008, 0.1, 0.5])
 @pytest.mark.parametrize("seam", np.linspace(-2.0, 2.0, 9))
-def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam, smoothing):
+def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam):
     # Far from the seam every tick is saturated: the end of the cycle moves with its start.
     knots, degrees = [0, 13, 15, 17, 25, 36, 38, 43], [-102, -117, -41, 54, 93, 57, -51, -97]
     requests = np.radians(np.interp(np.arange(44), knots, degrees))
     problem = follow(ERS210A, np.zeros(44), cyclic=True)
-    response = problem.respond(requests[:, np.newaxis], smoothing=smoothing, seam=np.array([seam]))
-    assert response is not None
-    if smoothing == 0.0:
-        angles = simulate(ERS210A, requests)
-        np.testing.assert_allclose(response.angles[:, 0], angles, rtol=0.0, atol=SAME)
+    angles = problem.exact_angles(requests[:, np.newaxis], np.array([seam]))
+    np.testing.assert_allclose(angles[:, 0], simulate(ERS210A, requests), rtol=0.0, atol=SAME)
 
 
-def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_a_response(monkeypatch):
+def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
     monkeypatch.setattr("planner.inversion.tracking.MOST_CYCLES", 2)
     goal = FollowAngles(np.zeros(88))
     problem = Tracking([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
     requests = np.zeros((88, 2))
-    assert problem.respond(requests, smoothing=0.1, seam=np.zeros(2)) is not None
+    assert problem.exact_angles(requests) is not None
     requests[:, 1] = np.repeat([-1e3, 1e3], [43, 45])  # at v_max throughout, and up for longer
-    assert problem.respond(requests, smoothing=0.0, seam=np.zeros(2)) is None
+    assert problem.exact_angles(requests) is None
     assert problem.exact_error(requests) == math.inf
 
 
