@@ -13,7 +13,7 @@ from kinematics.chain import Array, Chain
 from kinematics.exceptions import InvalidUrdf, UnsupportedLeg
 from kinematics.limits import Limits
 from kinematics.read_limits import read_limits, read_speeds
-from kinematics.robot import configuration, find_frame, joints_between, read_robot
+from kinematics.robot import Robot, find_frame, joints_between, read_robot
 
 AGREEMENT = 1e-12
 """The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
@@ -61,30 +61,50 @@ def read_chain(
         InvalidInput: A joint cannot be held like that.
     """
     path = Path(path)
-    model, mimics = read_robot(path, locked=locked)
+    robot = read_robot(path, locked=locked)
+    model = robot.model
     start = find_frame(model, base, role="base")
     end = find_frame(model, foot, role="foot")
-    joints = joints_between(model, start, end)
+    between = joints_between(model, start, end)
+    joints = [joint for joint in between if joint not in robot.locked]
     names = tuple(str(model.names[joint]) for joint in joints)
-    if copies := [name for name in names if name in mimics]:
+    if not names:
+        raise UnsupportedLeg(f"every joint between {base!r} and {foot!r} is locked; leave one out")
+    if copies := [name for name in names if name in robot.mimics]:
         raise UnsupportedLeg(
             f"joint {copies[0]!r} between {base!r} and {foot!r} mimics another; every joint of a "
             "leg must be driven: lock it, remove its <mimic> element, or choose a foot above it"
         )
     axes = [_axis(model, joint) for joint in joints]
-    placements = [start.placement.inverse() * model.jointPlacements[joints[0]]]
-    placements += [model.jointPlacements[joint] for joint in joints[1:]]
+    *placements, tip = _placements(robot, between, start, end)
     limits = read_limits(path, model, joints)
     chain = Chain(
         rotations=np.array([placement.rotation for placement in placements]),
         translations=np.array([placement.translation for placement in placements]),
         axes=np.array(axes),
-        tip=np.array(end.placement.translation),
+        tip=np.array(tip.translation),
     )
     if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
         raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
-    _check_against_pinocchio(model, chain, start, end, joints)
+    _check_against_pinocchio(robot, chain, start, end, joints)
     return ChainInRobot(chain, names, limits, read_speeds(model, joints))
+
+
+def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:
+    """Where the joints that are driven sit, each in the one before it, and the foot in the last."""
+    placements = []
+    reached = start.placement.inverse()
+    for joint in between:
+        reached = reached * robot.model.jointPlacements[joint]
+        if joint in robot.locked:
+            kind = robot.model.joints[joint]
+            data = kind.createData()
+            kind.calc(data, robot.rest)
+            reached = reached * data.M
+        else:
+            placements.append(reached)
+            reached = type(reached).Identity()
+    return [*placements, reached * end.placement]
 
 
 def _axis(model: Any, joint: int) -> Array:
@@ -106,15 +126,16 @@ def _axis(model: Any, joint: int) -> Array:
 
 
 def _check_against_pinocchio(
-    model: Any, chain: Chain, start: Any, end: Any, joints: list[int]
+    robot: Robot, chain: Chain, start: Any, end: Any, joints: list[int]
 ) -> None:
     """Refuse a chain whose foot is not where Pinocchio has it."""
     import pinocchio
 
+    model = robot.model
     data = model.createData()
     for pose in (0.0, 0.7, -1.9):
         angles = pose * np.arange(1.0, len(joints) + 1.0)
-        pinocchio.forwardKinematics(model, data, configuration(model, joints, angles))
+        pinocchio.forwardKinematics(model, data, robot.configuration(joints, angles))
         from_base = (data.oMi[start.parentJoint] * start.placement).inverse()
         expected = (from_base * data.oMi[end.parentJoint] * end.placement).translation
         found = chain.foot(np.cos(angles), np.sin(angles))[:, 0]

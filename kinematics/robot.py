@@ -7,11 +7,12 @@ import os
 import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,25 +23,53 @@ BESIDE = 1e-9
 """A locked joint may be this far beyond its limits [rad], for rounding."""
 
 
-class Robot(NamedTuple):
-    """A robot.
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot; :func:`read_robot` makes it.
 
     Attributes:
         model: Pinocchio's model of it.
         mimics: Names of the joints that mimic others.
+        locked: Indices of the joints that are held.
+        rest: Pinocchio's coordinates with these where they are held and the others at rest: at 0,
+            or where 0 is out of its range at the end that is nearer.
     """
 
     model: Any
     mimics: set[str]
+    locked: frozenset[int]
+    rest: Any
+
+    def configuration(self, joints: Sequence[int], angles: Array) -> Any:
+        """Pinocchio's coordinates with these joints at these angles and the others as they rest."""
+        coordinates = self.rest.copy()
+        for joint, angle in zip(joints, angles, strict=True):
+            _set(self.model, coordinates, joint, float(angle))
+        return coordinates
 
 
 def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robot:
-    """The robot that a URDF describes, some of its joints held; see :func:`lock_joints`.
+    """The robot that a URDF describes.
+
+    Args:
+        path: The URDF.
+        locked: Joints that are held, and where [rad; m for one that slides].
 
     Raises:
         InvalidUrdf: The file cannot be read or does not describe a robot.
         InvalidInput: A joint cannot be held like that.
     """
+    import pinocchio
+
+    model, mimics = _read_model(path)
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    rest = np.clip(pinocchio.neutral(model), lower, upper)
+    held = {_held(model, rest, *each) for each in (locked or {}).items()}
+    return Robot(model, mimics, frozenset(held), rest)
+
+
+def _read_model(path: Path) -> tuple[Any, set[str]]:
+    """Pinocchio's model, and the names of the joints that mimic others."""
     import pinocchio
 
     try:
@@ -67,57 +96,38 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
         except (ValueError, RuntimeError) as error:
             complaint = next(iter(complaints()), str(error))
             raise InvalidUrdf(path, f"is not a valid URDF: {complaint}") from error
-    return Robot(lock_joints(model, locked or {}), mimics)
+    return model, mimics
 
 
-def lock_joints(model: Any, positions: Mapping[str, float]) -> Any:
-    """The same robot with some joints held, as if they had been welded there.
-
-    Args:
-        model: Pinocchio's model.
-        positions: By joint, where it is held [rad; m for a joint that slides].
-
-    Returns:
-        Pinocchio's model without these joints; it has all the frames.
-
-    Raises:
-        InvalidInput: No such joint, or one that cannot be there.
-    """
-    import pinocchio
-
-    held, coordinates = [], pinocchio.neutral(model)
-    for name, position in positions.items():
-        joint = joint_named(model, name, role="locked")
-        kind = model.joints[joint]
-        if kind.nv != 1:
-            raise InvalidInput(f"locked: joint {name!r} has {kind.nv} ways to move, expected one")
-        where = float(position)
-        low, high = -math.inf, math.inf
-        if kind.nq == 1:
-            low = float(model.lowerPositionLimit[kind.idx_q])
-            high = float(model.upperPositionLimit[kind.idx_q])
-        if not (math.isfinite(where) and low - BESIDE <= where <= high + BESIDE):
-            raise InvalidInput(
-                f"locked: joint {name!r} at {position:g}, expected {low:g} to {high:g}, its range"
-            )
-        held.append(joint)
-        coordinates[kind.idx_q :][: kind.nq] = _coordinates(kind, where)
-    return pinocchio.buildReducedModel(model, held, coordinates) if held else model
-
-
-def joint_named(model: Any, name: str, *, role: str) -> int:
-    """The index of the joint of that name.
-
-    Raises:
-        InvalidInput: The robot has none.
-    """
+def _held(model: Any, coordinates: Any, name: str, position: float) -> int:
+    """Put a joint where it is held, and say which it is."""
     names = [str(each) for each in model.names]
     if name not in names[1:]:  # the first is the world
         raise InvalidInput(
-            f"{role}: no joint {name!r} that moves in the URDF; joints: "
+            f"locked: no joint {name!r} that moves in the URDF; joints: "
             f"{', '.join(names[1:]) or 'none'}"
         )
-    return names.index(name)
+    joint = names.index(name)
+    kind = model.joints[joint]
+    if kind.nv != 1:
+        raise InvalidInput(f"locked: joint {name!r} has {kind.nv} ways to move, expected one")
+    low, high = -math.inf, math.inf
+    if kind.nq == 1:
+        low = float(model.lowerPositionLimit[kind.idx_q])
+        high = float(model.upperPositionLimit[kind.idx_q])
+    if not (math.isfinite(position) and low - BESIDE <= position <= high + BESIDE):
+        raise InvalidInput(
+            f"locked: joint {name!r} at {position:g}, expected {low:g} to {high:g}, its range"
+        )
+    _set(model, coordinates, joint, float(position))
+    return joint
+
+
+def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
+    """Put a joint somewhere; Pinocchio stores a continuous one as its cosine and sine."""
+    kind = model.joints[joint]
+    both = [position] if kind.nq == 1 else [math.cos(position), math.sin(position)]
+    coordinates[kind.idx_q :][: kind.nq] = both
 
 
 @contextmanager
@@ -159,7 +169,7 @@ def find_frame(model: Any, name: str, *, role: str) -> Any:
 
 
 def joints_between(model: Any, start: Any, end: Any) -> list[int]:
-    """The joints that move ``end`` in ``start``, from the base to the foot."""
+    """The joints that move ``end`` in ``start``, from the base to the foot, those held included."""
     above = [int(joint) for joint in model.supports[end.parentJoint]]
     if start.parentJoint not in above:
         raise UnsupportedLeg(
@@ -173,24 +183,3 @@ def joints_between(model: Any, start: Any, end: Any) -> list[int]:
             "move; choose a base further up or a foot further down"
         )
     return joints
-
-
-def configuration(model: Any, joints: list[int], angles: Array) -> Any:
-    """Pinocchio's coordinates with these joints at these angles and the others at rest.
-
-    A joint rests at 0, or where 0 is out of its range at the end that is nearer.
-    """
-    import pinocchio
-
-    coordinates = np.clip(
-        pinocchio.neutral(model), model.lowerPositionLimit, model.upperPositionLimit
-    )
-    for joint, angle in zip(joints, angles, strict=True):
-        kind = model.joints[joint]
-        coordinates[kind.idx_q :][: kind.nq] = _coordinates(kind, angle)
-    return coordinates
-
-
-def _coordinates(kind: Any, angle: float) -> list[float]:
-    """An angle as Pinocchio stores it: a continuous joint has its cosine and sine."""
-    return [angle] if kind.nq == 1 else [math.cos(angle), math.sin(angle)]

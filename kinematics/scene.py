@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from kinematics.chain import Array, read_only
-from kinematics.robot import configuration, find_frame, joints_between, read_robot
+from kinematics.robot import Robot, find_frame, joints_between, read_robot
 from kinematics.shapes import Shape, read_shapes
 
 THICKNESS = 0.05
@@ -44,7 +44,7 @@ class Scene:
 
     bodies: tuple[Body, ...]
     joint_names: tuple[str, ...]
-    _model: Any
+    _robot: Robot
     _joints: list[int]
     _base: Any
     _frames: tuple[Any, ...]
@@ -64,9 +64,11 @@ class Scene:
         them. Takes what :meth:`kinematics.Leg.from_urdf` takes, and raises what that raises.
         """
         path = Path(path)
-        model, _ = read_robot(path, locked=locked)
+        robot = read_robot(path, locked=locked)
+        model = robot.model
         start, end = find_frame(model, base, role="base"), find_frame(model, foot, role="foot")
-        joints = joints_between(model, start, end)
+        between = joints_between(model, start, end)
+        joints = [joint for joint in between if joint not in robot.locked]
         bodies, frames = [], []
         for name, shapes in read_shapes(path).items():
             frame = find_frame(model, name, role="link")
@@ -75,11 +77,11 @@ class Scene:
                 bodies.append(Body(name, moves, shapes))
                 frames.append(frame)
         if not any(body.moves for body in bodies):
-            for body, frame in _bones(model, joints, end):
+            for body, frame in _bones(model, between, end):
                 bodies.append(body)
                 frames.append(frame)
         names = tuple(str(model.names[joint]) for joint in joints)
-        return cls(tuple(bodies), names, model, joints, start, tuple(frames))
+        return cls(tuple(bodies), names, robot, joints, start, tuple(frames))
 
     def placements(self, angles: Array) -> Array:
         """Where every body is along a path of the leg's joints, the other joints at rest.
@@ -92,11 +94,12 @@ class Scene:
         """
         import pinocchio
 
-        data = self._model.createData()
+        model = self._robot.model
+        data = model.createData()
         placements = np.empty((len(angles), len(self.bodies), 4, 4))
         for pose, row in zip(placements, angles, strict=True):
-            coordinates = configuration(self._model, self._joints, row)
-            pinocchio.forwardKinematics(self._model, data, coordinates)
+            coordinates = self._robot.configuration(self._joints, row)
+            pinocchio.forwardKinematics(model, data, coordinates)
             to_base = (data.oMi[self._base.parentJoint] * self._base.placement).inverse()
             for place, frame in zip(pose, self._frames, strict=True):
                 place[:] = (to_base * data.oMi[frame.parentJoint] * frame.placement).homogeneous

@@ -1,0 +1,55 @@
+"""A pose from which a leg can move its foot well in every direction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.chain import Array, read_only
+from kinematics.dexterity import check_joints, dexterity
+from kinematics.exceptions import UnsupportedLeg
+from kinematics.leg import Leg
+
+STEPS = 25
+"""Angles of each joint that are tried; odd, so that the middle of its range is among them."""
+
+ENOUGH = 0.9
+"""A pose stands well that is this dexterous, to the best one."""
+
+MOST_JOINTS = 3
+"""Joints whose poses are still few enough to be tried all."""
+
+
+def standing_pose(leg: Leg) -> Array:
+    """The pose nearest to the middle of the limits in which the foot moves almost best.
+
+    Of a leg of two links below its hip that is the bent leg with the foot below the hip. Where the
+    leg has a pose to start near (``near``), it is that one.
+
+    Args:
+        leg: A leg of three joints at most.
+
+    Returns:
+        Angles [rad], read-only, shape (k,); rounded to a degree where no limit is nearer.
+
+    Raises:
+        UnsupportedLeg: The leg has more joints and no ``near``.
+        SingularLeg: One of its joints never moves the foot.
+    """
+    if leg.near is not None:
+        return leg.near
+    count = len(leg.joint_names)
+    if count > MOST_JOINTS:
+        raise UnsupportedLeg(
+            f"a standing pose is sought for {MOST_JOINTS} joints at most, this leg has {count}: "
+            "lock the others, or give the angles that they are near"
+        )
+    lower, upper = leg.limits.central
+    check_joints(leg.chain, leg.joint_names)
+    steps = [np.linspace(*ends, STEPS) for ends in zip(lower, upper, strict=True)]
+    poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
+    quality = dexterity(leg.chain, poses)
+    away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
+    well = quality >= ENOUGH * quality.max()
+    keys = (*-poses.T, np.where(well, away, np.inf))
+    best = poses[np.lexsort(np.round(keys, 6))[0]]
+    return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)))))
