@@ -12,7 +12,7 @@ import click
 from planner.cli import legs, options
 from planner.cli.limits import Limits, parse_limits
 from planner.cli.limits import option as limits_option
-from planner.cli.say import print_json, summarise, to_json
+from planner.cli.say import Progress, print_json, summarise, to_json
 from planner.cli.wanted import Wanted, load_chosen
 
 if TYPE_CHECKING:
@@ -94,17 +94,19 @@ def cross_checked(
     from planner.evaluation.cross_check import cross_check
 
     wanted, leg = _in_order_of(leg, wanted)
-    return cross_check(
-        wanted.models,
-        wanted.angles,
-        cyclic=choices["cyclic"],
-        limits=_by_column(limits, wanted.names),
-        segments=choices["segments"],
-        leg=leg,
-        norm=choices["norm"],
-        level=choices["level"],
-        names=wanted.names,
-    )
+    with Progress([*wanted.names, *(["foot"] if leg is not None else [])]) as progress:
+        return cross_check(
+            wanted.models,
+            wanted.angles,
+            cyclic=choices["cyclic"],
+            limits=_by_column(limits, wanted.names),
+            segments=choices["segments"],
+            leg=leg,
+            norm=choices["norm"],
+            level=choices["level"],
+            names=wanted.names,
+            progress=progress,
+        )
 
 
 def _in_order_of(leg: Leg | None, wanted: Wanted) -> tuple[Wanted, Leg | None]:

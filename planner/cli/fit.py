@@ -9,7 +9,7 @@ import click
 
 from planner.cli import options
 from planner.cli.fit_options import add_fit_options, asked, weighed
-from planner.cli.say import deliver, naming
+from planner.cli.say import Progress, deliver, naming
 from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
@@ -75,15 +75,17 @@ def fit(
         )
     question = asked({**given, "cyclic": cyclic}, wanted.period)
     fits = {}
-    for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
-        with naming(name):
-            fits[name] = fit_pwl(
-                wanted.angles[:, j],
-                v_max=joint.v_max,
-                tick=joint.period,
-                weights=weights,
-                **question,
-            )
+    with Progress(wanted.names) as progress:
+        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+            progress(name)
+            with naming(name):
+                fits[name] = fit_pwl(
+                    wanted.angles[:, j],
+                    v_max=joint.v_max,
+                    tick=joint.period,
+                    weights=weights,
+                    **question,
+                )
     document = {
         "cyclic": cyclic,
         "period_s": wanted.period,

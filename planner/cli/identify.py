@@ -11,7 +11,7 @@ import click
 
 from planner.cli import options
 from planner.cli.log_options import log_options, to_log_options
-from planner.cli.say import Progress, deliver, naming
+from planner.cli.say import Progress, deliver, naming, remark, warn
 
 if TYPE_CHECKING:
     from planner.identification.identification import Identification
@@ -145,7 +145,7 @@ def _echo_notes(logs: Sequence[Log]) -> None:
             )
     for note, names in about.items():
         more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        click.echo(f"request-planner: {names[0]}{more}: {note}", err=True)
+        remark(f"{names[0]}{more}: {note}")
 
 
 def _identified(
@@ -164,7 +164,7 @@ def _identified(
         raise click.UsageError(f"--tick-ms: got {tick_ms:g}, expected more than 0 milliseconds.")
     found: dict[str, Identification] = {}
     left_out: dict[str, PlannerError] = {}
-    progress = Progress()
+    progress = Progress(f"identifying {joint or 'the joint'}" for joint in logs)
     try:
         for joint, own in logs.items():
             progress(f"identifying {joint or 'the joint'}")
@@ -183,7 +183,7 @@ def _identified(
     if not found:  # the only joint, or the first of as many as there are
         raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
-        click.echo(f"request-planner: warning: {joint} is left out: {reason}", err=True)
+        warn(f"{joint} is left out: {reason}")
     return found
 
 

@@ -10,7 +10,7 @@ from planner.cli import legs, options, planning, starts, tolerance
 from planner.cli.limits import option as limits_option
 from planner.cli.limits import parse_limits
 from planner.cli.plan_answer import document, summary
-from planner.cli.say import deliver
+from planner.cli.say import Progress, deliver
 from planner.cli.wanted import load_chosen
 
 
@@ -69,7 +69,8 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     tolerance.check_choices(choices, foot=wanted.foot is not None)
     limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
     rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
-    made = planning.make_plan(choices, wanted, limits, rest)
+    with Progress(wanted.names) as progress:
+        made = planning.make_plan(choices, wanted, limits, rest, progress=progress)
     missed = tolerance.misses(choices, wanted, made)
     deliver(
         document(choices, wanted, made, missed),

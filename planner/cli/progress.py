@@ -31,7 +31,7 @@ class Progress:
     """
 
     shown: Progress | None = None
-    """The one whose line is on the terminal."""
+    """The one whose line is on the terminal: of work inside other work, the inner one's."""
 
     def __init__(self, expected: Mapping[str, float] | Iterable[str] = ()) -> None:
         """Look whether anybody is watching.
@@ -51,6 +51,13 @@ class Progress:
         self._began = self._step_began = time.monotonic()
         self._ended = threading.Event()
         self._clock: threading.Thread | None = None
+        self._around: Progress | None = None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.done()
 
     def __call__(self, doing: str) -> None:
         """Say what is being done; what was being done before is finished."""
@@ -58,6 +65,8 @@ class Progress:
         self._doing = doing
         if not self._watched:
             return
+        if self._clock is None:
+            self._around = Progress.shown
         Progress.shown = self
         self._draw()
         if self._clock is None:
@@ -71,8 +80,8 @@ class Progress:
         if self._clock is not None:
             self._clock.join()
             self._clock = None
-        if self._watched:
-            Progress.shown = None
+        if Progress.shown is self:
+            Progress.shown = self._around
             self.erase()
 
     def erase(self) -> None:
@@ -115,7 +124,7 @@ class Progress:
 
     def _keep_time(self) -> None:
         while not self._ended.wait(BEAT):
-            if self._doing:
+            if self._doing and Progress.shown is self:
                 self._draw()
 
 

@@ -56,11 +56,12 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
+    from planner.cli.durations import DURATIONS
     from planner.cli.experiments import on_model, on_virtual_robot
     from planner.files.output_folder import list_files, output_folder
     from planner.files.text import write_text
 
-    progress = Progress()
+    progress = Progress(DURATIONS[robot])
     experiment = on_virtual_robot if robot == "virtual" else on_model
     try:
         with output_folder(out) as folder:

@@ -98,34 +98,34 @@ def _make(ready: Run, out: str, *, as_json: bool) -> None:
 
     wanted, choices = ready.wanted, ready.choices
     failures: list[str] = []
-    progress = Progress()
-    try:
-        with speaking_of_keys(ready.settings), output_folder(out) as folder:
-            made = planning.make_plan(
-                choices, wanted, ready.limits, ready.starts, progress=progress
-            )
-            missed = tolerance.misses(choices, wanted, made)
-            failures += missed
-            progress("the files")
-            run_outputs.write_paths(folder, ready, made)
-            exports, rows = run_outputs.write_exports(folder, ready, made.requests)
-            if ready.settings["output.comparison"]:
-                progress("the comparison")
-                check = run_outputs.write_comparison(folder, ready)
-                if not check.passed:
-                    failures.append(verdict_line(check))
-            run_outputs.write_scene(folder, ready, made)
-            answer: dict[str, Any] = {
-                "made_by": "request-planner run",
-                "settings": dict(ready.settings.values),
-                **document(choices, wanted, made, missed),
-                "exports": exports,
-                "versions": versions(),
-            }
-            answer["files"] = list_files(folder)
-            write_text(folder / "results.json", to_json(answer))
-    finally:
-        progress.done()
+    steps = ["the foot"] if choices["method"] == "foot-optimal" else list(wanted.names)
+    steps += ["the comparison"] if ready.settings["output.comparison"] else []
+    with (
+        Progress([*steps, "the files"]) as progress,
+        speaking_of_keys(ready.settings),
+        output_folder(out) as folder,
+    ):
+        made = planning.make_plan(choices, wanted, ready.limits, ready.starts, progress=progress)
+        missed = tolerance.misses(choices, wanted, made)
+        failures += missed
+        progress("the files")
+        run_outputs.write_paths(folder, ready, made)
+        exports, rows = run_outputs.write_exports(folder, ready, made.requests)
+        if ready.settings["output.comparison"]:
+            progress("the comparison")
+            check = run_outputs.write_comparison(folder, ready)
+            if not check.passed:
+                failures.append(verdict_line(check))
+        run_outputs.write_scene(folder, ready, made)
+        answer: dict[str, Any] = {
+            "made_by": "request-planner run",
+            "settings": dict(ready.settings.values),
+            **document(choices, wanted, made, missed),
+            "exports": exports,
+            "versions": versions(),
+        }
+        answer["files"] = list_files(folder)
+        write_text(folder / "results.json", to_json(answer))
     if as_json:
         print_json(answer)
     else:

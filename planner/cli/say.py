@@ -20,6 +20,7 @@ __all__ = [
     "detail",
     "naming",
     "print_json",
+    "remark",
     "summarise",
     "to_json",
     "warn",
@@ -54,6 +55,12 @@ def complain(message: str) -> None:
 def warn(message: str) -> None:
     """Say in one line on standard error what to beware of."""
     _say(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
+
+
+def remark(message: str) -> None:
+    """Say in one line on standard error what is good to know."""
+    if manner() != "quiet":
+        _say(f"request-planner: {message}")
 
 
 def detail(message: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -94,6 +94,7 @@ def cross_check(
     norm: Norm = "rms",
     level: Level = "envelope",
     names: Sequence[str] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> CrossCheck:
     """Plan by the closed form with both of its rules and by optimisation, and judge the plans.
 
@@ -113,6 +114,7 @@ def cross_check(
         norm: "rms" or "max": the error that the optimised plans minimise and the bounds are about.
         level: The sharpest bound to compute; those before it are computed too.
         names: What to call the joints; by default what the leg calls them.
+        progress: Told which joint is being compared, and ``"foot"`` at the end.
 
     Returns:
         Plans, bounds, differences and the verdict, ``.passed``.
@@ -138,6 +140,7 @@ def cross_check(
     ranges = None if given is None else _each_range(given, count)
     joints = []
     for j in range(count):
+        progress(called[j])
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
         try:
             plans = _plans(
@@ -150,6 +153,7 @@ def cross_check(
         joints.append(compare_joint(called[j], plans, levels=levels))
     foot = None
     if leg is not None and ranges is not None:
+        progress("foot")
         foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=ranges)
     return CrossCheck(joints=tuple(joints), foot=foot, cyclic=cyclic, norm=norm)
 

@@ -7,6 +7,7 @@ multipliers and the inequality is evaluated here, so that a bound is valid whate
 
 from __future__ import annotations
 
+import logging
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
 
@@ -177,6 +178,7 @@ def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array,
         problem.solve(solver=cvxpy.CLARABEL)  # type: ignore[no-untyped-call]
     except cvxpy.SolverError as error:
         raise SolverFailed("lower bound", str(error)) from error
+    logging.getLogger(__name__).debug("lower bound: Clarabel says %s", problem.status)
     if angles.value is None or conditions.dual_value is None:
         raise SolverFailed("lower bound", problem.status)
     return angles.value, np.maximum(conditions.dual_value, 0.0)

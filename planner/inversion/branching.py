@@ -7,6 +7,7 @@ request's calls are a mixture of those of two requests, by treating the two side
 from __future__ import annotations
 
 import heapq
+import logging
 from itertools import count
 from time import perf_counter
 from typing import NamedTuple
@@ -126,6 +127,12 @@ def bound_up_to(
         _, _, node = heapq.heappop(nodes)
         for child in branches(task, node, until):
             heapq.heappush(nodes, (child.bound, next(order), child))
+    logging.getLogger(__name__).debug(
+        "exact bound: %s at %.4g of the known error, %d parts open",
+        "closed" if _closed(task, nodes[0][0]) else "out of time",
+        nodes[0][0] / task.known if task.known else 1.0,
+        len(nodes),
+    )
     return min(nodes[0][0], task.known) * task.unit
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from operator import itemgetter
 
@@ -131,6 +132,7 @@ def search(problem: Tracking, desired: Array) -> Array:
         others = [first, problem.resting, early, *few_lines]
         answers += [improve(problem, State(other, wanted)) for other in others]
     best, least = min(answers, key=itemgetter(1))
+    logging.getLogger(__name__).debug("joint: %d searches, best %.4g rad", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
     return quieten(problem, best.requests)
