@@ -6,7 +6,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import click
 
@@ -33,13 +33,19 @@ class Progress:
     shown: Progress | None = None
     """The one whose line is on the terminal: of work inside other work, the inner one's."""
 
-    def __init__(self, expected: Mapping[str, float] | Iterable[str] = ()) -> None:
+    def __init__(
+        self,
+        expected: Mapping[str, float] | Iterable[str] = (),
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Look whether anybody is watching.
 
         Args:
             expected: The steps that are to come, in order, and how long each takes in proportion to
                 the others; all take equally long where that is not said. Without steps there is no
                 bar, and no time left.
+            clock: Tells the time [s].
         """
         self._expected = (
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
@@ -48,9 +54,10 @@ class Progress:
         self._watched = sys.stderr.isatty() and manner() != "quiet"
         self._doing = ""
         self._done: list[str] = []
-        self._began = self._step_began = time.monotonic()
+        self._time = clock
+        self._began = self._step_began = self._time()
         self._ended = threading.Event()
-        self._clock: threading.Thread | None = None
+        self._thread: threading.Thread | None = None
         self._around: Progress | None = None
 
     def __enter__(self) -> Progress:
@@ -65,21 +72,21 @@ class Progress:
         self._doing = doing
         if not self._watched:
             return
-        if self._clock is None:
+        if self._thread is None:
             self._around = Progress.shown
         Progress.shown = self
         self._draw()
-        if self._clock is None:
-            self._clock = threading.Thread(target=self._keep_time, daemon=True)
-            self._clock.start()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._keep_time, daemon=True)
+            self._thread.start()
 
     def done(self) -> None:
         """Clear the line."""
         self._finish_step()
         self._ended.set()
-        if self._clock is not None:
-            self._clock.join()
-            self._clock = None
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
         if Progress.shown is self:
             Progress.shown = self._around
             self.erase()
@@ -88,26 +95,31 @@ class Progress:
         """Make room for a line of another kind; the next beat draws this one again."""
         click.echo(_ERASE, nl=False, err=True, color=True)
 
-    def line(self, now: float) -> str:
-        """The line at a time of the monotonic clock [s]."""
+    def line(self) -> str:
+        """What the line says now."""
+        now = self._time()
         if not self._expected or self._doing not in self._expected:
             return f"{self._doing} …{_spent(now - self._began)}"
         total = sum(self._expected.values())
         done = sum(self._expected.get(name, 0.0) for name in self._done)
-        filled = int(BAR * done / total) if total else 0
-        bar = "█" * filled + "░" * (BAR - filled)
-        return f"{self._doing} …  {bar}{self._left(done, total, now)}"
+        left = self._left(total, done, now)
+        share = done / total if left is None else (now - self._began) / (now - self._began + left)
+        bar = ("█" * int(BAR * share)).ljust(BAR, "░")
+        if not left or now - self._began < SOON:
+            return f"{self._doing} …  {bar}{_spent(now - self._began)}"
+        return f"{self._doing} …  {bar}  {_duration(left)} left"
 
-    def _left(self, done: float, total: float, now: float) -> str:
-        """How long it still takes, at the pace of the steps that are done."""
+    def _left(self, total: float, done: float, now: float) -> float | None:
+        """How long it still takes at the pace of the steps that are done [s]; None without any."""
         spent = self._step_began - self._began
-        if done <= 0.0 or now - self._began < SOON:
-            return _spent(now - self._began)
-        left = (total - done) * spent / done - (now - self._step_began)
-        return f"  {_duration(left)} left" if left > 0.0 else _spent(now - self._began)
+        if done <= 0.0 or spent <= 0.0:
+            return None
+        pace = spent / done
+        now_of_step = min((now - self._step_began) / pace, self._expected[self._doing])
+        return (total - done - now_of_step) * pace
 
     def _finish_step(self) -> None:
-        now = time.monotonic()
+        now = self._time()
         if self._doing:
             self._done.append(self._doing)
             if self._verbose:
@@ -119,7 +131,7 @@ class Progress:
 
     def _draw(self) -> None:
         width = shutil.get_terminal_size().columns - 1
-        text = self.line(time.monotonic())[:width]
+        text = self.line()[:width]
         click.echo(f"{_ERASE}{text}", nl=False, err=True, color=True)
 
     def _keep_time(self) -> None:

@@ -178,7 +178,7 @@ def _search(problem: Tracking, nearest: Array) -> Array:
     state = State(first, nearest if angles is None else angles)
     answers = [improve(problem, state, search) for search in SEARCHES]
     best, least = min(answers, key=itemgetter(1))
-    logging.getLogger(__name__).debug("foot: %d searches, best %.4g m", len(answers), least)
+    logging.getLogger(__name__).debug("foot: %d searches, best cost %.4g", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     return quieten(problem, best.requests)
