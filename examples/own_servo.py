@@ -1,0 +1,79 @@
+"""From a servo's log to requests that it follows.
+
+    python examples/own_servo.py                 # a servo made up here stands in for yours
+    python examples/own_servo.py my_log.csv      # columns t_s, requested_deg, actual_deg
+
+Writes requests.csv, to be played, and own_servo.svg, wanted against direct and planned angles.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import planner
+
+
+def recorded() -> planner.Log:
+    """A log as a servo might give it: step tests of three sizes, with noise, in steps of 0.3°."""
+    servo = planner.JointModel(v_max=4.8, theta_0=0.16, lag=0.021, acceleration_time=0.035)
+    steps = [planner.step_test(np.radians(size), samples=180) for size in (15, 60, 110)]
+    requests = np.concatenate([np.tile(step, 3) for step in steps])
+    angles = planner.simulate(servo, requests, cyclic=False)
+    noise = np.random.default_rng(0).normal(0.0, np.radians(0.2), len(angles))
+    sensed = np.radians(0.3) * np.round((angles + noise) / np.radians(0.3))
+    return planner.Log(
+        times=servo.period * np.arange(len(requests)), requests=requests, angles=sensed
+    )
+
+
+def wanted_motion(period: float) -> np.ndarray:
+    """One second of a sweep back and forth, quicker at times than the servo can [rad]."""
+    phase = 2.0 * np.pi * np.arange(round(1.0 / period)) * period
+    return np.radians(40.0 * np.sin(phase) + 10.0 * np.sin(3.0 * phase))
+
+
+def draw(wanted: np.ndarray, direct: np.ndarray, plan: planner.Inversion) -> None:
+    """Wanted against direct and planned angles, and the requests."""
+    times = plan.model.period * np.arange(len(wanted))
+    figure, axes = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
+    axes.plot(times, np.degrees(plan.requests), color="#d18b00", label="requested, as planned")
+    axes.plot(times, np.degrees(direct), color="#c8501a", label="the wanted angles requested")
+    axes.plot(times, np.degrees(plan.predicted), color="#0067a8", lw=2.4, label="planned")
+    axes.plot(times, np.degrees(wanted), "--", color="#15181c", label="wanted")
+    axes.set(xlabel="time [s]", ylabel="angle [deg]")
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    figure.savefig("own_servo.svg")
+    plt.close(figure)
+
+
+def main() -> None:
+    """Identify, plan, compare, write."""
+    logs = planner.read_logs(sys.argv[1]) if len(sys.argv) > 1 else [recorded()]
+    found = planner.identify(logs)
+    for warning in found.warnings:
+        print("warning:", warning)
+    for name, (lower, upper) in found.intervals.items():
+        print(f"{name} = {getattr(found.model, name):.4f}, from {lower:.4f} to {upper:.4f}")
+    if not found.accepted:
+        raise SystemExit("the model does not describe this servo: do not plan with it")
+
+    wanted = wanted_motion(found.model.period)
+    limits = (np.radians(-60.0), np.radians(60.0))
+    plan = planner.invert_optimal(found.model, wanted, limits=limits)
+    direct = planner.simulate(found.model, wanted)
+    missed = np.degrees(np.sqrt(np.mean((direct - wanted) ** 2)))
+    print(f"requesting the wanted angles: {missed:.2f} deg rms")
+    print(f"planned: {np.degrees(plan.rms):.2f}, at most {100 * plan.gap:.1f} % above the optimum")
+
+    times = found.model.period * np.arange(len(wanted))
+    table = np.column_stack([times, np.degrees(plan.requests)])
+    np.savetxt("requests.csv", table, delimiter=",", header="t_s,servo_deg", comments="")
+    draw(wanted, direct, plan)
+
+
+if __name__ == "__main__":
+    main()
