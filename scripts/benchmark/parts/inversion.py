@@ -126,11 +126,11 @@ def summary(results: Sequence[dict[str, Result]]) -> Table:
             f"Medians over {len(results)} instances of one cycle: the reference walk's joints, and "
             "random ones that cannot follow, without limits and with. "
             "The first solve includes construction. IPOPT is what a user writes: CasADi Opti over "
-            "all angles and requests with every option as it comes, smoothed by 1, 0.3 and 0.1 "
-            "degrees a tick in turn, from the paper's closed form. The other rivals set out from "
-            "the better closed form, refined; expanded, IPOPT works on scalar operations. No "
-            "start's time is counted; ours finds its own. The best is the lowest exact rms of any "
-            "other method."
+            "all angles and requests, a condition a tick as in CasADi's examples, every option as "
+            "it comes, smoothed by 1, 0.3 and 0.1 degrees a tick in turn, from the paper's closed "
+            "form. The other rivals set out from the better closed form, refined; the second IPOPT "
+            "works on vectors, expanded to scalar operations. No start's time is counted; ours "
+            "finds its own. The best is the lowest exact rms of any other method."
         ),
         stub="method",
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import casadi
@@ -24,15 +26,18 @@ class Recipe(NamedTuple):
             ``top_speed``; the same for every joint where that is None.
         top_speed: [degrees a tick]
         pull: Weight on the distance of the requests from the desired angles.
+        at_once: Whether the dynamics are one condition on vectors, or one condition a tick, in a
+            loop, as in CasADi's own examples.
     """
 
     options: dict[str, Any]
     speeds: tuple[float, ...]
     top_speed: float | None
     pull: float
+    at_once: bool
 
 
-PLAIN = Recipe(SILENT, (1.0, 0.3, 0.1), None, 1e-3)
+PLAIN = Recipe(SILENT, (1.0, 0.3, 0.1), None, 1e-3, at_once=False)
 """What most users would write: every option as it comes, but silent; one smoothing for all."""
 
 TUNED = Recipe(
@@ -40,6 +45,7 @@ TUNED = Recipe(
     tuple(2.5 * share for share in RADII),
     2.5,
     PULL,
+    at_once=True,
 )
 """Scalar operations in place of CasADi's matrices, fewer iterations, corners that fit the joint."""
 
@@ -67,13 +73,25 @@ def build(model: planner.JointModel, samples: int, *, recipe: Recipe) -> Solve:
     opti.minimize(casadi.sumsqr(angles - desired) + recipe.pull * casadi.sumsqr(requests - resting))
 
     # dynamics, closed to a cycle
-    before = casadi.vertcat(angles[-1], angles[:-1])
-    moved = before
-    for age, weight in enumerate(window.weights.tolist(), window.first):
-        aged = requests[[(tick - age) % samples for tick in range(samples)]]
-        error = aged + model.offset / DEGREE - before
-        moved = moved + weight * smoothed(error, radius, v_max=v_max, theta_0=theta_0)
-    opti.subject_to(angles == moved)
+    offset = model.offset / DEGREE
+
+    def moved(before: Any, aged: Callable[[int], Any]) -> Any:
+        after = before
+        for age, weight in enumerate(window.weights.tolist(), window.first):
+            error = aged(age) + offset - before
+            after = after + weight * smoothed(error, radius, v_max=v_max, theta_0=theta_0)
+        return after
+
+    if recipe.at_once:
+        before = casadi.vertcat(angles[-1], angles[:-1])
+        every = range(samples)
+        opti.subject_to(
+            angles == moved(before, lambda age: requests[[(k - age) % samples for k in every]])
+        )
+    else:
+        for k in range(samples):
+            one = partial(lambda k, age: requests[(k - age) % samples], k)
+            opti.subject_to(angles[k] == moved(angles[(k - 1) % samples], one))
 
     # limits
     opti.subject_to(opti.bounded(lower, requests, upper))
