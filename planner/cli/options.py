@@ -16,7 +16,8 @@ model = click.option(
     "--model",
     default="ers210a",
     metavar="FILE",
-    help="Joint models as TOML, or 'ers210a', the paper's Table 1.  [default: ers210a]",
+    help="Joint models as TOML; 'ers210a', the paper's Table 1; or 'urdf', the same servos with "
+    "the top speeds of the leg's URDF.  [default: ers210a]",
 )
 cyclic = click.option(
     "--cyclic/--no-cyclic",

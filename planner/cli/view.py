@@ -67,9 +67,9 @@ def view(
     from kinematics.scene import Scene
     from planner.report.draw_scene import import_meshcat
 
-    place = legs.find_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
+    place = legs.find_leg(choices)
     if place is None:
-        raise click.UsageError("name the leg with --leg, or with --urdf, --base and --foot.")
+        raise click.UsageError("name the leg with --leg.")
     if requests is not None and choices["method"] is not None:
         raise click.UsageError("--method plans what --requests brings along: leave one out.")
     import_meshcat()
@@ -82,7 +82,7 @@ def view(
         )
     cyclic = choices["cyclic"]
     shown = shown_motions(leg, wanted, _planned(wanted, requests, choices), cyclic=cyclic)
-    scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot)
+    scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     settings = {"period": wanted.period, "cyclic": cyclic}
     if html is not None:
         from planner.files.text import write_text

@@ -56,7 +56,7 @@ def load_chosen(path: str, choices: Mapping[str, Any]) -> tuple[Leg | None, Want
 
     Raises as :func:`load_wanted` does.
     """
-    leg = load_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
+    leg = load_leg(choices)
     wanted = load_wanted(
         path,
         model=choices["model"],
@@ -102,7 +102,7 @@ def load_wanted(
         return _from_joints(joint_path(table, joints=joints), model, leg)
     if leg is None:
         raise click.UsageError(
-            f"{path} is a foot path: name the leg with --leg, or with --urdf, --base and --foot."
+            f"{path} is a foot path: name its leg with --leg."
             if takes_leg
             else f"{path} is a foot path, expected columns <joint>_deg or <joint>_rad."
         )
@@ -112,7 +112,7 @@ def load_wanted(
 
 
 def _from_joints(given: JointPath, model: str | ModelFile, leg: Leg | None) -> Wanted:
-    models = load_models(model, given.names)
+    models = load_models(model, given.names, leg)
     given.check_period(models[0].period)
     limits = {} if leg is None else _limits(leg)
     strange = [name for name in given.names if leg is not None and name not in limits]
@@ -131,7 +131,7 @@ def from_foot(
 
     Raises as :func:`load_wanted` does.
     """
-    models = load_models(model, leg.joint_names)
+    models = load_models(model, leg.joint_names, leg)
     given.check_period(models[0].period)
     solution = leg.inverse(given.positions, unreachable=unreachable)
     moved = int((~solution.reachable).sum())

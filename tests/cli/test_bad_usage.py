@@ -19,21 +19,50 @@ WRONG = {
     "no such file": (["plan", "x.csv"], "x.csv: no such file; check the name and the folder"),
     "a foot path without a leg": (
         ["plan", "foot.csv"],
-        "foot.csv is a foot path: name the leg with --leg, or with --urdf, --base and --foot. "
-        "See 'request-planner plan --help'.",
+        "foot.csv is a foot path: name its leg with --leg. See 'request-planner plan --help'.",
     ),
     "two legs": (
         ["plan", "foot.csv", "--leg", "reference", "--base", "hip"],
-        "--leg is a shipped leg: leave out --urdf, --base and --foot. "
+        "--leg is a shipped leg: leave out --urdf, --base, --foot and --lock. "
         "See 'request-planner plan --help'.",
     ),
     "frames without a robot": (
         ["plan", "foot.csv", "--base", "hip"],
-        "--base and --foot name frames of a URDF: add --urdf. See 'request-planner plan --help'.",
+        "--base, --foot, --lock and --near are of a leg: add --leg. "
+        "See 'request-planner plan --help'.",
     ),
     "a robot without frames": (
         ["plan", "foot.csv", "--urdf", "robot.urdf", "--base", "hip"],
-        "--urdf needs --base and --foot, the frames at the leg's two ends. "
+        "a URDF needs --base and --foot, the frames at the leg's two ends. "
+        "See 'request-planner plan --help'.",
+    ),
+    "no such leg": (
+        ["plan", "foot.csv", "--leg", "middle-left"],
+        "Invalid value for '--leg': 'middle-left' is not one of 'reference', 'front-left', "
+        "'front-right', 'hind-left', 'hind-right', nor a .urdf file. "
+        "See 'request-planner plan --help'.",
+    ),
+    "a robot twice": (
+        ["plan", "foot.csv", "--leg", "robot.urdf", "--urdf", "robot.urdf"],
+        "--leg and --urdf name a file each: leave one out. See 'request-planner plan --help'.",
+    ),
+    "a joint held nowhere": (
+        ["gait", "--leg", "robot.urdf", "--base", "hip", "--foot", "foot", "--lock", "wrist"],
+        "--lock: got 'wrist', expected JOINT=DEG, such as wrist=-90. "
+        "See 'request-planner gait --help'.",
+    ),
+    "a pose without a number": (
+        ["gait", "--leg", "front-left", "--near", "knee=bent"],
+        "--near: got 'knee=bent', expected JOINT=DEG, such as wrist=-90. "
+        "See 'request-planner gait --help'.",
+    ),
+    "a pose of a joint that the leg has not": (
+        ["gait", "--leg", "reference", "--near", "hip=10"],
+        "near: joint 'hip' is not on the leg; its joints: rotator, abductor, knee",
+    ),
+    "speeds of no robot": (
+        ["plan", "desired.csv", "--model", "urdf"],
+        "--model urdf takes speeds from a leg's URDF: name it with --leg. "
         "See 'request-planner plan --help'.",
     ),
     "joints that the leg has not": (

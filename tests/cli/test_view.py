@@ -106,8 +106,7 @@ def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch)
 WRONG = {
     "no leg": (
         ["desired.csv"],
-        "name the leg with --leg, or with --urdf, --base and --foot. "
-        "See 'request-planner view --help'.",
+        "name the leg with --leg. See 'request-planner view --help'.",
     ),
     "two plans": (
         ["foot.csv", "--leg", "front-left", "--requests", "r.csv", "--method", "optimal"],
