@@ -51,7 +51,8 @@ class Progress:
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
         )
         self._verbose = manner() == "verbose"
-        self._watched = sys.stderr.isatty() and manner() != "quiet"
+        watched = sys.stderr is not None and sys.stderr.isatty()
+        self._watched = watched and manner() != "quiet"
         self._doing = ""
         self._done: list[str] = []
         self._time = clock

@@ -20,17 +20,28 @@ ABOUT_PARAMETERS = {
     "offset": "Static sag [rad].",
 }
 
-PARAMETERS = tuple(
-    Key(
-        name=field.name,
-        kind=whole(least=1, most=10**6) if field.name == "hold" else number(),
-        about=ABOUT_PARAMETERS[field.name],
-        otherwise=f"{field.default:g}" if isinstance(field.default, int | float) else "",
-        example=round(getattr(JointModel.ers210a(), field.name), 4),
+
+def parameters(otherwise: str) -> tuple[Key, ...]:
+    """The parameters of a joint, of which some may be left out.
+
+    Args:
+        otherwise: What holds for one that is; "" is the joint model's own default.
+    """
+    return tuple(
+        Key(
+            name=field.name,
+            kind=whole(least=1, most=10**6) if field.name == "hold" else number(),
+            about=ABOUT_PARAMETERS[field.name],
+            otherwise=otherwise or _default(field.default),
+            example=round(getattr(JointModel.ers210a(), field.name), 4),
+        )
+        for field in fields(JointModel)
     )
-    for field in fields(JointModel)
-)
-"""The parameters of a joint; none has a default here, as a joint's own table changes only some."""
+
+
+def _default(value: object) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else "must be there"
+
 
 LEG = Table(
     name=("leg",),
@@ -87,7 +98,7 @@ MODELS = (
     Table(
         name=("model", "parameters"),
         about="In place of model.file: the parameters of all joints.",
-        keys=PARAMETERS,
+        keys=parameters(""),
         wanted=False,
     ),
     Table(
@@ -100,7 +111,7 @@ MODELS = (
                 about="A model file for this joint alone, in place of parameters.",
                 example="knee.toml",
             ),
-            *PARAMETERS,
+            *parameters("that of all joints"),
         ),
         named=True,
         wanted=False,
