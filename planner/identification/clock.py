@@ -25,6 +25,9 @@ SLACK = 1.05
 AGREEMENT = 1e-3
 """A given tick and hold must agree with the log's period to this."""
 
+DIGITS = 9
+"""Decimals of a period [s]: differences of the times that a log counts up are no better."""
+
 LONGEST_REACH = 50
 """Periods that lag and acceleration time may span together."""
 
@@ -58,6 +61,7 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
         InvalidInput: Tick and hold do not make the log's period.
     """
     period = float(np.median(np.concatenate([np.diff(log.times) for log in logs])))
+    period = round(period, DIGITS) or period
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(
         min(max(LONGEST_REACH * period, LONGEST_TIME), SHARE_OF_LOG * longest), 4.0 * period
@@ -71,7 +75,7 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
             f"tick, hold: got {hold} ticks of {made:g} s, expected the log's median period of "
             f"{period:g} s; give one of the two, or neither"
         )
-    return Clock(period, period / hold, hold, reach)
+    return Clock(made * hold, made, hold, reach)
 
 
 def _default_hold(period: float) -> int:

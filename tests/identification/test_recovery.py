@@ -59,6 +59,13 @@ def test_the_model_keeps_the_logs_period_and_its_own_ticks():
     assert math.isclose(given.tick, SERVO.period / 2)
 
 
+def test_logs_of_one_clock_give_models_of_one_tick_to_the_last_digit():
+    for rows in (150, 400):
+        log = rich_log(AIBO, rows=rows, amplitude=1.0)
+        assert planner.identify(log, hold_out=False).model.tick == AIBO.tick
+        assert planner.identify(log, tick=AIBO.tick, hold_out=False).model.tick == AIBO.tick
+
+
 def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
     log = rich_log(noise=NOISE)
     one, three = (
