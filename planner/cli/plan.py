@@ -50,8 +50,9 @@ from planner.cli.wanted import load_chosen
 @limits_option
 @tolerance.options
 @options.output
+@click.option("--report", metavar="FILE", help="Write a page (HTML) about the plan.")
 @options.as_json
-def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
+def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices: Any) -> None:
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,
@@ -72,6 +73,12 @@ def plan(*, path: str, output: str, as_json: bool, **choices: Any) -> None:
     with Progress(wanted.names) as progress:
         made = planning.make_plan(choices, wanted, limits, rest, progress=progress)
     missed = tolerance.misses(choices, wanted, made)
+    if report is not None:
+        from planner.cli.plan_report import plan_report
+        from planner.files.text import write_text
+
+        page = plan_report(path, choices, wanted, made, limits=limits, missed=missed)
+        write_text(report, page)
     deliver(
         document(choices, wanted, made, missed),
         summary(wanted, made),

@@ -1,0 +1,76 @@
+"""The page about a plan, from the choices that it was made with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from planner.cli.limits import Limits
+    from planner.cli.planning import Plan
+    from planner.cli.wanted import Wanted
+
+TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
+"""Choices that are told where they were made."""
+
+
+def plan_report(
+    path: str,
+    choices: Mapping[str, Any],
+    wanted: Wanted,
+    made: Plan,
+    *,
+    limits: Limits,
+    missed: Sequence[str],
+) -> str:
+    """The page, as HTML.
+
+    Args:
+        path: The path that was planned for.
+        choices: The options of the command.
+        wanted: What the joints should do.
+        made: The plan.
+        limits: Limits of the requests.
+        missed: Tolerances that the plan misses.
+    """
+    from planner.evaluation.plan_outcome import PlanOutcome
+    from planner.report.plan_page import plan_page
+
+    leg = wanted.leg if wanted.leg and wanted.names == wanted.leg.joint_names else None
+    outcome = PlanOutcome(
+        names=wanted.names,
+        models=wanted.models,
+        desired=wanted.angles,
+        requests=made.requests,
+        predicted=made.predicted,
+        cyclic=choices["cyclic"],
+        limits=limits,
+        bounds={name: each.lower_bound for name, each in made.inversions.items()},
+        norm=choices["norm"] or "rms",
+        leg=leg,
+        foot=None if leg is None else wanted.foot,
+    )
+    robot = choices.get("leg") or choices.get("urdf")
+    parts = [PurePath(robot).name if robot else "", leg.foot if leg and not _shipped(robot) else ""]
+    origins = [("path", path)]
+    if leg is not None:
+        origins += [("leg", f"{robot}, from {leg.base} to {leg.foot}")]
+    for name in TOLD:
+        if choices.get(name):
+            value = choices[name]
+            origins.append((name, value if isinstance(value, str) else ", ".join(map(str, value))))
+    return plan_page(
+        outcome,
+        title=" · ".join(filter(None, parts)) or ", ".join(wanted.names),
+        method=choices["method"],
+        origins=origins,
+        unreachable=wanted.moved,
+        missed=missed,
+    )
+
+
+def _shipped(robot: str | None) -> bool:
+    from planner.cli.legs import SHIPPED
+
+    return robot in SHIPPED

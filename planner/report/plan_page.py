@@ -1,0 +1,122 @@
+"""The report of a plan for any leg, or any joints, as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner._version import __version__
+from planner.report.figures import Picture
+from planner.report.page import PARAMETERS, environment
+from planner.report.plan_draw import draw_distances, draw_joint, draw_view
+from planner.report.plan_words import joint_rows, remarks, size, verdict
+from planner.report.render import to_inline_svg
+from planner.report.results import versions
+from planner.report.style import CLOSED_FORM, FOOT_OPTIMAL, OPTIMAL, ROLES, applied
+
+if TYPE_CHECKING:
+    from planner.evaluation.plan_outcome import PlanOutcome
+
+METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
+"""How the plan of each method is drawn everywhere."""
+
+LIBRARIES = ("request-planner", "python", "numpy", "casadi", "pinocchio", "matplotlib")
+"""Whose versions stand at the end of the page."""
+
+
+def plan_page(
+    outcome: PlanOutcome,
+    *,
+    title: str,
+    method: str,
+    origins: Sequence[tuple[str, str]] = (),
+    unreachable: int = 0,
+    missed: Sequence[str] = (),
+) -> str:
+    """The whole page: what holds and what does not first, where it comes from last.
+
+    Args:
+        outcome: The plan.
+        title: What was planned for.
+        method: How, as the command line calls it.
+        origins: What the plan was made from: pairs of what it is and which.
+        unreachable: How many positions are out of the leg's reach.
+        missed: Tolerances that the plan misses, in words.
+    """
+    head, tail = verdict(outcome)
+    found = versions()
+    said = remarks(outcome, unreachable=unreachable, missed=missed)
+    return (
+        environment()
+        .get_template("plan.html")
+        .render(
+            title=title,
+            method=method,
+            outcome=outcome,
+            head=head,
+            tail=tail,
+            holds=not (missed or outcome.jumps),
+            remarks=said,
+            feet={name: size(each, 100.0) for name, each in outcome.distances.items()},
+            joints=joint_rows(outcome),
+            requests_deg=np.degrees(outcome.requests).tolist(),
+            pictures=pictures(outcome, method),
+            drawn=_drawn,
+            words=PARAMETERS,
+            origins=origins,
+            roles=ROLES,
+            made_by=f"request-planner {__version__} plan",
+            versions={name: found[name] for name in LIBRARIES if name in found},
+        )
+    )
+
+
+def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
+    """The pictures: of the foot, if there is one, and of the joints."""
+    role = METHODS[method]
+    foot = []
+    with applied():
+        if outcome.feet:
+            foot = [
+                Picture(
+                    f"foot_{view}",
+                    f"The foot from the {view}",
+                    "The leg stands at the beginning of the planned motion; thin lines are later "
+                    "moments.",
+                    f"Paths of the foot seen from the {view}: desired, direct and planned.",
+                    draw_view(outcome, role, view),
+                )
+                for view in ("side", "front")
+            ]
+            foot.append(
+                Picture(
+                    "foot_distances",
+                    "The foot's error over time",
+                    "Distance of the foot from where it should be at the same moment.",
+                    "Two curves over time: the distance without a plan and with it.",
+                    draw_distances(outcome, role),
+                )
+            )
+        joints = [
+            Picture(
+                f"joint_{j}",
+                name,
+                "Above: what the joint should do, does without a plan, and does with it. Below: "
+                "what is requested of it; limits that are near are dotted.",
+                f"Angles and requests of the joint {name} over time.",
+                draw_joint(outcome, role, j),
+            )
+            for j, name in enumerate(outcome.names)
+        ]
+    return {"foot": foot, "joints": joints}
+
+
+def _drawn(picture: Picture) -> object:
+    """The picture as an element of the page."""
+    from markupsafe import Markup
+
+    return Markup(  # its words are escaped where it is drawn
+        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
+    )
