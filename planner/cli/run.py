@@ -116,6 +116,7 @@ def _make(ready: Run, out: str, *, as_json: bool) -> None:
             check = run_outputs.write_comparison(folder, ready)
             if not check.passed:
                 failures.append(verdict_line(check))
+        run_outputs.write_report(folder, ready, made, missed)
         run_outputs.write_scene(folder, ready, made)
         answer: dict[str, Any] = {
             "made_by": "request-planner run",

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from planner.cli import planning, starts, tolerance
 from planner.cli.export_options import check_options
-from planner.cli.legs import Place, find_leg
+from planner.cli.legs import Place, find_leg, load_leg
 from planner.cli.limits import Limits, parse_limits
 from planner.cli.run_models import models_of_run
 from planner.cli.run_words import in_export_keys, speaking_of_keys
@@ -64,8 +64,8 @@ def read_run(path: str) -> Run:
     _check_names(settings)
     choices = _choices(settings)
     with speaking_of_keys(settings):
-        place = find_leg(*(choices[key] for key in ("leg", "urdf", "base", "foot")))
-        wanted = _wanted(settings, place)
+        place = find_leg(choices)
+        wanted = _wanted(settings, load_leg(choices))
         planning.check_choices(choices, wanted)
         tolerance.check_choices(choices, foot=wanted.foot is not None)
         limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
@@ -88,6 +88,8 @@ def _choices(settings: Settings) -> dict[str, Any]:
         "urdf": None if urdf is None else _beside(settings, urdf),
         "base": settings["leg.base"],
         "foot": settings["leg.foot"],
+        "lock": (*_positions(settings["leg.lock"]), *_positions(settings["leg.lock_m"], "m")),
+        "near": _positions(settings["leg.near"]),
         **{key: settings[f"plan.{key}"] for key in ("method", "cyclic", "norm", "weights")},
         **{key: settings[f"plan.{key}"] for key in ("segments", "rule")},
         **{f"tolerance_{unit}": settings[f"tolerance.{unit}"] for unit in ("deg", "cm")},
@@ -105,11 +107,12 @@ def _entries(settings: Settings, table: str, spelt: Any) -> tuple[str, ...]:
     return tuple(entries)
 
 
-def _wanted(settings: Settings, place: Place | None) -> Wanted:
-    from kinematics import Leg
+def _positions(by_joint: Mapping[str, float] | None, unit: str = "") -> tuple[str, ...]:
+    return tuple(f"{joint}={position!r}{unit}" for joint, position in (by_joint or {}).items())
 
-    leg = None if place is None else Leg.from_urdf(place.urdf, base=place.base, foot=place.foot)
-    models = models_of_run(settings, lambda name: _beside(settings, name))
+
+def _wanted(settings: Settings, leg: Leg | None) -> Wanted:
+    models = models_of_run(settings, lambda name: _beside(settings, name), leg)
     file, joints = settings["path.file"], tuple(settings["path.joints"])
     unreachable = settings["leg.unreachable"]
     if "path.half_ellipse" in settings.given:
@@ -130,6 +133,7 @@ def _wanted(settings: Settings, place: Place | None) -> Wanted:
 def _half_ellipse(settings: Settings, leg: Leg | None, models: Any, unreachable: Any) -> Wanted:
     from planner.files.foot_path import FootPath
     from planner.gait import half_ellipse
+    from planner.stride import stride
 
     if leg is None:
         raise settings.fault(
@@ -142,8 +146,14 @@ def _half_ellipse(settings: Settings, leg: Leg | None, models: Any, unreachable:
         for name, value in settings.values.items()
         if name.startswith(prefix)
     }
-    path = FootPath(settings.file.path, half_ellipse(**parameters), None)
-    return from_foot(path, models, leg, unreachable)
+    if parameters.pop("for_leg"):
+        given = {key: value for key, value in parameters.items() if prefix + key in settings.given}
+        made = stride(leg, **given)
+        positions = made.foot
+        leg = leg if settings["leg.near"] else replace(leg, near=made.pose)
+    else:
+        positions = half_ellipse(**parameters)
+    return from_foot(FootPath(settings.file.path, positions, None), models, leg, unreachable)
 
 
 def _export(settings: Settings, number: int, table: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -186,7 +196,7 @@ def _check_names(settings: Settings) -> None:
 
 
 def _names(settings: Settings) -> Iterator[tuple[str, str]]:
-    for key in ("requests", "angles", "desired", "foot", "scene"):
+    for key in ("requests", "angles", "desired", "foot", "report", "scene"):
         if settings[f"output.{key}"]:
             yield f"output.{key}", settings[f"output.{key}"]
     for number, each in enumerate(settings["export"]):

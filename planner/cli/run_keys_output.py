@@ -35,6 +35,13 @@ OUTPUT = Table(
             default="foot.csv",
         ),
         Key(
+            name="report",
+            kind=written_name(or_none=True),
+            about="A page about the plan, with pictures, such as report.html.",
+            default="",
+            set_to="report.html",
+        ),
+        Key(
             name="comparison",
             kind=flag(),
             about="Whether to hold both inversions against each other, as compare does: "

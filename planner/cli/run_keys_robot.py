@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import fields
 
 from planner.cli.legs import SHIPPED
+from planner.cli.models import FROM_URDF
 from planner.cli.models import SHIPPED as SHIPPED_MODEL
-from planner.files.kinds import choice, number, several, source, text, whole
+from planner.files.kinds import by_name, choice, flag, number, several, source, text, whole
 from planner.files.schema import Key, Table
 from planner.model.joint import JointModel
 
@@ -73,6 +74,24 @@ LEG = Table(
             example="lf_foot",
         ),
         Key(
+            name="lock",
+            kind=by_name(number(), "angles by joint"),
+            about="With urdf: joints to hold, and where [deg], so that three remain.",
+            example={"wrist": -90.0},
+        ),
+        Key(
+            name="lock_m",
+            kind=by_name(number(), "positions by joint"),
+            about="With urdf: the same of joints that slide [m].",
+            example={"slide": 0.1},
+        ),
+        Key(
+            name="near",
+            kind=by_name(number(), "angles by joint"),
+            about="A pose near which to start [deg], of several that reach the first point.",
+            example={"knee": 30.0},
+        ),
+        Key(
             name="unreachable",
             kind=choice("raise", "nearest", "clamp"),
             about="Positions out of reach: stop and list them, take the nearest, or clamp joints.",
@@ -89,8 +108,9 @@ MODELS = (
         keys=(
             Key(
                 name="file",
-                kind=source(f"a model file, or {SHIPPED_MODEL}"),
-                about=f"A model file as identify writes it, or '{SHIPPED_MODEL}', of Table 1.",
+                kind=source(f"a model file, {SHIPPED_MODEL} or {FROM_URDF}"),
+                about=f"A model file as identify writes it; '{SHIPPED_MODEL}' is Table 1 of the "
+                f"paper, '{FROM_URDF}' stands in with the top speeds of the leg's description.",
                 default=SHIPPED_MODEL,
             ),
         ),
@@ -167,6 +187,13 @@ PATHS = (
                 kind=number(above=0.0, below=1.0),
                 about="Part of the cycle on the ground.",
                 default=0.5,
+            ),
+            Key(
+                name="for_leg",
+                kind=flag(),
+                about="Whether to size and place it for the leg, in the frame of its base, as "
+                "gait --leg does: lengths that are not set here are then the leg's own.",
+                default=False,
             ),
         ),
     ),

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from planner.cli.models import SHIPPED
+from planner.cli.models import FROM_URDF, SHIPPED, load_models
 from planner.exceptions import InvalidModel
 from planner.files.joint_model import REQUIRED, ModelFile, read_models
 from planner.files.schema import Settings
 from planner.files.table import nearest
 from planner.model.joint import JointModel
+
+if TYPE_CHECKING:
+    from kinematics import Leg
 
 TABLES_OF_JOINTS = ("limits.joints", "start.joints", "model.joints")
 """Tables whose keys are names of joints."""
@@ -34,17 +37,18 @@ class ModelsOfRun(ModelFile):
         return super().for_joints(names)
 
 
-def models_of_run(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
+def models_of_run(settings: Settings, beside: Callable[[str], str], leg: Leg | None) -> ModelFile:
     """The models that a run file names or holds.
 
     Args:
         settings: The run.
         beside: Where a file is that the run names.
+        leg: The leg, whose description may tell how fast the joints are.
 
     Raises:
         InvalidFile: A model file is unusable, parameters describe no joint, or they contradict.
     """
-    base = _for_all(settings, beside)
+    base = _for_all(settings, beside, leg)
     by_joint = dict(base.by_joint)
     for joint, table in settings["model.joints"].items():
         by_joint[joint] = _of_joint(settings, base, joint, table, beside)
@@ -67,11 +71,15 @@ def check_joints(settings: Settings, joints: Sequence[str]) -> None:
                 )
 
 
-def _for_all(settings: Settings, beside: Callable[[str], str]) -> ModelFile:
+def _for_all(settings: Settings, beside: Callable[[str], str], leg: Leg | None) -> ModelFile:
     path = settings.file.path
     if "model.parameters" not in settings.given:
         if settings["model.file"] == SHIPPED:
             return ModelFile(path, JointModel.ers210a(), {})
+        if settings["model.file"] == FROM_URDF:
+            joints = () if leg is None else leg.joint_names
+            made = zip(joints, load_models(FROM_URDF, joints, leg), strict=True)
+            return ModelFile(path, None, dict(made))
         return read_models(beside(settings["model.file"]))
     if "model.file" in settings.given:
         raise settings.fault(

@@ -64,6 +64,18 @@ def write_comparison(folder: Path, run: Run) -> CrossCheck:
     return check
 
 
+def write_report(folder: Path, run: Run, made: Plan, missed: list[str]) -> None:
+    """A page about the plan."""
+    from planner.cli.plan_report import plan_report
+    from planner.files.text import write_text
+
+    if file := _place(folder, run, "report"):
+        path = run.settings["path.file"] or "a half ellipse"
+        choices = {**run.choices, "model": run.settings["model.file"]}
+        page = plan_report(path, choices, run.wanted, made, limits=run.limits, missed=missed)
+        write_text(file, page)
+
+
 def write_scene(folder: Path, run: Run, made: Plan) -> None:
     """The robot moving, as a page."""
     from kinematics.scene import Scene
@@ -79,7 +91,7 @@ def write_scene(folder: Path, run: Run, made: Plan) -> None:
     leg: Leg | None = run.wanted.leg
     assert leg is not None, "a scene without a leg is refused"
     shown = shown_motions(leg, run.wanted, made.predicted, cyclic=cyclic)
-    scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot)
+    scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     title = f"request-planner: {run.choices['leg'] or place.foot}"
     page = scene_page(scene, shown, period=run.wanted.period, cyclic=cyclic, title=title)
     write_text(file, page)

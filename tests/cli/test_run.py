@@ -1,0 +1,247 @@
+"""A run file does what the single commands do, inside its folder, whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+import planner
+from planner.files.joint_path import read_joint_path
+from planner.model.joint import JointModel
+
+SAME = 1e-10
+"""Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
+
+ROUNDED = 1e-6
+"""A foot path in a file carries 12 decimals of a metre, which the search magnifies [rad]."""
+
+JOINTS = '[path]\nfile = "desired.csv"\n'
+"""The least that makes a run, on the file of two joints."""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a run file and say what it is called."""
+
+    def write(content, name="it.toml"):
+        file = tmp_path / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(content, encoding="utf-8")
+        return str(file.relative_to(tmp_path))
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def template():
+    """The template."""
+    from click.testing import CliRunner
+
+    from planner.cli import cli
+
+    return CliRunner().invoke(cli, ["run", "--template"]).stdout
+
+
+def results(folder):
+    return json.loads((folder / "results.json").read_text(encoding="utf-8"))
+
+
+def test_the_template_runs_as_it_is_and_plans_what_plan_does(run, write, template, tmp_path):
+    result = run("run", write(template, "walk.toml"))
+    assert result.exit_code == 0, result.stderr
+    run("gait", "-o", "foot.csv")
+    leg = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
+    run("plan", "foot.csv", *leg, "-o", "plan.csv")
+    folder = tmp_path / "walk"
+    written, other = (
+        read_joint_path(file).angles for file in (folder / "requests.csv", tmp_path / "plan.csv")
+    )
+    assert np.max(np.abs(written - other)) <= ROUNDED
+    document = results(folder)
+    files = ["angles.csv", "controller.csv", "desired.csv", "foot.csv", "report.html"]
+    files += ["requests.csv"]
+    assert document["files"] == files
+    assert document["within_tolerance"] is True
+    angles = read_joint_path(folder / "angles.csv").angles
+    for j, joint in enumerate(document["joints"].values()):
+        assert np.degrees(angles[:, j]) == pytest.approx(joint["predicted_deg"], abs=1e-9)
+
+
+def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
+    assert desired.exists()
+    file = write(JOINTS)
+    for out in ("one", "two"):
+        assert run("run", file, "--out", out).exit_code == 0
+    for each in (tmp_path / "one").iterdir():
+        assert each.read_bytes() == (tmp_path / "two" / each.name).read_bytes()
+
+
+def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.cli.planning.make_plan", None)
+    result = run("run", write(template), "--check", "--out", "out")
+    assert result.exit_code == 0
+    assert result.stderr == (
+        "it.toml: holds; 88 samples, 0.008 s apart, of rotator, abductor, knee; "
+        "method foot-optimal\n"
+    )
+    assert [each.name for each in tmp_path.iterdir()] == ["it.toml"]
+
+
+def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypatch):
+    file = write('out = "results"\n[path]\nfile = "../desired.csv"\n', "runs/it.toml")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert desired.exists()
+    result = run("run", tmp_path / file)
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "runs" / "results" / "results.json").is_file()
+    assert list(elsewhere.iterdir()) == []
+
+
+def test_standard_input_is_a_run_file_too(run, template, tmp_path):
+    assert run("run", "-", "--out", "out", stdin=template).exit_code == 0
+    assert (tmp_path / "out" / "requests.csv").is_file()
+    assert run("run", "-", stdin=template).stderr == (
+        "request-planner: name a folder for the results with --out. "
+        "See 'request-planner run --help'.\n"
+    )
+
+
+def test_models_are_inline_or_files_for_all_joints_or_for_one(run, write, desired, tmp_path):
+    assert desired.exists()
+    slow = JointModel(v_max=4.0, theta_0=0.12, lag=0.05, acceleration_time=0.05)
+    knee = "v_max = 4.0\ntheta_0 = 0.12\nlag = 0.05\nacceleration_time = 0.05\n"
+    (tmp_path / "knee.toml").write_text(knee)
+    ways = {
+        "inline": JOINTS + f"[model.joints.knee]\n{knee}",
+        "a file of one joint": JOINTS + '[model.joints.knee]\nfile = "knee.toml"\n',
+        "all, but for one key": JOINTS
+        + "[model.parameters]\n"
+        + knee.replace("0.05\nacc", "0.02\nacc")
+        + "[model.joints.knee]\nlag = 0.05\n",
+    }
+    for name, content in ways.items():
+        result = run("run", write(content), "--out", name)
+        assert result.exit_code == 0, result.stderr
+        requests = read_joint_path(tmp_path / name / "requests.csv").angles
+        angles = read_joint_path(tmp_path / name / "angles.csv").angles
+        assert np.max(np.abs(planner.simulate(slow, requests[:, 1]) - angles[:, 1])) <= SAME
+    hip = JointModel.ers210a()
+    requests = read_joint_path(tmp_path / "inline" / "requests.csv").angles
+    angles = read_joint_path(tmp_path / "inline" / "angles.csv").angles
+    assert np.max(np.abs(planner.simulate(hip, requests[:, 0]) - angles[:, 0])) <= SAME
+
+
+def test_limits_of_one_joint_have_the_last_word(run, write, desired, tmp_path):
+    assert desired.exists()
+    limits = "[limits]\ndeg = [-23, 33]\n[limits.joints]\nknee = [5, 29]\n"
+    assert run("run", write(JOINTS + limits)).exit_code == 0
+    requests = np.degrees(read_joint_path(tmp_path / "it" / "requests.csv").angles)
+    assert np.min(requests[:, 0]) >= -23.0 - SAME
+    assert np.min(requests[:, 0]) < 5.0
+    assert np.min(requests[:, 1]) >= 5.0 - SAME
+    assert np.max(requests[:, 1]) <= 29.0 + SAME
+
+
+def test_joints_rest_where_the_file_says(run, write, desired, tmp_path):
+    assert desired.exists()
+    start = "[plan]\ncyclic = false\n[start]\ndeg = 2\n[start.joints]\nknee = 20\n"
+    assert run("run", write(JOINTS + start)).exit_code == 0
+    angles = np.degrees(read_joint_path(tmp_path / "it" / "angles.csv").angles)
+    assert angles[0] == pytest.approx([2.0, 20.0], abs=1e-9)
+
+
+def test_a_missed_tolerance_is_status_1_and_all_files(run, write, desired, tmp_path):
+    assert desired.exists()
+    result = run("run", write(JOINTS + '[plan]\nmethod = "closed-form"\n[tolerance]\ndeg = 1e-6\n'))
+    assert result.exit_code == 1
+    assert result.stderr.splitlines()[-1].startswith("request-planner: hip is off by ")
+    assert result.stderr.endswith("; the files are written all the same\n")
+    assert results(tmp_path / "it")["within_tolerance"] is False
+    assert (tmp_path / "it" / "requests.csv").is_file()
+
+
+def test_exports_are_those_of_export(run, write, desired, tmp_path):
+    assert desired.exists()
+    content = JOINTS + (
+        '[output]\nangles = ""\ndesired = ""\n'
+        '[[export]]\nformat = "csv"\nfile = "servos/ticks.csv"\nunit = "ticks"\ncycles = 2\n'
+        "rate_hz = 50\nzero_tick = 1000\nzero_ticks = {knee = 500}\n"
+        '[[export]]\nformat = "csv"\nfile = "deg.csv"\nunit = "deg"\njoint_names = ["a", "b"]\n'
+    )
+    result = run("run", write(content))
+    assert result.exit_code == 0, result.stderr
+    folder = tmp_path / "it"
+    assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv"]
+    ticks = (
+        "--format csv --unit ticks --cycles 2 --rate-hz 50 --zero-tick 1000 --zero-tick knee=500"
+    )
+    degrees = "--format csv --unit deg --joint-names a,b"
+    for options, file in ((ticks, "servos/ticks.csv"), (degrees, "deg.csv")):
+        exported = run("export", folder / "requests.csv", *options.split())
+        written = (folder / file).read_text()
+        assert exported.stdout.splitlines()[0] == written.splitlines()[0]
+        numbers = [
+            np.loadtxt(text.splitlines()[1:], delimiter=",") for text in (exported.stdout, written)
+        ]
+        assert numbers[0] == pytest.approx(numbers[1], abs=1e-9)
+    assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
+
+
+def test_a_comparison_is_that_of_compare(run, write, desired, tmp_path):
+    result = run("run", write(JOINTS + '[output]\ncomparison = true\nlevel = "slope"\n'))
+    assert result.exit_code == 0, result.stderr
+    own = json.loads((tmp_path / "it" / "comparison.json").read_text())
+    other = json.loads(run("compare", desired, "--level", "slope", "--json").stdout)
+    assert own == {key: value for key, value in other.items() if key in own}
+    assert (tmp_path / "it" / "comparison.svg").read_text().startswith("<?xml")
+
+
+def test_the_scene_is_a_page(run, write, foot, tmp_path):
+    pytest.importorskip("meshcat", reason="needs the extra 'meshcat'")
+    assert foot.exists()
+    content = (
+        '[leg]\nname = "front-left"\n[path]\nfile = "foot.csv"\n[output]\nscene = "leg.html"\n'
+    )
+    assert run("run", write(content)).exit_code == 0
+    assert "<html" in (tmp_path / "it" / "leg.html").read_text(encoding="utf-8")[:500]
+
+
+def test_json_is_what_the_folder_holds(run, write, desired, tmp_path):
+    assert desired.exists()
+    result = run("run", write(JOINTS), "--json")
+    assert json.loads(result.stdout) == results(tmp_path / "it")
+    assert result.stderr == ""
+    settings = results(tmp_path / "it")["settings"]
+    assert settings["plan.method"] == "optimal"
+    assert math.isclose(settings["path.half_ellipse.length"], 0.04893)
+
+
+def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, desired, tmp_path):
+    assert desired.exists()
+    file = write(JOINTS)
+    assert run("run", file).exit_code == 0
+    before = {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()}
+    failing = JOINTS + '[plan]\nmethod = "closed-form"\n[limits.joints]\nknee = [5, 29]\n'
+    result = run("run", write(failing))
+    assert result.exit_code == 1
+    assert result.stderr.endswith("plan.method optimal keeps to them\n")
+    assert {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()} == before
+    left = [each.name for each in tmp_path.iterdir() if each.name.startswith(".")]
+    assert left == []
+
+
+def test_a_folder_of_others_is_not_touched(run, write, desired, tmp_path):
+    assert desired.exists()
+    (tmp_path / "it").mkdir()
+    (tmp_path / "it" / "thesis.txt").write_text("mine")
+    result = run("run", write(JOINTS))
+    assert result.exit_code == 2
+    assert "holds files that no earlier run made (thesis.txt)" in result.stderr
+    shutil.rmtree(tmp_path / "it")
+    assert run("run", write(JOINTS)).exit_code == 0
