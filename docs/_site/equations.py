@@ -12,8 +12,8 @@ from sphinx.util.nodes import make_refnode
 HOME = "math"
 """The page with the numbered equations."""
 
-HERE = re.compile(r"\((\d+a?)\)")
-ELSEWHERE = re.compile(r"(?<=[Ee]quation )\((\d+a?)\)")
+HERE = re.compile(r"\((\d+[a-z]?)\)")
+ELSEWHERE = re.compile(r"(?<=[Ee]quation )\((\d+[a-z]?)\)")
 NO_PROSE = (nodes.literal, nodes.literal_block, nodes.math, nodes.math_block, nodes.reference)
 
 LOG = logging.getLogger(__name__)
