@@ -92,11 +92,16 @@ def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monke
 
 
 def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypatch):
-    file = write('out = "results"\n[path]\nfile = "../desired.csv"\n', "runs/it.toml")
+    model = write(
+        "v_max = 4.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n", "runs/a.toml"
+    )
+    shutil.copy(tmp_path / model, tmp_path / "runs" / "knee.toml")
+    content = 'out = "results"\n[path]\nfile = "own.csv"\n[model]\nfile = "a.toml"\n'
+    file = write(f'{content}[model.joints.knee]\nfile = "knee.toml"\n', "runs/it.toml")
+    desired.rename(tmp_path / "runs" / "own.csv")
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
-    assert desired.exists()
     result = run("run", tmp_path / file)
     assert result.exit_code == 0, result.stderr
     assert (tmp_path / "runs" / "results" / "results.json").is_file()

@@ -1,0 +1,185 @@
+"""What people expect of any command line: help, quiet, colours, completion, a quick start."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import click
+import pytest
+
+from planner._version import __version__
+from planner.cli import cli
+from planner.cli.program import COMMANDS
+
+HEAVY = (
+    "casadi",
+    "cvxpy",
+    "jinja2",
+    "matplotlib",
+    "meshcat",
+    "mujoco",
+    "numpy",
+    "osqp",
+    "pinocchio",
+    "pyarrow",
+    "pyscipopt",
+    "rosbags",
+    "scipy",
+    "yaml",
+)
+"""Packages that take long to import."""
+
+RED = "\x1b[31m"
+
+
+def command(name):
+    return cli.get_command(click.Context(cli), name)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_a_short_help_an_example_and_help_for_every_option(name):
+    told = command(name)
+    assert re.fullmatch(r"[A-Z].{10,60}\.", told.short_help)
+    assert "Example" in told.help
+    options = [each for each in told.params if isinstance(each, click.Option)]
+    assert [each.name for each in options if not each.help and each.name != "seed"] == []
+    for letter in "qv":
+        assert any(f"-{letter}" in each.opts for each in options)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["run", "--help"], []])
+def test_help_and_version_import_nothing_heavy(arguments):
+    code = (
+        "import sys\nfrom planner.cli import cli\n"
+        "try:\n    cli.main(sys.argv[1:])\nexcept SystemExit as end:\n    assert not end.code\n"
+        "print('imported', *sorted({name.partition('.')[0] for name in sys.modules}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
+    *_, imported = done.stdout.splitlines()
+    assert imported.startswith("imported ")
+    assert set(imported.split()) & {*HEAVY} == set()
+
+
+def test_the_version_is_that_of_the_package(run):
+    assert run("--version").stdout == f"request-planner {__version__}\n"
+
+
+@pytest.mark.parametrize("wrong", ["plam", "simulat", "comparee"])
+def test_a_misspelt_command_is_told_the_nearest(run, wrong):
+    near = {"plam": "plan", "simulat": "simulate", "comparee": "compare"}[wrong]
+    result = run(wrong)
+    assert result.exit_code == 2
+    assert result.stderr == (
+        f"request-planner: No such command '{wrong}'. Did you mean '{near}'? "
+        "See 'request-planner --help'.\n"
+    )
+
+
+@pytest.mark.parametrize("arguments", [["-q", "plan"], ["plan", "--quiet"]])
+def test_quiet_leaves_the_data_alone(run, desired, arguments):
+    result = run(*arguments, desired)
+    assert result.stdout == run("plan", desired).stdout
+    assert result.stderr == ""
+
+
+def test_quiet_leaves_warnings_and_errors(run, desired, tmp_path):
+    model = tmp_path / "model.toml"
+    model.write_text("v_max = 5.0\ntheta_0 = 0.03\nlag = 0.03\nacceleration_time = 0.08\n")
+    result = run("-q", "plan", desired, "--model", model, "--method", "closed-form")
+    assert result.stderr.startswith("request-planner: warning: the paper's rule assumes")
+    assert result.stderr.count("\n") == 1
+    assert run("-q", "plan", "nowhere.csv").stderr.endswith("check the name and the folder\n")
+
+
+@pytest.mark.parametrize("arguments", [["-v", "plan"], ["plan", "--verbose"]])
+def test_verbose_says_how_long_it_took_and_what_the_solvers_said(run, desired, arguments):
+    result = run(*arguments, desired, "--json")
+    json.loads(result.stdout)
+    number = r"\d[\d.e-]*"
+    for line in (
+        f"joint: {number} searches, best {number} rad",
+        "lower bound: Clarabel says optimal",
+        f"hip: {number} s",
+        f"knee: {number} s",
+        f"{number} s in all",
+    ):
+        assert re.search(rf"^request-planner: {line}$", result.stderr, re.MULTILINE), line
+    assert "s in all" not in run("plan", desired).stderr
+
+
+def test_quiet_and_verbose_contradict_each_other(run):
+    result = run("-q", "gait", "-v")
+    assert result.exit_code == 2
+    assert "--quiet and --verbose contradict each other: leave one out." in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("settings", "coloured"),
+    [
+        ({}, False),
+        ({"FORCE_COLOR": "1"}, True),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
+        ({"FORCE_COLOR": "1", "NO_COLOR": ""}, True),
+        ({"FORCE_COLOR": ""}, False),
+    ],
+)
+def test_colours_are_for_terminals_and_those_who_ask(run, monkeypatch, settings, coloured):
+    for name in ("NO_COLOR", "FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    assert (RED in run("bogus").stderr) is coloured
+    assert ("\x1b[1m" in run("gait", "-o", "foot.csv").stderr) is coloured
+    assert "\x1b" not in run("gait").stdout
+
+
+@pytest.mark.parametrize(
+    ("shell", "line"),
+    [
+        ("bash", "complete -o nosort -F _request_planner_completion request-planner"),
+        ("zsh", "#compdef request-planner"),
+        ("fish", "complete --no-files --command request-planner"),
+    ],
+)
+def test_every_shell_gets_its_script(run, shell, line):
+    result = run("completion", shell)
+    assert result.exit_code == 0
+    assert line in result.stdout
+    assert "_REQUEST_PLANNER_COMPLETE" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("pl", ["plain,plan"]),
+        ("plan --meth", ["plain,--method"]),
+        ("plan --method op", ["plain,optimal"]),
+        ("plan fo", ["file,fo"]),
+        ("gait -o fo", ["file,fo"]),
+        ("run wal", ["file,wal"]),
+        ("reproduce --out ou", ["dir,ou"]),
+        ("completion z", ["plain,zsh"]),
+    ],
+)
+def test_a_shell_is_told_what_may_come_next(typed, offered):
+    words = f"request-planner {typed}"
+    environment = {
+        **os.environ,
+        "_REQUEST_PLANNER_COMPLETE": "bash_complete",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split()) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", "from planner.cli import main; main()"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == offered
