@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.browser import Browser
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("suite")
@@ -24,6 +27,27 @@ def recordings() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings: REQUEST_PLANNER_RECORDINGS names no folder ({folder})")
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """A browser for pages that live: one for all tests, each of which opens its page anew."""
+    executable = shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        pytest.skip("Chromium is not installed")
+    browser = Browser(executable, tmp_path_factory.mktemp("browser"))
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="session")
+def robots() -> Path:
+    """The folder of example-robot-data; a test that asks for it is skipped without."""
+    try:
+        found = distribution("example-robot-data")
+    except PackageNotFoundError:
+        pytest.skip("needs the extra robots")
+    return Path(str(found.locate_file("cmeel.prefix/share/example-robot-data/robots")))
 
 
 @pytest.fixture

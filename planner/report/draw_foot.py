@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planner.report.curves import Curve, Panel, draw_curve
 from planner.report.style import (
     DESIRED,
     DIRECT,
@@ -77,10 +79,8 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
 
     figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
     axes = figure.add_subplot()
-    for method, role in ROLES.items():
-        distances = 100.0 * reproduction.foot[method].distances
-        cycle = np.append(distances, distances[0])
-        axes.plot(np.arange(len(cycle)), cycle, **role.line)
+    for curve in distance_panel(reproduction).curves:
+        draw_curve(axes, curve)
     samples = len(reproduction.walk.desired)
     axes.set_xlim(0, samples)
     axes.set_ylim(bottom=0.0)
@@ -89,6 +89,17 @@ def draw_foot_distances(reproduction: Reproduction) -> Figure:
     axes.set_ylabel("distance [cm]")
     legend(axes, 2)
     return figure
+
+
+def distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -> Panel:
+    """The foot's distances over samples, those of some methods hidden at first."""
+    curves = []
+    for method, role in ROLES.items():
+        distances = 100.0 * reproduction.foot[method].distances
+        values = np.append(distances, distances[0])
+        times = np.arange(float(len(values)))
+        curves.append(Curve(role, times, values, hidden=method in hidden))
+    return Panel("foot, from its desired path", "distance", "cm", tuple(curves), floor=True)
 
 
 def side_view(height: float) -> tuple[Figure, Axes]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from planner.evaluation.paper import STEP_AMPLITUDES
 from planner.report import draw_agreement, draw_foot, draw_joints, draw_model
+from planner.report.live_figures import live_figures
 from planner.report.style import applied
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ class Picture:
         caption: What to see in it.
         description: What it shows, for those who cannot see it.
         figure: The picture.
+        live: What takes its place in a page on a screen, or None.
     """
 
     name: str
@@ -34,13 +36,15 @@ class Picture:
     caption: str
     description: str
     figure: Figure
+    live: Mapping[str, Any] | None = None
 
 
 def pictures(reproduction: Reproduction) -> tuple[Picture, ...]:
     """Draw every picture, in the order of the paper's figures."""
+    live = live_figures(reproduction)
     with applied():
         return tuple(
-            Picture(name, title, caption, description, draw(reproduction))
+            Picture(name, title, caption, description, draw(reproduction), live.get(name))
             for name, title, caption, description, draw in (*_IN_THE_PAPER, *_BEYOND)
         )
 
@@ -64,7 +68,7 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
         "rotator.",
         "Angles of rotator, abductor and knee over one cycle; the actual angles follow the "
         "requested ones some ten samples later and with cut peaks.",
-        draw_joints.draw_direct_joints,
+        partial(draw_joints.joint_rows, curves=draw_joints.direct_curves, columns=2),
     ),
     *(
         (
@@ -101,7 +105,7 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
         "the lines must leave them.",
         "For each joint the desired angles and six straight lines that follow them, joined at "
         "marked knots.",
-        draw_joints.draw_approximation,
+        partial(draw_joints.joint_rows, curves=draw_joints.approximation_curves, columns=3),
     ),
     (
         "figure7_trajectories",
@@ -110,15 +114,15 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
         "know no limits: where the joint has some, a robot would clip them.",
         "For each joint four curves: desired, approximation, requests, which lead the others and "
         "overshoot them, and actual angles close to the approximation.",
-        draw_joints.draw_trajectories,
+        partial(draw_joints.joint_rows, curves=draw_joints.trajectory_curves, columns=4),
     ),
     (
         "figure8_foot_paths",
         "Figure 8: the foot under the methods",
         "The desired path, what the direct method makes of it, the closed form as in the paper, "
-        "and requests optimised for the foot, with the leg in the middle of its time on the "
-        "ground. The best time shift runs along the direct method's path, only earlier; requests "
-        "optimised joint by joint run nearly along the closed form's.",
+        "and requests optimised for the foot; on paper with the leg in the middle of its time on "
+        "the ground. The best time shift runs along the direct method's path, only earlier; "
+        "requests optimised joint by joint run nearly along the closed form's.",
         "Side view of the leg and four closed foot paths; that of the closed form comes closer to "
         "the desired one than the direct method's, and that of requests optimised for the foot "
         "comes closest.",
@@ -127,6 +131,14 @@ _IN_THE_PAPER: tuple[_Entry, ...] = (
 )
 
 _BEYOND: tuple[_Entry, ...] = (
+    (
+        "joints_by_method",
+        "The joints under the methods",
+        "What the joints do while the foot goes as in Figure 8.",
+        "For each joint the desired angles and those under the direct method, which lag, under the "
+        "closed form and under requests optimised for the foot, which lie close to the desired.",
+        partial(draw_joints.joint_rows, curves=draw_joints.method_curves, columns=2),
+    ),
     (
         "foot_distances",
         "The foot's error over time",
@@ -143,7 +155,7 @@ _BEYOND: tuple[_Entry, ...] = (
         "Found on the full nonlinear model, inside the joint's limits, and within a fraction of a "
         "percent of what no requests whatever can beat.",
         "For each joint the desired angles, the optimised requests and the resulting angles.",
-        draw_joints.draw_optimised,
+        partial(draw_joints.joint_rows, curves=draw_joints.optimised_curves, columns=3),
     ),
     (
         "foot_optimised_trajectories",
@@ -152,7 +164,7 @@ _BEYOND: tuple[_Entry, ...] = (
         "their desired angles, and make up for one another.",
         "For each joint the desired angles, the requests of the plan for the foot and the "
         "resulting angles, which leave the desired ones near the top of the swing.",
-        draw_joints.draw_foot_optimised,
+        partial(draw_joints.joint_rows, curves=draw_joints.foot_optimised_curves, columns=3),
     ),
     (
         "table2_agreement",

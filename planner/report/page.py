@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from planner.report.figures import Picture
+from planner.report.live_page import live_head, live_scripts
 from planner.report.paper_tables import GAPS, KEPT, foot_rows, table2_rows
 from planner.report.render import to_inline_svg
 from planner.report.style import ROLES
@@ -24,8 +25,8 @@ PARAMETERS = {
 }
 """What the parameters of a joint are called in words."""
 
-HERO = "figure8_foot_paths"
-"""The picture beside the verdict."""
+FEATURED = ("figure8_foot_paths", "joints_by_method")
+"""The pictures after the key figures: the moving leg and its joints."""
 
 
 def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequence[str]) -> str:
@@ -41,7 +42,7 @@ def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequenc
         results,
         pictures,
         files,
-        hero=HERO,
+        featured=FEATURED,
         gap_of=GAPS,
         kept=KEPT,
         parameters=PARAMETERS,
@@ -54,7 +55,7 @@ def experiment_page(
     pictures: Sequence[Picture],
     files: Sequence[str],
     *,
-    hero: str,
+    featured: Sequence[str],
     **more: object,
 ) -> str:
     """The page of an experiment whose results are shaped like those of the paper's.
@@ -64,7 +65,7 @@ def experiment_page(
         results: The content of ``results.json``.
         pictures: The pictures, in order; drawn into the page.
         files: Files of the run to link to, relative to the page.
-        hero: Name of the picture beside the verdict.
+        featured: Names of the pictures after the key figures.
         more: What else the template needs.
     """
     drawings = {
@@ -73,6 +74,7 @@ def experiment_page(
         )
         for picture in pictures
     }
+    live = {picture.name: picture.live for picture in pictures if picture.live is not None}
     return (
         environment()
         .get_template(template)
@@ -82,7 +84,9 @@ def experiment_page(
             foot=foot_rows(results),
             pictures=pictures,
             drawings=drawings,
-            hero=next(picture for picture in pictures if picture.name == hero),
+            featured=[picture for picture in pictures if picture.name in featured],
+            live_head=live_head(),
+            live_scripts=live_scripts(live),
             files=files,
             roles=ROLES,
             **more,

@@ -6,12 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.evaluation.outcome import approximation
-from planner.model.response import simulate
+from planner.report.curves import draw_curve
 from planner.report.draw_foot import ROLES, draw_leg, draw_path, legend, side_view
-from planner.report.draw_joints import draw_cycle, joint_rows
 from planner.report.style import (
-    APPROXIMATION,
     CLOSED_FORM,
     DESIRED,
     DIRECT,
@@ -19,25 +16,18 @@ from planner.report.style import (
     INK,
     MUTED,
     PLAIN,
-    REQUESTED,
     SURFACE,
     WIDTH,
-    Role,
 )
+from planner.report.virtual_joints import THIN, distance_panel
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.evaluation.outcome import JointOutcome
     from planner.evaluation.virtual_outcome import VirtualOutcome
-    from planner.trajectory import Array
 
 PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTIMAL}
 """The methods whose foot paths are drawn, each over all its cycles."""
-
-THIN = 0.7
-"""Width of a line that is one of many cycles [pt]."""
 
 MEASURED: dict[str, Any] = {
     "color": INK.light,
@@ -51,8 +41,6 @@ MEASURED: dict[str, Any] = {
 
 SMALL: dict[str, Any] = {"fontweight": "normal", "fontsize": 8.5}
 """How figures above a panel look."""
-
-PREDICTED = Role("predicted", INK.light, INK.dark, width=1.1, dashes=(0, (1, 1.6)))
 
 
 def draw_paths(outcome: VirtualOutcome) -> Figure:
@@ -112,66 +100,19 @@ def draw_steps(outcome: VirtualOutcome) -> Figure:
     return figure
 
 
-def draw_unseen(outcome: VirtualOutcome) -> Figure:
-    """Figure 2: the joints under the direct method, and what the models had said of it."""
-    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
-    run = outcome.runs["direct"]
-
-    def draw(axes: Axes, joint: JointOutcome) -> None:
-        j = indices[joint.name]
-        predicted = simulate(outcome.planned.models[j], run.requests[:, j])
-        draw_cycle(axes, joint.desired, DESIRED, "requested = desired")
-        draw_cycles(axes, run.angles[:, :, j], DIRECT, f"actual, {len(run.angles)} cycles")
-        draw_cycle(axes, predicted, PREDICTED)
-
-    return joint_rows(outcome.planned, draw, columns=3)
-
-
-def draw_tracking(outcome: VirtualOutcome) -> Figure:
-    """Figure 7: desired, approximation, requests, and the angles of every cycle."""
-    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
-    run = outcome.runs["closed_form_plain"]
-
-    def draw(axes: Axes, joint: JointOutcome) -> None:
-        draw_cycle(axes, joint.closed_form_plain.requests, REQUESTED)
-        draw_cycle(axes, joint.desired, DESIRED)
-        draw_cycle(axes, approximation(joint.closed_form_plain), APPROXIMATION)
-        draw_cycles(axes, run.angles[:, :, indices[joint.name]], PLAIN, "actual")
-
-    return joint_rows(outcome.planned, draw, columns=4)
-
-
-def draw_foot_tracking(outcome: VirtualOutcome) -> Figure:
-    """The joints under the requests that were planned for the foot, every cycle."""
-    indices = {joint.name: j for j, joint in enumerate(outcome.planned.joints)}
-    run = outcome.runs["foot_optimal"]
-
-    def draw(axes: Axes, joint: JointOutcome) -> None:
-        j = indices[joint.name]
-        draw_cycle(axes, run.requests[:, j], REQUESTED)
-        draw_cycle(axes, joint.desired, DESIRED)
-        draw_cycles(axes, run.angles[:, :, j], FOOT_OPTIMAL, "actual")
-        draw_cycle(axes, joint.foot_optimal, PREDICTED)
-
-    return joint_rows(outcome.planned, draw, columns=4)
-
-
 def draw_distances(outcome: VirtualOutcome) -> Figure:
     """How far the foot is from where it should be, at each time of every cycle."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
     axes = figure.add_subplot()
-    wanted = outcome.planned.walk.desired_foot
-    for method, role in ROLES.items():
-        cycles = 100.0 * np.linalg.norm(outcome.foot_paths[method] - wanted, axis=2)
-        for k, distances in enumerate(cycles):
-            label = role.label if k == 0 else "_cycle"
-            closed = np.append(distances, distances[0])
-            axes.plot(np.arange(len(closed)), closed, **role._replace(width=THIN, label=label).line)
-    axes.set_xlim(0, len(wanted))
+    for curve in distance_panel(outcome).curves:
+        draw_curve(axes, curve)
+    axes.set_xlim(0, len(outcome.planned.walk.desired))
     axes.set_ylim(bottom=0.0)
-    axes.set_xticks(range(0, len(wanted) + 1, len(wanted) // 8))
+    axes.set_xticks(
+        range(0, len(outcome.planned.walk.desired) + 1, len(outcome.planned.walk.desired) // 8)
+    )
     axes.set_xlabel(f"time [samples of {1000.0 * outcome.constants.request_period:g} ms]")
     axes.set_ylabel("distance [cm]")
     legend(axes, 2)
@@ -211,9 +152,3 @@ def draw_promises(outcome: VirtualOutcome) -> Figure:
     axes.plot([], [], "x", color=MUTED.light, lw=0.0, ms=7, mew=1.4, label="the paper's robot")
     legend(axes, 3)
     return figure
-
-
-def draw_cycles(axes: Axes, cycles: Array, role: Role, label: str) -> None:
-    """Every cycle as a thin line, one of them in the legend; cycles [rad], shape (cycles, n)."""
-    for k, cycle in enumerate(cycles):
-        draw_cycle(axes, cycle, role._replace(width=THIN), label if k == 0 else f"_{label}")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 from planner.report import virtual_draw as draw
+from planner.report import virtual_joints as joints
+from planner.report.draw_foot import ROLES
+from planner.report.draw_joints import joint_plot, joint_rows
 from planner.report.figures import Picture
+from planner.report.live_figures import HIDDEN, distance_plot, walking_leg
 from planner.report.style import applied
 
 if TYPE_CHECKING:
@@ -17,11 +21,26 @@ if TYPE_CHECKING:
 
 def virtual_pictures(outcome: VirtualOutcome) -> tuple[Picture, ...]:
     """Draw every picture, in the order of the paper's figures."""
+    live = _live_figures(outcome)
     with applied():
         return tuple(
-            Picture(name, title, caption, description, drawn(outcome))
+            Picture(name, title, caption, description, drawn(outcome), live.get(name))
             for name, title, caption, description, drawn in _PICTURES
         )
+
+
+def _live_figures(outcome: VirtualOutcome) -> Mapping[str, Mapping[str, Any]]:
+    """What is live on the page, by the name of the picture whose place it takes."""
+    planned, few = outcome.planned, joints.distance_panel(outcome, hidden=HIDDEN)
+    legs = {method: outcome.legs[method][0] for method in ROLES}
+    return {
+        "foot_paths": walking_leg(planned, legs),
+        "joints_direct": joint_plot(planned, joints.unseen_curves(outcome)),
+        "trajectories": joint_plot(planned, joints.tracking_curves(outcome)),
+        "foot_optimised_trajectories": joint_plot(planned, joints.foot_tracking_curves(outcome)),
+        "joints_by_method": joint_plot(planned, joints.method_curves(outcome), few, clock=True),
+        "foot_distances": distance_plot(planned, joints.distance_panel(outcome)),
+    }
 
 
 _Entry = tuple[str, str, str, str, "Callable[[VirtualOutcome], Figure]"]
@@ -53,7 +72,7 @@ _PICTURES: tuple[_Entry, ...] = (
         "predict.",
         "Angles of rotator, abductor and knee over one cycle: desired, actual some ten samples "
         "later, and the prediction, a dotted line that lies on the actual angles.",
-        draw.draw_unseen,
+        lambda outcome: joint_rows(outcome.planned, joints.unseen_curves(outcome), columns=3),
     ),
     (
         "trajectories",
@@ -62,7 +81,7 @@ _PICTURES: tuple[_Entry, ...] = (
         "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
         "For each joint the desired angles, the approximation, the requests and the actual angles "
         "of all cycles, which stay near the approximation.",
-        draw.draw_tracking,
+        lambda outcome: joint_rows(outcome.planned, joints.tracking_curves(outcome), columns=4),
     ),
     (
         "foot_optimised_trajectories",
@@ -71,7 +90,17 @@ _PICTURES: tuple[_Entry, ...] = (
         "sake, as planned.",
         "For each joint the requests, the desired angles, the actual angles of all cycles and the "
         "predicted ones beneath them.",
-        draw.draw_foot_tracking,
+        lambda outcome: joint_rows(
+            outcome.planned, joints.foot_tracking_curves(outcome), columns=4
+        ),
+    ),
+    (
+        "joints_by_method",
+        "The joints under the methods, every cycle",
+        "What the joints do while the foot goes along its paths.",
+        "For each joint the desired angles and those of every cycle under the direct method, which "
+        "lag, the closed form, and requests optimised for the foot, which lie close to them.",
+        lambda outcome: joint_rows(outcome.planned, joints.method_curves(outcome), columns=2),
     ),
     (
         "foot_distances",

@@ -15,8 +15,8 @@ from planner.report.virtual_tables import (
     table1_rows,
 )
 
-HERO = "foot_paths"
-"""The picture beside the verdict."""
+FEATURED = ("foot_paths", "joints_by_method")
+"""The pictures after the key figures: the moving leg and its joints."""
 
 
 def virtual_page(
@@ -34,7 +34,7 @@ def virtual_page(
         results,
         pictures,
         files,
-        hero=HERO,
+        featured=FEATURED,
         table1=table1_rows(results),
         promises=promise_rows(results),
         errors=ERRORS,

@@ -16,6 +16,7 @@ PICTURES = (
     "trajectories",
     "foot_optimised_trajectories",
     "foot_distances",
+    "joints_by_method",
     "promises",
 )
 
@@ -42,9 +43,10 @@ def test_every_picture_is_well_formed_described_and_drawn(text, folder):
 
 
 def test_nothing_is_loaded_from_a_network(text):
+    text = re.sub(r'<script type="[^"]*" id=.*?</script>', "", text)  # numbers in base 64
     addresses = set(re.findall(r"(?:https?:)?//[\w.]+[^\"'\s<>)]*", text))
     assert {address for address in addresses if "www.w3.org" not in address} == set()
-    assert "<script" not in text
+    assert "default-src 'none'; script-src 'unsafe-inline';" in text
 
 
 def test_pictures_wear_the_colours_of_the_page(text):
@@ -62,5 +64,5 @@ def test_every_constant_of_the_robot_stands_in_the_page(text, results):
 def test_chromium_opens_the_page_without_a_complaint(folder, opened):
     done = opened(folder / "report.html")
     assert "CONSOLE" not in done.stderr
-    assert done.stdout.count("<svg") == len(PICTURES)
+    assert done.stdout.count('<svg role="img"') == len(PICTURES)
     assert "The paper’s experiment on a virtual robot</h1>" in done.stdout

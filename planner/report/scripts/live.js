@@ -1,0 +1,89 @@
+// What all live figures of a page share: where they stand, the page's colours, and one moment in
+// time. A figure that cannot be brought to life stays the still picture that it was.
+"use strict";
+
+const live = {
+  figures: JSON.parse(document.getElementById("live-figures").textContent),
+  dark: matchMedia("(prefers-color-scheme: dark)"),
+  touch: matchMedia("(pointer: coarse)").matches,
+  kinds: {}, // how to draw a figure, by kind: (place, description) => a promise
+  errors: [],
+
+  // Text with the page's colours for var(--name), however deep it stands.
+  coloured(value) {
+    if (typeof value === "string") {
+      return value.replace(/var\((--[\w-]+)\)/g, (_, name) =>
+        getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+    }
+    if (Array.isArray(value)) return value.map(live.coloured);
+    if (value && typeof value === "object") {
+      return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, live.coloured(each)]));
+    }
+    return value;
+  },
+
+  // The moment [s] that the moving leg shows, and everything that points at it.
+  moment: 0,
+  show(moment, from) {
+    live.moment = moment;
+    document.dispatchEvent(new CustomEvent("moment", { detail: { moment, from } }));
+  },
+
+  element(name, properties = {}, ...children) {
+    const made = Object.assign(document.createElement(name), properties);
+    made.append(...children);
+    return made;
+  },
+
+  svg(name, attributes, ...children) {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    made.append(...children);
+    return made;
+  },
+
+  // An entry of a legend: a button that hides and shows what it names.
+  entry({ name, colour, width, dashes, hidden }, toggle) {
+    const dots = dashes === "dots";
+    const looks = `stroke: ${colour}; stroke-width: ${width + 0.6}; stroke-dasharray: ${dots ? "none" : dashes}`;
+    const mark = dots ? live.svg("circle", { cx: 13, cy: 5, r: 3.6, fill: "none", style: looks })
+      : live.svg("line", { x1: 0, x2: 26, y1: 5, y2: 5, style: looks });
+    const button = live.element("button", { type: "button", className: "entry", ariaPressed: String(!hidden) },
+      live.svg("svg", { viewBox: "0 0 26 10", "aria-hidden": "true" }, mark), live.element("span", { textContent: name }));
+    button.onclick = () => {
+      const shown = button.ariaPressed !== "true";
+      button.ariaPressed = String(shown);
+      toggle(shown);
+    };
+    return button;
+  },
+
+  // Draw each figure when it is about to be seen.
+  start() {
+    const watch = new IntersectionObserver((seen) => {
+      for (const entry of seen.filter((each) => each.isIntersecting)) {
+        watch.unobserve(entry.target);
+        live.enliven(entry.target);
+      }
+    }, { rootMargin: "600px" });
+    for (const name of Object.keys(live.figures)) watch.observe(document.getElementById(name));
+  },
+
+  async enliven(figure) {
+    const description = live.figures[figure.id];
+    const place = live.element("div", { className: `live ${description.kind}` });
+    figure.querySelector("svg").after(place);
+    figure.classList.add("alive");
+    try {
+      await live.kinds[description.kind](place, description);
+      figure.dataset.drawn = "";
+    } catch (error) {
+      live.errors.push(String(error));
+      figure.classList.remove("alive");
+      place.remove();
+      console.error(error);
+    }
+  },
+};
+
+document.addEventListener("DOMContentLoaded", live.start);

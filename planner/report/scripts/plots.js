@@ -1,0 +1,70 @@
+// Plots over time, drawn by Plotly, which is unpacked when the first of them is about to be seen.
+"use strict";
+
+live.library = () => {
+  live.unpacked ??= (async () => {
+    const packed = atob(document.getElementById("plotly").textContent.trim());
+    const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    document.head.append(live.element("script", { textContent: await new Response(stream).text() }));
+  })();
+  return live.unpacked;
+};
+
+// What is drawn first, and what a reader does to it, on Plotly's terms.
+live.kinds.plot = async (figure, { data, layout, clock, height }) => {
+  const place = live.element("div", { className: "canvas" });
+  place.style.height = `${height}px`;
+  const names = [...new Set(data.map((trace) => trace.name))];
+  const entries = names.map((name) => {
+    const rows = [...data.keys()].filter((k) => data[k].name === name);
+    const { line, marker, visible } = data[rows[0]];
+    const looks = line ? { colour: line.color, width: line.width, dashes: line.dash.replaceAll("px", "").replace("solid", "none") }
+      : { colour: marker.line.color, width: 1, dashes: "dots" };
+    return live.entry({ name, ...looks, hidden: visible !== true }, (shown) => {
+      for (const k of rows) data[k].visible = shown; // for when the colours change
+      Plotly.restyle(place, { visible: shown }, rows);
+    });
+  });
+  figure.append(live.element("div", { className: "entries" }, ...entries), place);
+  await live.library();
+  const font = { family: getComputedStyle(document.body).fontFamily, size: 12.5, color: "var(--ink)" };
+  const small = { color: "var(--muted)", size: 12 };
+  const looks = {
+    font,
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    hoverlabel: { bgcolor: "var(--surface)", bordercolor: "var(--line)", font },
+    dragmode: live.touch ? false : "zoom", // a finger on a plot scrolls the page
+    modebar: { color: "var(--muted)", activecolor: "var(--accent)", bgcolor: "rgba(0,0,0,0)" },
+    autosize: true,
+  };
+  for (const [key, axis] of Object.entries(layout)) {
+    if (/^[xy]axis/.test(key)) Object.assign(axis, { tickfont: small, title: { ...axis.title, font: small } });
+  }
+  const config = {
+    displaylogo: false,
+    displayModeBar: true,
+    modeBarButtons: [[...(live.touch ? [] : ["zoom2d", "pan2d"]), "zoomIn2d", "zoomOut2d", "resetScale2d", "toImage"]],
+    responsive: true,
+    showTips: false,
+  };
+  // What the reader has hidden or zoomed stays so when the colours change: uirevision.
+  const draw = () => {
+    const shapes = (place.layout?.shapes ?? layout.shapes).slice(0, 1);
+    const now = live.coloured({ ...looks, ...layout });
+    if (clock && place.layout) Object.assign(now.shapes[0], { x0: shapes[0].x0, x1: shapes[0].x1 });
+    return Plotly.react(place, live.coloured(data), now, config);
+  };
+  await draw();
+  live.dark.addEventListener("change", draw);
+  if (!clock) return;
+  const point = (moment) => Plotly.relayout(place, { "shapes[0].x0": moment * clock, "shapes[0].x1": moment * clock });
+  let visible = true;
+  new IntersectionObserver(([entry]) => {
+    visible = entry.isIntersecting;
+    if (visible) point(live.moment);
+  }).observe(place);
+  document.addEventListener("moment", ({ detail }) => visible && point(detail.moment));
+  place.on("plotly_hover", ({ xvals }) => live.show(xvals[0] / clock, place));
+};
