@@ -1,9 +1,7 @@
-"""The README's first screen is true: its code runs and prints what it says."""
+"""The README's first screen is short, its files are there; tests/docs runs what it says."""
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
 from pathlib import Path
 
@@ -20,13 +18,8 @@ def _block(language):
     return match[1]
 
 
-def test_a_few_lines_of_python_print_what_the_readme_says():
-    code = _block("python")
-    assert len([line for line in code.splitlines() if line]) <= 10
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(code, str(README), "exec"), {})
-    assert printed.getvalue() == _block("text")
+def test_the_first_screen_has_a_few_lines_of_python():
+    assert len([line for line in _block("python").splitlines() if line]) <= 10
 
 
 def test_the_model_file_of_the_readme_is_one(tmp_path):

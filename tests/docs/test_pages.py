@@ -1,0 +1,60 @@
+"""Every block of every page runs, in the page's order and one folder, and prints what it says."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+
+import pytest
+
+import planner
+from tests.docs import shell
+from tests.docs.blocks import PAGES, ROOT, blocks
+from tests.docs.printed import missing
+
+ELSEWHERE = {"logs.md": "its paths stand for the reader's own; tests/files/logs reads each format"}
+"""Pages whose commands cannot run as they stand."""
+
+RUN = [page for page in PAGES if page.name not in ELSEWHERE and blocks(page)]
+
+
+@pytest.fixture
+def empty_folder(tmp_path, monkeypatch):
+    """An empty folder, in which time does not pass while requests are played."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    time = [0.0]
+
+    def sleep(duration):
+        time[0] += duration
+
+    clocked = functools.partial(planner.play, now=lambda: time[0], sleep=sleep)
+    monkeypatch.setattr(planner, "play", clocked)
+
+
+@pytest.mark.usefixtures("empty_folder")
+@pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
+    names, lacking = {}, set()
+    for block in blocks(page):
+        place = f"{page}, line {block.line}"
+        if block.language == "python":
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                exec(compile(block.code, place, "exec"), names)
+            shown = printed.getvalue()
+        else:
+            shown = ""
+            for command in shell.commands(block.code):
+                absent = shell.lacks(command)
+                lacking.update(absent)
+                shown += "" if absent else shell.run(command)
+        line = missing(block.printed, shown)
+        assert line is None, f"{place}: not printed: {line}\nbut:\n{shown}"
+    if lacking:
+        pytest.skip(f"all but what needs {', '.join(sorted(lacking))}")
+
+
+def test_pages_whose_commands_do_not_run_are_there():
+    assert set(ELSEWHERE) <= {page.name for page in PAGES}

@@ -1,0 +1,50 @@
+"""The site's pages: every public name and page is on it, and nothing on it is fetched."""
+
+from __future__ import annotations
+
+import re
+
+import kinematics
+import planner
+from tests.docs.blocks import ROOT
+
+DOCS = ROOT / "docs"
+
+
+def _documented(package):
+    """Names that the reference takes from a package."""
+    names = set()
+    for page in (DOCS / "reference").glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        if f".. currentmodule:: {package}\n" in text:
+            names.update(re.findall(r"^\.\. auto\w+:: (\w+)$", text, re.MULTILINE))
+    return names
+
+
+def test_the_reference_has_every_public_name_and_no_other():
+    assert _documented("planner") == set(planner.__all__) - {"__version__"}
+    assert _documented("kinematics") == set(kinematics.__all__)
+
+
+def test_every_page_is_in_the_table_of_contents():
+    listed = {
+        re.sub(r".*<(.*)>", r"\1", line)
+        for block in re.findall(
+            r"```\{toctree\}\n(.*?)```", (DOCS / "index.md").read_text(), re.DOTALL
+        )
+        for line in block.splitlines()
+        if line and not line.startswith(":")
+    }
+    pages = {page.relative_to(DOCS).with_suffix("").as_posix() for page in DOCS.rglob("*.md")}
+    assert listed == pages - {"index"}
+
+
+def test_pages_link_to_files_that_are_there():
+    for page in DOCS.rglob("*.md"):
+        for target in re.findall(r"\]\(([^):#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).is_file(), f"{page}: {target}"
+
+
+def test_pages_show_no_picture_from_elsewhere():
+    for page in DOCS.rglob("*.md"):
+        assert not re.search(r"!\[[^\]]*\]\(\w+:", page.read_text(encoding="utf-8")), page
