@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import lru_cache
@@ -66,7 +67,7 @@ def read_shapes(path: Path) -> dict[str, tuple[Shape, ...]]:
 
     Args:
         path: The URDF. Meshes are looked for below its folder and those above: ``package://a/b`` is
-            ``a/b`` below one of them.
+            ``a/b`` below one of them, or below a folder where ROS keeps its packages.
 
     Raises:
         InvalidUrdf: The file cannot be read, or a shape cannot be.
@@ -140,13 +141,22 @@ def _find_mesh(path: Path, name: str) -> Path | None:
     """The file of a mesh, where there is one of a format and size that can be taken up."""
     package = name.startswith("package://")
     relative = name.removeprefix("package://").removeprefix("file://")
-    folders = list(path.resolve().parents) if package else [path.resolve().parent]
+    folders = [*path.resolve().parents, *_package_folders()] if package else [path.resolve().parent]
     for folder in folders:
         file = folder / relative
         fits = file.suffix.lower() in MESHES and file.is_file()
         if fits and file.stat().st_size <= MOST_BYTES:
             return file
     return None
+
+
+def _package_folders() -> list[Path]:
+    """Where ROS keeps packages: ``ROS_PACKAGE_PATH``, and for ROS 2 ``AMENT_PREFIX_PATH``."""
+    named, shared = (
+        [Path(each) for each in os.environ.get(variable, "").split(os.pathsep) if each]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
+    return [*named, *(each / "share" for each in shared)]
 
 
 def _colour(path: Path, material: ElementTree.Element) -> Colour | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -162,6 +163,12 @@ def find_leg(choices: Mapping[str, Any]) -> Place | None:
     if base is None or foot is None:
         raise click.UsageError("a URDF needs --base and --foot, the frames at the leg's two ends.")
     return Place(urdf, base, foot, _positions(lock, "--lock", slides=True), posed)
+
+
+def title(choices: Mapping[str, Any]) -> str:
+    """What the leg that the options describe is called on pages; nothing where they name none."""
+    leg = choices.get("leg") or choices.get("urdf") or ""
+    return leg if leg in SHIPPED or not leg else f"{PurePath(leg).name} · {choices['foot']}"
 
 
 def _positions(given: Sequence[str], option: str, *, slides: bool = False) -> dict[str, float]:

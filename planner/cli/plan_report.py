@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
+
+from planner.cli import legs
 
 if TYPE_CHECKING:
     from planner.cli.limits import Limits
@@ -51,10 +52,9 @@ def plan_report(
         leg=leg,
         foot=None if leg is None else wanted.foot,
     )
-    robot = choices.get("leg") or choices.get("urdf")
-    parts = [PurePath(robot).name if robot else "", leg.foot if leg and not _shipped(robot) else ""]
     origins = [("path", path)]
     if leg is not None:
+        robot = choices.get("leg") or choices.get("urdf")
         origins += [("leg", f"{robot}, from {leg.base} to {leg.foot}")]
     for name in TOLD:
         if choices.get(name):
@@ -62,15 +62,9 @@ def plan_report(
             origins.append((name, value if isinstance(value, str) else ", ".join(map(str, value))))
     return plan_page(
         outcome,
-        title=" · ".join(filter(None, parts)) or ", ".join(wanted.names),
+        title=legs.title(choices) or ", ".join(wanted.names),
         method=choices["method"],
         origins=origins,
         unreachable=wanted.moved,
         missed=missed,
     )
-
-
-def _shipped(robot: str | None) -> bool:
-    from planner.cli.legs import SHIPPED
-
-    return robot in SHIPPED

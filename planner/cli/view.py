@@ -88,7 +88,7 @@ def view(
         from planner.files.text import write_text
         from planner.report.scene_page import scene_page
 
-        title = f"request-planner: {choices['leg'] or place.foot}"
+        title = f"request-planner: {legs.title(choices)}"
         write_text(html, scene_page(scene, shown, **settings, title=title))
         summarise(f"{html}: {len(wanted.angles)} samples, {len(scene.bodies)} links")
     else:

@@ -78,9 +78,9 @@ def draw_joint(outcome: PlanOutcome, role: Role, joint: int) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.9), layout="constrained")
     angles, requests = figure.subplots(2, 1, sharex=True)
     for values, looks in (
+        (outcome.desired, DESIRED),
         (outcome.direct, DIRECT),
         (outcome.predicted, role),
-        (outcome.desired, DESIRED),
     ):
         _draw_line(angles, np.degrees(values[:, joint]), looks, outcome)
     _draw_line(requests, np.degrees(outcome.desired[:, joint]), DESIRED, outcome)
@@ -109,7 +109,8 @@ def _draw_leg(axes: Axes, points: Array, *, first: bool) -> None:
 def _draw_line(axes: Axes, values: Array, role: Role, outcome: PlanOutcome) -> None:
     """A curve over time; a cycle up to where it begins again."""
     drawn = np.append(values, values[0]) if outcome.cyclic else values
-    axes.plot(1000.0 * outcome.period * np.arange(len(drawn)), drawn, **role.line)
+    times = 1000.0 * outcome.period * np.arange(len(drawn))
+    axes.plot(times, drawn, zorder=6 if role is DESIRED else 4, **role.line)
 
 
 def _draw_limits(axes: Axes, limits: tuple[float, float] | None) -> None:

@@ -133,8 +133,8 @@ def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) ->
         worst = max(fast, key=lambda row: row.too_fast)
         said.append(
             f"{worst.name} should be faster than it can be during {100 * worst.too_fast:.0f} % of "
-            f"the path ({worst.speed:.0f} of {worst.top_speed:.0f} deg/s at most): no requests "
-            "make it follow there. Slow the path down, or make it smaller."
+            f"the path ({worst.speed:.0f} of {worst.top_speed:.0f} deg/s at most): there no "
+            "requests make it follow exactly. A slower or smaller path would be followed."
         )
     if held := [row for row in rows if row.at_limit]:
         listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)

@@ -1,0 +1,231 @@
+"""Legs cut out of longer chains, legs of fewer joints, and paths on which legs must not leap."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
+
+from kinematics import InvalidInput, Leg, Limits, SingularLeg, UnsupportedLeg
+from kinematics.branches import choose, jumps
+from kinematics.dexterity import dexterity
+from kinematics.scene import Scene
+from kinematics.standing import ENOUGH, standing_pose
+
+ROUNDING = 1e-12
+"""Two routes through the same kinematics agree to this [m]."""
+
+REACHED = 1e-9
+"""The inverse promises this [m]."""
+
+ARM = [
+    Joint((0.0, 0.0, 0.1), Z, kind="continuous"),
+    Joint((0.0, 0.05, 0.1), Y, rpy=(0.1, 0.2, 0.3)),
+    Joint((0.0, 0.0, 0.2), Y),
+    Joint((0.0, 0.02, 0.2), X, rpy=(-0.3, 0.0, 0.1)),
+    Joint((0.03, 0.0, 0.05), Z, kind="continuous"),
+]
+TIP = (0.02, 0.01, 0.06)
+
+
+@pytest.fixture
+def arm(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(urdf_text(ARM, TIP), encoding="utf-8")
+    return path
+
+
+def held(*numbers, at=0.4):
+    return {f"joint_{number}": at for number in numbers}
+
+
+@given(seed=st.integers(0, 2**32 - 1), kept=st.permutations(range(1, 6)).map(lambda p: p[:3]))
+def test_a_chain_with_joints_held_agrees_with_pinocchio(seed, kept, tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "arm.urdf"
+    path.write_text(urdf_text(ARM, TIP), encoding="utf-8")
+    generator = np.random.default_rng(seed)
+    locked = {f"joint_{n}": generator.uniform(-2, 2) for n in range(1, 6) if n not in kept}
+    leg = Leg.from_urdf(path, base="link_0", foot="tip", locked=locked)
+    assert leg.joint_names == tuple(f"joint_{n}" for n in sorted(kept))
+    angles = generator.uniform(-3.0, 3.0, (4, 3))
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    for pose, found in zip(angles, leg.foot_positions(angles), strict=True):
+        coordinates = pinocchio.neutral(model)
+        for name, angle in {**locked, **dict(zip(leg.joint_names, pose, strict=True))}.items():
+            joint = model.joints[model.getJointId(name)]
+            both = [angle] if joint.nq == 1 else [np.cos(angle), np.sin(angle)]
+            coordinates[joint.idx_q :][: joint.nq] = both
+        pinocchio.framesForwardKinematics(model, data, coordinates)
+        expected = data.oMf[model.getFrameId("tip")].translation
+        np.testing.assert_allclose(found, expected, atol=ROUNDING)
+
+
+def test_the_bodies_of_a_scene_are_where_the_joints_are_held(arm):
+    ends = {"base": "link_0", "foot": "tip", "locked": held(4, 5)}
+    scene, leg = Scene.from_urdf(arm, **ends), Leg.from_urdf(arm, **ends)
+    angles = np.array([[0.3, -0.5, 0.9]])
+    other = Scene.from_urdf(arm, base="link_0", foot="tip", locked=held(4, 5, at=-0.4))
+    assert scene.joint_names == leg.joint_names
+    (places,), (elsewhere,) = scene.placements(angles), other.placements(angles)
+    last = [body.name for body in scene.bodies].index("joint_5 bone")
+    assert np.abs(places[last] - elsewhere[last]).max() > 0.01
+    spare = leg.chain.tip  # from the third joint over the held ones to the tip
+    assert np.linalg.norm(spare) > 0.2
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ({"wrist": 0.0}, "locked: no joint 'wrist' that moves in the URDF; joints: arm_joint, "),
+        ({"tip_mount": 0.0}, "locked: no joint 'tip_mount' that moves"),
+        ({"joint_2": 2.6}, "locked: joint 'joint_2' at 2.6, expected -2.5 to 2.5, its range"),
+        ({"joint_1": float("nan")}, "locked: joint 'joint_1' at nan, expected -inf to inf"),
+    ],
+)
+def test_a_joint_that_cannot_be_held_is_refused(arm, locked, message):
+    with pytest.raises(InvalidInput, match=message):
+        Leg.from_urdf(arm, base="link_0", foot="tip", locked=locked)
+
+
+def test_a_leg_needs_a_joint_that_is_not_held(arm):
+    with pytest.raises(UnsupportedLeg, match="every joint between 'link_0' and 'tip' is locked"):
+        Leg.from_urdf(arm, base="link_0", foot="tip", locked=held(1, 2, 3, 4, 5))
+
+
+def test_joints_that_mimic_or_slide_may_be_held(tmp_path):
+    joints = [
+        Joint((0, 0, 0), Z, kind="prismatic"),
+        *ARM[:3],
+        Joint((0, 0, 0.1), X, extra='<mimic joint="joint_2"/>'),
+    ]
+    path = tmp_path / "lift.urdf"
+    path.write_text(urdf_text(joints, TIP), encoding="utf-8")
+    with pytest.raises(UnsupportedLeg, match=r"joint_5.*mimics another.*lock it"):
+        Leg.from_urdf(path, base="link_1", foot="tip")
+    with pytest.raises(UnsupportedLeg, match=r"joint_1.*no axis.*lock it"):
+        Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_5": 0.0})
+    low, high = (
+        Leg.from_urdf(path, base="link_0", foot="tip", locked={"joint_1": lift, "joint_5": 0.0})
+        for lift in (0.0, 0.25)
+    )
+    pose = [[0.1, 0.2, 0.3]]
+    risen = high.foot_positions(pose) - low.foot_positions(pose)
+    np.testing.assert_allclose(risen, [[0.0, 0.0, 0.25]], atol=ROUNDING)
+
+
+def test_the_speeds_are_those_of_the_urdf_where_they_can_be_meant(tmp_path):
+    text = urdf_text(ARM[:3], TIP)
+    for number, speed in enumerate(("7.5", "1000", "0")):
+        text = text.replace('velocity="1"', f'velocity="{speed}" ', 1) if number else text
+    path = tmp_path / "fast.urdf"
+    path.write_text(text, encoding="utf-8")
+    speeds = Leg.from_urdf(path, base="link_0", foot="tip").speeds
+    np.testing.assert_array_equal(speeds, [np.nan, np.nan, np.nan])
+    path.write_text(text.replace('velocity="0"', 'velocity="7.5"'), encoding="utf-8")
+    speeds = Leg.from_urdf(path, base="link_0", foot="tip").speeds
+    np.testing.assert_array_equal(speeds, [np.nan, np.nan, 7.5])
+
+
+def test_a_leg_of_two_joints_has_an_inverse(tmp_path):
+    leg = made_up_leg(tmp_path, [Joint((0, 0.1, 0), Y), Joint((0, 0, -0.16), Y)], (0, 0, -0.16))
+    angles = np.array([-0.5, 1.0]) + 0.3 * np.sin(np.linspace(0, 6, 40))[:, None] * [1.0, -0.6]
+    foot = leg.foot_positions(angles)
+    solution = leg.inverse(foot)
+    assert solution.distance.max() <= REACHED
+    assert not leg.jumps(solution.angles).size
+    beside = leg.inverse(np.add(foot, [0.0, 0.01, 0.0]), unreachable="nearest")
+    np.testing.assert_allclose(beside.distance, 0.01, atol=REACHED)
+
+
+def test_a_foot_on_the_axis_of_a_joint_is_singular(tmp_path):
+    leg = made_up_leg(tmp_path, [Joint((0, 0, 0), X), Joint((0, 0, -0.1), Y)] * 2, (0, 0.1, 0))
+    leg = replace(leg, joint_names=leg.joint_names)
+    three = made_up_leg(
+        tmp_path, [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y)], (0, 0.1, 0)
+    )
+    with pytest.raises(SingularLeg, match="joint 'joint_3' does not move the foot") as raised:
+        three.inverse([[0.0, 0.1, -0.1]], unreachable="nearest")
+    assert raised.value.joints == ("joint_3",)
+    with pytest.raises(SingularLeg):
+        standing_pose(three)
+    with pytest.raises(UnsupportedLeg, match="this leg has 4: lock the others"):
+        standing_pose(leg)
+
+
+def test_a_path_starts_near_the_pose_that_is_asked_for():
+    leg = reference_leg()
+    free = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))
+    pose = np.array([0.3, 0.2, 1.0])
+    foot = free.foot_positions([pose])
+    near = replace(free, near=pose).joint_angles(foot)
+    np.testing.assert_allclose(near, [pose], atol=1e-6)
+    mirrored = replace(free, near=np.array([1.2, 0.2, -1.0])).joint_angles(foot)
+    assert mirrored[0, 2] == pytest.approx(-1.0, abs=1e-6)
+    np.testing.assert_allclose(free.foot_positions(mirrored), foot, atol=REACHED)
+
+
+def test_a_pose_names_joints_of_the_leg(arm):
+    ends = {"base": "link_0", "foot": "tip", "locked": held(4, 5)}
+    leg = Leg.from_urdf(arm, **ends, near={"joint_3": 0.7})
+    np.testing.assert_array_equal(leg.near, [0.0, 0.0, 0.7])
+    with pytest.raises(InvalidInput, match="near: joint 'joint_4' is not on the leg"):
+        Leg.from_urdf(arm, **ends, near={"joint_4": 0.7})
+    with pytest.raises(InvalidInput, match="near: joint 'joint_3' at nan"):
+        Leg.from_urdf(arm, **ends, near={"joint_3": float("nan")})
+
+
+def test_a_smooth_path_does_not_jump_and_one_between_poses_does():
+    leg = reference_leg()
+    free = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))
+    smooth = np.linspace([0.2, 0.1, 0.6], [0.6, 0.3, 1.2], 30)
+    assert not jumps(free.chain, smooth).size
+    foot = free.foot_positions(smooth)
+    mirrored = replace(free, near=np.array([1.0, 0.1, -0.8])).joint_angles(foot)
+    assert not jumps(free.chain, mirrored).size
+    spliced = np.vstack([smooth[:10], mirrored[10:]])
+    np.testing.assert_array_equal(free.jumps(spliced), [9])
+
+
+def test_the_first_pose_is_one_from_which_the_path_need_not_jump():
+    limits = Limits(np.array([-0.5, -1.0, -1.0]), np.array([0.5, 1.0, 1.0]))
+    leg = replace(reference_leg(), limits=limits)
+    angles = np.linspace([-0.45, 0.1, 0.6], [0.45, 0.1, 0.6], 60)
+    foot = leg.foot_positions(angles)
+    poses = limits.clip(limits.wrap(leg.closed_form.poses(foot)))
+    feet = leg.foot_positions(poses.reshape(-1, 3)).reshape(60, 4, 3)
+    allowed = np.linalg.norm(feet - foot[:, None], axis=2) <= REACHED
+    deepest = choose(poses, allowed, limits)  # the other knee, which is soon out of its limits
+    assert deepest[0, 2] < 0.0
+    assert leg.jumps(deepest).size == 1
+    np.testing.assert_allclose(leg.joint_angles(foot), angles, atol=1e-6)
+
+
+@given(scale=st.floats(0.5, 2.0), ratio=st.floats(0.6, 1.6))
+def test_the_standing_pose_is_dexterous_and_within_the_limits(scale, ratio, tmp_path_factory):
+    joints = [
+        Joint((0.2, 0.1, 0), X, lower=-0.8, upper=0.8),
+        Joint((0, 0.03, 0), Y, lower=-3.0, upper=3.0),
+        Joint((0, 0, -0.2 * scale), Y, lower=-2.7, upper=2.7),
+    ]
+    leg = made_up_leg(tmp_path_factory.mktemp("leg"), joints, (0, 0, -0.2 * ratio))
+    pose = standing_pose(leg)
+    assert (pose >= leg.limits.lower).all()
+    assert (pose <= leg.limits.upper).all()
+    tried = np.random.default_rng(1).uniform(*leg.limits, (2000, 3))
+    degree = 0.03  # the pose is rounded to a degree
+    best = dexterity(leg.chain, tried).max()
+    assert dexterity(leg.chain, pose[None])[0] >= (ENOUGH - degree) * best * 0.98
+    assert leg.foot_positions(pose[None])[0, 2] < -0.5 * (0.2 * scale + 0.2 * ratio) * 0.5
+
+
+def test_dexterity_is_nothing_where_the_leg_is_stretched():
+    leg = reference_leg()
+    bent, stretched = dexterity(leg.chain, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    assert bent > 0.01
+    assert stretched <= 1e-12

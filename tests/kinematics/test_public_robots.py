@@ -1,0 +1,156 @@
+"""Robots of the extra ``robots``: legs and three joints of arms, against Pinocchio itself."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio
+import pytest
+
+from kinematics import Leg, SingularLeg, UnsupportedLeg, foot_function
+from kinematics.scene import Scene
+from kinematics.standing import standing_pose
+
+ROUNDING = 1e-12
+"""Two routes through the same kinematics agree to this [m, m/rad]."""
+
+REACHED = 1e-9
+"""The inverse promises this [m]."""
+
+QUARTER = 0.5 * math.pi
+
+
+class Chosen(NamedTuple):
+    """A leg of a public robot."""
+
+    urdf: str
+    base: str
+    foot: str
+    locked: dict[str, float]
+    joints: int = 3
+
+
+LEGS = {
+    "Solo12": Chosen("solo_description/robots/solo12.urdf", "base_link", "FL_FOOT", {}),
+    "Solo8": Chosen("solo_description/robots/solo.urdf", "base_link", "HR_FOOT", {}, joints=2),
+    "ANYmal B": Chosen("anymal_b_simple_description/robots/anymal.urdf", "base", "LF_FOOT", {}),
+    "ANYmal C": Chosen("anymal_c_simple_description/urdf/anymal.urdf", "base", "RH_FOOT", {}),
+    "Go2": Chosen("go2_description/urdf/go2.urdf", "base", "FR_foot", {}),
+    "HyQ": Chosen("hyq_description/robots/hyq_no_sensors.urdf", "base_link", "lf_foot", {}),
+    "UR5": Chosen(
+        "ur_description/urdf/ur5_robot.urdf",
+        "base_link",
+        "ee_link",
+        {"wrist_1_joint": -QUARTER, "wrist_2_joint": 0.3, "wrist_3_joint": 0.0},
+    ),
+    "Panda": Chosen(
+        "panda_description/urdf/panda.urdf",
+        "panda_link0",
+        "panda_hand",
+        {"panda_joint3": 0.1, "panda_joint5": 0.2, "panda_joint6": QUARTER, "panda_joint7": 0.0},
+    ),
+    "Z1": Chosen(
+        "z1_description/urdf/z1.urdf", "link00", "link06", {"joint4": 0, "joint5": 0, "joint6": 0}
+    ),
+    "SO-101": Chosen(
+        "so_arm_description/urdf/so101.urdf",
+        "base_link",
+        "gripper_frame_link",
+        {"wrist_flex": 0.5, "wrist_roll": 0.0},
+    ),
+}
+
+
+@pytest.fixture(params=LEGS, scope="module")
+def chosen(request):
+    return LEGS[request.param]
+
+
+@pytest.fixture(scope="module")
+def path(chosen, robots):
+    return robots / chosen.urdf
+
+
+@pytest.fixture(scope="module")
+def leg(chosen, path):
+    return Leg.from_urdf(path, base=chosen.base, foot=chosen.foot, locked=chosen.locked)
+
+
+@pytest.fixture(scope="module")
+def poses(leg):
+    return np.random.default_rng(1).uniform(*leg.limits.central, (20, len(leg.joint_names)))
+
+
+def by_pinocchio(path, chosen, leg, pose):
+    """Foot and Jacobian in the base frame, from the whole robot."""
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data, coordinates = model.createData(), pinocchio.neutral(model)
+    angles = {**chosen.locked, **dict(zip(leg.joint_names, pose, strict=True))}
+    for name, angle in angles.items():
+        coordinates[model.joints[model.getJointId(name)].idx_q] = angle
+    pinocchio.computeJointJacobians(model, data, coordinates)
+    pinocchio.updateFramePlacements(model, data)
+    frames = {frame.name: number for number, frame in reversed(list(enumerate(model.frames)))}
+    base, foot = (data.oMf[frames[name]] for name in (chosen.base, chosen.foot))
+    jacobian = pinocchio.getFrameJacobian(
+        model, data, frames[chosen.foot], pinocchio.LOCAL_WORLD_ALIGNED
+    )
+    columns = [model.joints[model.getJointId(name)].idx_v for name in leg.joint_names]
+    return base.actInv(foot).translation, base.rotation.T @ jacobian[:3, columns]
+
+
+def test_the_leg_has_the_joints_that_are_left(chosen, leg):
+    assert len(leg.joint_names) == chosen.joints
+    assert not set(leg.joint_names) & set(chosen.locked)
+
+
+def test_numbers_and_symbols_agree_with_pinocchio(chosen, path, leg, poses):
+    symbolic = foot_function(leg)
+    feet, jacobians = leg.foot_positions(poses), leg.jacobians(poses)
+    for pose, foot, jacobian in zip(poses, feet, jacobians, strict=True):
+        expected, derivatives = by_pinocchio(path, chosen, leg, pose)
+        by_casadi, its_derivatives = (np.array(each) for each in symbolic(pose))
+        np.testing.assert_allclose(foot, expected, atol=ROUNDING)
+        np.testing.assert_allclose(by_casadi[:, 0], expected, atol=ROUNDING)
+        np.testing.assert_allclose(jacobian, derivatives, atol=ROUNDING)
+        np.testing.assert_allclose(its_derivatives, derivatives, atol=ROUNDING)
+
+
+def test_the_inverse_finds_a_pose_for_every_place_the_foot_can_be(leg, poses):
+    solution = leg.inverse(leg.foot_positions(poses))
+    assert solution.distance.max() <= REACHED
+    assert (solution.angles >= leg.limits.lower).all()
+    assert (solution.angles <= leg.limits.upper).all()
+
+
+def test_a_path_around_the_standing_pose_is_traced_without_a_jump(leg):
+    phase = np.linspace(0.0, 2.0 * np.pi, 60)[:, None]
+    pose = standing_pose(leg)
+    around = leg.limits.clip(pose + 0.15 * np.sin(phase + np.arange(float(len(pose)))))
+    angles = leg.joint_angles(leg.foot_positions(around))
+    assert not leg.jumps(angles).size
+
+
+def test_the_robot_can_be_seen(chosen, path, leg, poses):
+    scene = Scene.from_urdf(path, base=chosen.base, foot=chosen.foot, locked=chosen.locked)
+    assert any(body.moves for body in scene.bodies)
+    assert any(shape.kind == "mesh" for body in scene.bodies for shape in body.shapes)
+    assert np.isfinite(scene.placements(poses[:2])).all()
+    assert scene.joint_names == leg.joint_names
+
+
+def test_a_whole_arm_needs_joints_held(robots):
+    arm = Leg.from_urdf(robots / LEGS["Panda"].urdf, base="panda_link0", foot="panda_hand")
+    assert len(arm.joint_names) == 7
+    with pytest.raises(UnsupportedLeg, match="this one has 7: lock the others"):
+        arm.joint_angles([[0.4, 0.0, 0.4]])
+
+
+def test_a_frame_on_the_last_axis_is_a_singular_foot(robots):
+    folder = robots / "double_pendulum_description" / "urdf"
+    leg = Leg.from_urdf(folder / "double_pendulum_continuous.urdf", base="base_link", foot="link2")
+    assert not np.isfinite(leg.limits).any()
+    with pytest.raises(SingularLeg, match="joint 'joint2' does not move the foot"):
+        leg.joint_angles([[0.0, 0.0, 0.1]])
