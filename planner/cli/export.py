@@ -34,7 +34,7 @@ def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None
     \b
     Example, ten cycles for a Dynamixel at 50 Hz, and for a trajectory controller of ROS 2:
         request-planner export requests.csv --format csv --rate-hz 50 --unit ticks --cycles 10 -o ticks.csv
-        request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_1,lf_2,lf_3
+        request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
     check_options(choices, output)
     schedule, skipped = rows_to_write(_read(requests, choices), choices)

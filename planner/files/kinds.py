@@ -10,6 +10,9 @@ from typing import Any
 
 from planner.files.table import nearest
 
+MOST_CHARACTERS = 1000
+"""Longest text that is taken: beyond any name."""
+
 LONGEST = 60
 """Characters of a value that a message repeats."""
 
@@ -37,6 +40,8 @@ def text(expected: str = "a text") -> Kind:
     def take(value: Any) -> str:
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
             raise Unfit
+        if len(value) > MOST_CHARACTERS:
+            raise Unfit(f" of at most {MOST_CHARACTERS} characters")
         return value
 
     return Kind(expected, take)

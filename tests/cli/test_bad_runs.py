@@ -120,6 +120,11 @@ WRONG = {
         "line 2: path.file: got '-', expected the name of a file; a run reads no standard input, "
         "so write it to a file first",
     ),
+    "a name beyond any name": (
+        f'[path]\nfile = "{"x" * 1001}"\n',
+        f"line 2: path.file: got '{'x' * 58}…, expected the name of a file of at most 1000 "
+        "characters",
+    ),
     "limits upside down": (
         JOINTS + "[limits]\ndeg = [10, -10]\n",
         "line 4: limits.deg: got [10, -10], expected two numbers [LOW, HIGH] with LOW below HIGH",

@@ -142,6 +142,40 @@ def test_models_are_inline_or_files_for_all_joints_or_for_one(run, write, desire
     assert np.max(np.abs(planner.simulate(hip, requests[:, 0]) - angles[:, 0])) <= SAME
 
 
+def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tmp_path):
+    from kinematics import urdf_path
+
+    robot = urdf_path("ers210a.urdf")
+    leg = f'[leg]\nurdf = "{robot}"\nbase = "body"\nfoot = "front_left_ball"\n'
+    walk = "[path.half_ellipse]\nfor_leg = true\nheight = 0.01\n"
+    result = run("run", write(f"{leg}near = {{front_left_knee = 60}}\n{walk}"))
+    assert result.exit_code == 0, result.stderr
+    options = ("--leg", robot, "--base", "body", "--foot", "front_left_ball")
+    near = ("--near", "front_left_knee=60")
+    run("gait", "--height", "0.01", *options, *near, "-o", "foot.csv")
+    run("plan", "foot.csv", *options, *near, "-o", "plan.csv")
+    own, other = (
+        read_joint_path(file).angles
+        for file in (tmp_path / "it" / "requests.csv", tmp_path / "plan.csv")
+    )
+    assert np.max(np.abs(own - other)) <= ROUNDED
+
+
+def test_a_description_may_tell_the_top_speeds(run, write, foot, tmp_path):
+    assert foot.exists()
+    content = '[leg]\nname = "front-left"\n[path]\nfile = "foot.csv"\n[model]\nfile = "urdf"\n'
+    assert run("run", write(content)).exit_code == 0
+    run("plan", "foot.csv", "--leg", "front-left", "--model", "urdf", "-o", "plan.csv")
+    requests = (tmp_path / "it" / "requests.csv").read_bytes()
+    assert requests == (tmp_path / "plan.csv").read_bytes()
+    result = run(
+        "run", write(JOINTS.replace("desired", "foot") + content[content.index("[model") :])
+    )
+    assert result.stderr.startswith(
+        "request-planner: it.toml, line 4: model.file urdf takes speeds"
+    )
+
+
 def test_limits_of_one_joint_have_the_last_word(run, write, desired, tmp_path):
     assert desired.exists()
     limits = "[limits]\ndeg = [-23, 33]\n[limits.joints]\nknee = [5, 29]\n"
