@@ -1,0 +1,144 @@
+"""From a URDF to a report at the command line; public robots as docs/any_leg.md has them."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner.files.foot_path import read_foot_path
+from planner.files.joint_path import read_joint_path
+from tests.docs.blocks import ROOT
+from tests.docs.shell import commands
+
+PAGE = ROOT / "docs" / "any_leg.md"
+
+WRITTEN = 1e-9
+"""Files carry 12 decimals [m, deg]."""
+
+FRONT = ("--base", "body", "--foot", "front_left_ball")
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A robot of one's own: the shipped one under another name."""
+    return shutil.copy(urdf_path("ers210a.urdf"), tmp_path / "robot.urdf")
+
+
+def blocks(language):
+    text = PAGE.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def console(run, robots, tmp_path):
+    """What the page's commands for public robots answer, those with a word in them."""
+    (servo,) = blocks("toml")
+    (tmp_path / "servo.toml").write_text(servo)
+    lines = [line for block in blocks("console") for line in commands(block)]
+
+    def console(word):
+        chosen = [line for line in lines if word in line and "request-planner " in line]
+        assert chosen, f"{PAGE} has no command with {word}"
+        results = []
+        for line in chosen:
+            assert line.startswith("$ request-planner ")
+            arguments = line.replace("$ROBOTS", str(robots)).split()[2:]
+            result = run(*arguments)
+            assert result.exit_code == 0, result.stderr
+            results.append(result)
+        return results
+
+    return console
+
+
+@pytest.mark.parametrize("name", ["solo", "anymal", "arm"])
+def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
+    word = {"arm": "ur5", "anymal": "anymal.urdf", "solo": "solo12"}[name]
+    if name == "solo":
+        pytest.importorskip("meshcat", reason="needs the extra meshcat")
+    step, planned, *_ = console(word)
+    assert "half stroke" in step.stderr
+    millimetres = 10.0 * float(re.search(r"foot: ([\d.]+) cm rms", planned.stderr)[1])
+    assert millimetres < 1.0
+    requests = read_joint_path(tmp_path / f"{name}_requests.csv")
+    assert requests.angles.shape == (len(read_foot_path(tmp_path / f"{name}.csv").positions), 3)
+    page = (tmp_path / f"{name}.html").read_text()
+    assert "The foot stays within" in page
+    assert all(joint in page for joint in requests.names)
+
+
+def test_a_file_is_a_leg_under_either_option(run, robot, foot):
+    shipped = run("plan", foot, "--leg", "front-left")
+    assert run("plan", foot, "--leg", robot, *FRONT).stdout == shipped.stdout
+    assert run("plan", foot, "--urdf", robot, *FRONT).stdout == shipped.stdout
+
+
+def test_a_gait_for_a_leg_is_in_its_base_frame_and_in_reach(run, robot):
+    result = run("gait", "--leg", robot, *FRONT, "--json")
+    document = json.loads(result.stdout)
+    path = np.column_stack([document[f"{axis}_m"] for axis in "xyz"])
+    leg = Leg.from_urdf(robot, base="body", foot="front_left_ball")
+    angles = leg.joint_angles(path)
+    about = document["stride"]
+    pose = np.radians(list(about["pose_deg"].values()))
+    np.testing.assert_allclose(about["centre_m"], leg.foot_positions(pose[None])[0], atol=WRITTEN)
+    assert np.ptp(path[:, 0]) == pytest.approx(2.0 * about["length_m"])
+    closed = np.vstack([angles, angles[:1]])
+    speeds = np.degrees(np.abs(np.diff(closed, axis=0)).max(axis=0) / 0.008)
+    np.testing.assert_allclose(list(about["speeds_deg_s"].values()), speeds, rtol=1e-6)
+
+
+def test_options_of_a_gait_overrule_what_suits_the_leg(run, robot):
+    asked = ("--length", 0.02, "--height", 0.01, "--forward", 0.09, "--hip-height", 0.1)
+    document = json.loads(run("gait", "--leg", robot, *FRONT, *asked, "--json").stdout)["stride"]
+    assert (document["length_m"], document["height_m"]) == (0.02, 0.01)
+    assert document["centre_m"][0] == 0.09
+    assert document["centre_m"][2] == -0.1
+
+
+def test_a_gait_without_a_leg_is_the_papers(run):
+    document = json.loads(run("gait", "--json").stdout)
+    assert "stride" not in document
+    assert max(document["x_m"]) == pytest.approx(0.049 + 0.04893)
+
+
+def test_a_joint_is_held_where_the_option_says(run, robot):
+    hold = ("--lock", "front_left_rotator=20", "--unreachable", "nearest")
+    run("gait", "--leg", robot, *FRONT, "--length", 0.005, "--height", 0.005, "-o", "foot.csv")
+    result = run("plan", "foot.csv", "--leg", robot, *FRONT, *hold, "--method", "foot-optimal")
+    assert result.exit_code == 0, result.stderr
+    header = result.stdout.splitlines()[0]
+    assert "rotator" not in header
+    assert "front_left_abductor_deg" in header
+
+
+def test_speeds_come_from_the_urdf(run, robot, foot):
+    papers = run("plan", foot, "--leg", robot, *FRONT).stdout
+    assert run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf").stdout == papers
+    slow = urdf_path("ers210a.urdf").read_text().replace('velocity="5.454', 'velocity="2.454')
+    robot.write_text(slow)
+    assert run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf").stdout != papers
+    robot.write_text(slow.replace('velocity="2.454', 'velocity="1002.454'))
+    result = run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf")
+    assert result.exit_code == 2
+    assert "the URDF has no top speed of joint 'front_left_rotator' that can be" in result.stderr
+
+
+def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
+    result = run("plan", desired, "--report", "plan.html", "-o", "requests.csv")
+    assert result.exit_code == 0, result.stderr
+    page = (tmp_path / "plan.html").read_text()
+    assert "The joints stay within" in page
+    assert "The foot from the side" not in page
+    assert "no plan below" in page
+
+
+def test_a_report_that_cannot_be_written_is_bad_usage(run, desired):
+    result = run("plan", desired, "--report", "nowhere/plan.html", "-o", "requests.csv")
+    assert result.exit_code == 2
+    assert "nowhere" in result.stderr

@@ -1,0 +1,126 @@
+"""The page about a plan: its verdict, remarks and figures, and what a browser makes of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from kinematics import Limits
+from planner.evaluation.plan_outcome import PlanOutcome
+from planner.report.plan_page import plan_page
+from planner.report.plan_words import joint_rows, remarks, verdict
+
+SAME = 1e-12
+"""The same figure by another route [m, rad]."""
+
+WALK = planner.reference_walk()
+SERVO = planner.JointModel.ers210a()
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    made = planner.invert_foot(SERVO, WALK.leg, WALK.desired_foot)
+    lower, upper = WALK.leg.limits
+    limits = zip(lower.tolist(), upper.tolist(), strict=True)
+    return PlanOutcome(
+        names=WALK.joint_names,
+        models=(SERVO,) * 3,
+        desired=WALK.desired,
+        requests=made.requests,
+        predicted=made.predicted,
+        cyclic=True,
+        limits=dict(zip(WALK.joint_names, limits, strict=True)),
+        leg=WALK.leg,
+        foot=WALK.desired_foot,
+    )
+
+
+def page_of(outcome, **about):
+    return plan_page(outcome, **{"title": "leg <1>", "method": "foot-optimal", **about})
+
+
+def test_the_outcome_is_what_simulation_and_leg_say(outcome):
+    direct = np.column_stack([planner.simulate(SERVO, column) for column in WALK.desired.T])
+    np.testing.assert_array_equal(outcome.direct, direct)
+    distance = WALK.leg.foot_positions(direct) - WALK.desired_foot
+    np.testing.assert_allclose(
+        outcome.distances["direct"], np.linalg.norm(distance, axis=1), atol=SAME
+    )
+    assert outcome.distances["planned"].max() < outcome.distances["direct"].max()
+
+
+def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
+    head, tail = verdict(outcome)
+    largest = 100.0 * outcome.distances["planned"].max()
+    assert head == f"The foot stays within {largest:.2g} cm of its path"
+    assert f"up to {100.0 * outcome.distances['direct'].max():.2g} cm" in tail
+    head, _ = verdict(replace(outcome, leg=None, foot=None))
+    assert re.fullmatch(r"The joints stay within [\d.]+ degrees of their paths", head)
+
+
+def test_a_path_that_is_too_fast_is_remarked(outcome):
+    (said,) = [each for each in remarks(outcome, unreachable=0, missed=()) if "faster" in each]
+    steps = np.abs(np.roll(WALK.desired, -1, axis=0) - WALK.desired)
+    shares = (steps > SERVO.v_max * SERVO.period).mean(axis=0)
+    assert f"during {100 * shares.max():.0f} % of" in said
+    slow = replace(outcome, desired=0.1 * WALK.desired)
+    assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
+
+
+def test_what_goes_wrong_is_remarked(outcome):
+    free = replace(WALK.leg, limits=Limits(np.full(3, -3.0), np.full(3, 3.0)))
+    mirrored = replace(free, near=WALK.desired[0] * [1.0, 1.0, -1.0]).joint_angles(
+        WALK.desired_foot
+    )
+    leaping = np.vstack([WALK.desired[:40], mirrored[40:]])
+    leapt = replace(outcome, desired=leaping)
+    said = " ".join(remarks(leapt, unreachable=7, missed=["the foot is 2 cm off"]))
+    assert "the foot is 2 cm off." in said
+    assert "7 of 88 positions are out of the leg's reach" in said
+    assert "leaps to another pose" in said
+    assert 39 in leapt.jumps
+    assert 'class="verdict no"' in page_of(leapt)
+    assert 'class="verdict no"' not in page_of(outcome)
+
+
+def test_requests_at_a_limit_are_counted(outcome):
+    first = outcome.names[0]
+    tight = {**outcome.limits, first: (-10.0, float(outcome.requests[:, 0].max()))}
+    rows = joint_rows(replace(outcome, limits=tight))
+    assert rows[0].at_limit >= 1
+    assert rows[0].lower == pytest.approx(np.degrees(-10.0))
+    free = joint_rows(replace(outcome, limits={first: (-np.inf, np.inf)}))
+    assert (free[0].lower, free[0].upper, free[0].at_limit) == (None, None, 0)
+
+
+def test_every_name_is_escaped_and_every_request_told(outcome):
+    page = page_of(replace(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
+    assert "<b>" not in page
+    assert "leg &lt;1&gt;" in page
+    assert "&lt;x&gt;.csv" in page
+    assert page.count("<td>") > 3 * len(outcome.requests)
+    assert f"{np.degrees(outcome.requests[5, 2]):.3f}" in page
+
+
+def test_the_page_needs_nothing_else(outcome):
+    page = page_of(outcome)
+    assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page)
+    assert "NaN" not in page
+    assert page == page_of(outcome)
+
+
+def test_a_path_from_rest_has_a_page_too(outcome):
+    once = replace(outcome, cyclic=False)
+    assert "it repeats" not in page_of(once)
+
+
+def test_a_browser_shows_the_page_without_complaint(outcome, opened, tmp_path):
+    file = tmp_path / "plan.html"
+    file.write_text(page_of(outcome), encoding="utf-8")
+    result = opened(file)
+    assert "CONSOLE" not in result.stderr
+    assert result.stdout.count("<svg") == 6
