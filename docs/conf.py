@@ -36,6 +36,7 @@ html_static_path = ["_site/static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
+html_show_search_summary = False  # it would ask for the pages' sources
 html_math_renderer = "mathml"
 html_theme_options = {
     "light_css_variables": {
@@ -54,7 +55,8 @@ myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_block"]
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 3
 
-autodoc_default_options = {"members": True, "inherited-members": "Exception"}
+autodoc_default_options = {"members": True, "inherited-members": "Exception, tuple"}
+autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 add_module_names = False

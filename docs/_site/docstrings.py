@@ -8,6 +8,9 @@ from sphinx.ext.napoleon import Config, GoogleDocstring
 
 CONFIG = Config(napoleon_use_rtype=False, napoleon_use_ivar=True, napoleon_attr_annotations=False)
 
+LITERALS = {"``docs/math.md``": ":doc:`docs/math.md </math>`"}
+"""Pages that docstrings name."""
+
 VALUES = ("attribute", "data", "property")
 """What has no arguments; Sphinx would take what stands before a colon there for a type."""
 
@@ -17,7 +20,9 @@ RAISES = re.compile(r"^(:raises )(\w+)(?=:)")
 
 def _outside_literals(line):
     pieces = re.split(r"(``.*?``)", line)
-    return "".join(p if p.startswith("``") else p.replace("|", r"\|") for p in pieces)
+    return "".join(
+        LITERALS.get(p, p) if p.startswith("``") else p.replace("|", r"\|") for p in pieces
+    )
 
 
 def _prepare(app, what, name, obj, options, lines):
@@ -30,7 +35,14 @@ def _prepare(app, what, name, obj, options, lines):
     ]
 
 
+def _skip(*told):
+    """Leave out the fields of named tuples, which the class has told of already."""
+    _, _, _, member, *_ = told
+    return True if type(member).__name__ == "_tuplegetter" else None
+
+
 def setup(app):
     """Take every docstring so."""
+    app.connect("autodoc-skip-member", _skip)
     app.connect("autodoc-process-docstring", _prepare)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
