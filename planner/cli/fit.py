@@ -14,6 +14,8 @@ from planner.cli.wanted import load_wanted
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
+    from planner.cli.wanted import Wanted
+    from planner.trajectory import Array
 
 
 @click.command(short_help="Approximate joint angles by lines that a joint can follow.")
@@ -58,7 +60,6 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.approximation.fit import fit_pwl
     from planner.files.joint_path import write_joint_path
     from planner.files.table import read_table
     from planner.report.text_table import text_table
@@ -74,18 +75,7 @@ def fit(
             f"--knots writes one joint, got {', '.join(wanted.names)}; choose one with --joint."
         )
     question = asked({**given, "cyclic": cyclic}, wanted.period)
-    fits = {}
-    with Progress(wanted.names) as progress:
-        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
-            progress(name)
-            with naming(name):
-                fits[name] = fit_pwl(
-                    wanted.angles[:, j],
-                    v_max=joint.v_max,
-                    tick=joint.period,
-                    weights=weights,
-                    **question,
-                )
+    fits = _fits(wanted, weights, question)
     document = {
         "cyclic": cyclic,
         "period_s": wanted.period,
@@ -109,6 +99,26 @@ def fit(
         output=output,
         as_json=as_json,
     )
+
+
+def _fits(
+    wanted: Wanted, weights: Array | None, question: dict[str, Any]
+) -> dict[str, PiecewiseLinearFit]:
+    from planner.approximation.fit import fit_pwl
+
+    fits = {}
+    with Progress(wanted.names) as progress:
+        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+            progress(name)
+            with naming(name):
+                fits[name] = fit_pwl(
+                    wanted.angles[:, j],
+                    v_max=joint.v_max,
+                    tick=joint.period,
+                    weights=weights,
+                    **question,
+                )
+    return fits
 
 
 def _write_extras(
