@@ -88,12 +88,12 @@ def close_up(fit: LogFit) -> Rows:
     return np.arange(start, ends[start])
 
 
-def thinned(times: Array, values: Array) -> tuple[Array, Array]:
+def thinned(times: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Array]:
     """A curve for drawing: of every part the least and the largest value, NaN where it has none."""
-    if len(values) <= 2 * BINS:
+    if len(values) <= 2 * bins:
         return times, values
     chosen = []
-    for rows in np.array_split(np.arange(len(values)), BINS):
+    for rows in np.array_split(np.arange(len(values)), bins):
         known = rows[np.isfinite(values[rows])]
         if not len(known):
             chosen.append(rows[:1])
@@ -121,7 +121,7 @@ def _draw_model(
         (~fit.held_out[rows], CLOSED_FORM, "model, fitted"),
         (fit.held_out[rows], OPTIMAL, "model, rows held out"),
     ):
-        line = np.where(shown, units.factor * _prediction(fit)[rows], np.nan)
+        line = np.where(shown, units.factor * prediction(fit)[rows], np.nan)
         if np.isfinite(line).any():
             axes.plot(*thinned(times[rows], line), color=role.light, lw=width, label=label)
 
@@ -129,7 +129,7 @@ def _draw_model(
 def _draw_residuals(
     axes: Axes, times: Array, fit: LogFit, units: Units, noise: float, rows: Rows
 ) -> None:
-    residuals = units.factor * (fit.log.angles - _prediction(fit))
+    residuals = units.factor * (fit.log.angles - prediction(fit))
     band = 2.0 * units.factor * noise
     axes.axhspan(-band, band, color=CLOSED_FORM.light, alpha=0.16, lw=0, label="± 2 noise")
     axes.plot(*thinned(times[rows], residuals[rows]), color=INK.light, lw=0.9)
@@ -141,7 +141,7 @@ def _draw_residuals(
         )
 
 
-def _prediction(fit: LogFit) -> Array:
+def prediction(fit: LogFit) -> Array:
     """The prediction of each row [rad], by a model that had not seen it where there is one."""
     return np.where(fit.held_out, fit.held_out_predicted, fit.predicted)
 

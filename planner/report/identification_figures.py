@@ -9,6 +9,7 @@ from planner.identification.identification import Identification, LogFit
 from planner.report import identification_draw as draw
 from planner.report import identification_draw_log as draw_log
 from planner.report.figures import Picture
+from planner.report.identification_live import log_plot
 from planner.report.identification_parameters import units_of
 from planner.report.style import applied
 
@@ -111,10 +112,12 @@ def _log(identification: Identification, fit: LogFit, prefix: str) -> tuple[Pict
         Picture(
             f"{prefix}whole",
             "The whole log",
-            "The same over all of it, long logs by the least and the largest value of each "
-            "part. There is no prediction where the torque was off or the requests before are "
-            f"not known.{shaded}",
+            "Requests, measured angles and prediction over all of it; on paper, long logs by the "
+            "least and the largest value of each part. Below, measured minus predicted. There is "
+            "no prediction where the torque was off or the requests before are not known."
+            f"{shaded}",
             "Requests, measured angles and prediction over the whole log. Below, the residuals.",
             draw_log.draw_whole(fit, units, noise),
+            log_plot(fit, units, noise),
         ),
     )

@@ -15,6 +15,7 @@ from planner.report.figures import Picture
 from planner.report.identification_figures import IdentificationPictures, identification_pictures
 from planner.report.identification_parameters import Parameter, Units, parameters, units_of
 from planner.report.identification_words import Error, errors, known, telling_error, verdict
+from planner.report.live_page import live_head, live_scripts
 from planner.report.page import PARAMETERS, environment
 from planner.report.render import to_inline_svg
 from planner.report.results import versions
@@ -66,6 +67,8 @@ def identification_page(identifications: Mapping[str, Identification]) -> str:
         _joint(name, found, f"joint{k}_" if len(identifications) > 1 else "")
         for k, (name, found) in enumerate(identifications.items(), 1)
     ]
+    logs = [picture for joint in joints for log in joint.pictures.logs for picture in log]
+    live = {picture.name: picture.live for picture in logs if picture.live is not None}
     found = versions()
     return (
         environment()
@@ -73,6 +76,8 @@ def identification_page(identifications: Mapping[str, Identification]) -> str:
         .render(
             joints=joints,
             drawn=_drawn,
+            live_head=live_head(),
+            live_scripts=live_scripts(live),
             roles=ROLES,
             words=PARAMETERS,
             made_by=f"request-planner {__version__} identify",

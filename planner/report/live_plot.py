@@ -8,7 +8,7 @@ looks them up, so that a plot is light or dark with the page.
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,7 @@ def time_plot(
     decimals: int = 0,
     clock: float | None = None,
     shaded: Sequence[tuple[float, float]] = (),
+    views: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, Any]:
     """Panels below one another over one time axis: zoom one, and all follow.
 
@@ -53,9 +54,10 @@ def time_plot(
         decimals: Of times where the pointer is.
         clock: How many of it a second is, where the plot follows the moving leg of its page.
         shaded: Spans of time to shade, in the curves' unit.
+        views: Spans of time, in the curves' unit, that a button of that name brings into view.
 
     Returns:
-        ``data`` and ``layout`` for Plotly, ``height`` [px], and ``clock``.
+        ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
     """
     spans, height = _domains(panels)
     data, axes, titles, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
@@ -68,7 +70,7 @@ def time_plot(
             shapes.append(_band(panel.band, f"y{suffix}"))
     shapes += [_shade(start * scale, end * scale) for start, end in shaded]
     layout = {
-        "xaxis": _x_axis(panels, unit, scale, decimals),
+        "xaxis": {**_x_axis(panels, unit, scale, decimals), "showspikes": clock is None},
         **axes,
         "annotations": [title for title in titles if title["text"]],
         "shapes": [_cursor(), *shapes] if clock is not None else shapes,
@@ -77,7 +79,16 @@ def time_plot(
         "margin": {"l": LEFT, "r": 12, "t": ABOVE, "b": BELOW},
         "uirevision": "kept",
     }
-    return {"kind": "plot", "data": data, "layout": layout, "height": height, "clock": clock}
+    return {
+        "kind": "plot",
+        "data": data,
+        "layout": layout,
+        "height": height,
+        "clock": clock,
+        "views": {
+            name: [scale * start, scale * end] for name, (start, end) in (views or {}).items()
+        },
+    }
 
 
 def packed(values: Array) -> dict[str, str]:
@@ -151,13 +162,11 @@ def _x_axis(panels: Sequence[Panel], unit: str, scale: float, decimals: int) -> 
         "minallowed": start,
         "maxallowed": end,
         "unifiedhovertitle": {"text": f"%{{x:.{decimals}f}} {unit}"},
-        "showspikes": True,
         "spikemode": "across",
         "spikesnap": "cursor",
         "spikethickness": 1,
         "spikedash": "solid",
         "spikecolor": variable(MUTED),
-        "showgrid": True,
     }
 
 
@@ -208,5 +217,5 @@ def _band(half: float, axis: str) -> dict[str, Any]:
 
 def _shade(start: float, end: float) -> dict[str, Any]:
     return {"type": "rect", "xref": "x", "yref": "paper", "x0": start, "x1": end, "y0": 0, "y1": 1,
-            "fillcolor": "var(--grid)", "opacity": 0.6, "line": {"width": 0},
+            "fillcolor": "var(--grid)", "opacity": 0.45, "line": {"width": 0},
             "layer": "below"}  # fmt: skip

@@ -50,7 +50,7 @@ _PICTURES: tuple[_Entry, ...] = (
         "foot_paths",
         "The foot, every cycle (the paper's Figure 8)",
         "What the robot's foot does in each recorded cycle under three methods; the cycles nearly "
-        "cover one another.",
+        "cover one another. On a screen the leg walks the first of them.",
         "Side view of the leg and four closed foot paths; that of the foot-optimised requests lies "
         "closest to the desired one, then the closed form's, then the direct method's.",
         draw.draw_paths,

@@ -15,6 +15,9 @@ live.kinds.leg = async (place, { motions, period, cyclic, ground }) => {
   const range = (values) => [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
   const ends = [0, 1, 2].map((k) => range(all.map((point) => point[k])));
   const middle = ends.map(([low, high]) => (low + high) / 2);
+  const [[left, right], [near, far]] = ends;
+  const corners = ground === null ? [] : [[left, near, ground], [right, near, ground], [right, far, ground], [left, far, ground]];
+  all.push(...corners);
   const turned = (point) => {
     const [x, y, z] = point.map((value, k) => value - middle[k]);
     const [a, b] = [state.turn, state.tilt].map((degrees) => (degrees * Math.PI) / 180);
@@ -66,10 +69,7 @@ live.kinds.leg = async (place, { motions, period, cyclic, ground }) => {
     element("div", { className: "views" }, element("span", { textContent: "seen from the" }), ...views.slice(0, 3), element("span", { textContent: "or" }), views[3]));
 
   function draw() {
-    if (ground !== null) {
-      const [[left, right], [near, far]] = ends;
-      floor.setAttribute("points", line([[left, near, ground], [right, near, ground], [right, far, ground], [left, far, ground]]));
-    }
+    floor.setAttribute("points", line(corners));
     for (const each of drawn) {
       const { motion } = each;
       each.group.style.display = motion.hidden ? "none" : "";

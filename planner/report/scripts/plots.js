@@ -12,7 +12,7 @@ live.library = () => {
 };
 
 // What is drawn first, and what a reader does to it, on Plotly's terms.
-live.kinds.plot = async (figure, { data, layout, clock, height }) => {
+live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
   const place = live.element("div", { className: "canvas" });
   place.style.height = `${height}px`;
   const names = [...new Set(data.map((trace) => trace.name))];
@@ -26,7 +26,14 @@ live.kinds.plot = async (figure, { data, layout, clock, height }) => {
       Plotly.restyle(place, { visible: shown }, rows);
     });
   });
+  const spans = Object.entries(views).map(([name, range]) => live.element("button", {
+    type: "button",
+    textContent: name,
+    onclick: () => Plotly.relayout(place, { "xaxis.range": range, ...rowsWhole }),
+  }));
+  const rowsWhole = Object.fromEntries(Object.keys(layout).filter((key) => /^yaxis/.test(key)).map((key) => [`${key}.autorange`, true]));
   figure.append(live.element("div", { className: "entries" }, ...entries), place);
+  if (spans.length) figure.append(live.element("div", { className: "views" }, ...spans));
   await live.library();
   const font = { family: getComputedStyle(document.body).fontFamily, size: 12.5, color: "var(--ink)" };
   const small = { color: "var(--muted)", size: 12 };
