@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner._version import __version__
 from planner.report.figures import Picture
+from planner.report.live_page import live_head, live_scripts
 from planner.report.page import PARAMETERS, environment
 from planner.report.plan_draw import draw_distances, draw_joint, draw_view
+from planner.report.plan_live import live_distances, live_joint, live_leg
 from planner.report.plan_words import joint_rows, remarks, size, verdict
 from planner.report.render import to_inline_svg
 from planner.report.results import versions
@@ -47,6 +50,8 @@ def plan_page(
     """
     head, tail = verdict(outcome)
     found = versions()
+    drawn = pictures(outcome, method)
+    live = {each.name: each.live for each in chain(*drawn.values()) if each.live is not None}
     said = remarks(outcome, unreachable=unreachable, missed=missed)
     return (
         environment()
@@ -62,7 +67,9 @@ def plan_page(
             feet={name: size(each, 100.0) for name, each in outcome.distances.items()},
             joints=joint_rows(outcome),
             requests_deg=np.degrees(outcome.requests).tolist(),
-            pictures=pictures(outcome, method),
+            pictures=drawn,
+            live_head=live_head(),
+            live_scripts=live_scripts(live),
             drawn=_drawn,
             words=PARAMETERS,
             origins=origins,
@@ -83,10 +90,11 @@ def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
                 Picture(
                     f"foot_{view}",
                     f"The foot from the {view}",
-                    "The leg stands at the beginning of the planned motion; thin lines are later "
-                    "moments.",
+                    "Sketched, the leg stands at the beginning of the planned motion; thin lines "
+                    "are later moments.",
                     f"Paths of the foot seen from the {view}: desired, direct and planned.",
                     draw_view(outcome, role, view),
+                    live_leg(outcome, role) if view == "side" else None,
                 )
                 for view in ("side", "front")
             ]
@@ -97,6 +105,7 @@ def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
                     "Distance of the foot from where it should be at the same moment.",
                     "Two curves over time: the distance without a plan and with it.",
                     draw_distances(outcome, role),
+                    live_distances(outcome, role),
                 )
             )
         joints = [
@@ -104,9 +113,10 @@ def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
                 f"joint_{j}",
                 name,
                 "Above: what the joint should do, does without a plan, and does with it. Below: "
-                "what is requested of it; limits that are near are dotted.",
+                "what is requested of it; limits are drawn where they are near.",
                 f"Angles and requests of the joint {name} over time.",
                 draw_joint(outcome, role, j),
+                live_joint(outcome, role, j),
             )
             for j, name in enumerate(outcome.names)
         ]
