@@ -57,6 +57,11 @@ class Chain:
     axes: Array
     tip: Array
 
+    def __post_init__(self) -> None:
+        """Freeze the constants."""
+        for constant in (self.rotations, self.translations, self.axes, self.tip):
+            read_only(constant)
+
     @cached_property
     def links(self) -> tuple[Link, ...]:
         """The constants of each joint, from the base to the foot."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kinematics.exceptions import UnknownDescription
+from kinematics.exceptions import InvalidInput, UnknownDescription
 
 SHIPPED = ("ers210a.urdf", "reference_leg.urdf")
 """The files of the folder ``urdf``, which lies beside this package in a checkout and in a wheel."""
@@ -22,6 +22,8 @@ def urdf_path(name: str) -> Path:
     Raises:
         UnknownDescription: No such file is shipped.
     """
+    if not isinstance(name, str):
+        raise InvalidInput(f"name: got {type(name).__name__}, expected one of {', '.join(SHIPPED)}")
     if name not in SHIPPED:
         raise UnknownDescription(name, SHIPPED)
     return Path(__file__).resolve().parent.parent / "urdf" / name

@@ -24,7 +24,13 @@ if TYPE_CHECKING:
 
 
 class KinematicsError(Exception):
-    """The root of the tree."""
+    """The root of the tree; its message is one line, whatever the caller's names hold."""
+
+    def __str__(self) -> str:
+        message = super().__str__()
+        if message.isprintable():
+            return message
+        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 
 class InvalidInput(KinematicsError, ValueError):

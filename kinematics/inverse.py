@@ -93,6 +93,8 @@ def solve_inverse(
 
 def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:
     """Refuse what has no inverse."""
+    if not isinstance(unreachable, str):
+        raise InvalidInput(f"unreachable: got {type(unreachable).__name__}, expected a name")
     if unreachable not in get_args(Unreachable):
         raise InvalidInput(
             f"unreachable: got {unreachable!r}, expected one of {', '.join(get_args(Unreachable))}"

@@ -215,6 +215,8 @@ class Leg:
 
 def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> Array:
     """The pose that some angles describe, the joints without one at rest."""
+    if not isinstance(near, Mapping):
+        raise InvalidInput(f"near: got {type(near).__name__}, expected joints and angles")
     pose = limits.clip(np.zeros(len(names)))
     for name, angle in near.items():
         if name not in names:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinematics.chain import Array, Chain
-from kinematics.exceptions import InvalidUrdf, UnsupportedLeg
+from kinematics.exceptions import InvalidInput, InvalidUrdf, UnsupportedLeg
 from kinematics.limits import Limits
 from kinematics.read_limits import read_limits, read_speeds
 from kinematics.robot import Robot, find_frame, joints_between, read_robot
@@ -60,6 +60,8 @@ def read_chain(
             neither revolute nor continuous, or one that mimics another.
         InvalidInput: A joint cannot be held like that.
     """
+    if not isinstance(path, str | os.PathLike) or "\0" in str(path):
+        raise InvalidInput(f"path: got {type(path).__name__}, expected that of a URDF file")
     path = Path(path)
     robot = read_robot(path, locked=locked)
     model = robot.model

@@ -61,6 +61,8 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
     """
     import pinocchio
 
+    if not isinstance(locked, Mapping | None):
+        raise InvalidInput(f"locked: got {type(locked).__name__}, expected joints and positions")
     model, mimics = _read_model(path)
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     rest = np.clip(pinocchio.neutral(model), lower, upper)
@@ -160,6 +162,8 @@ def _captured_stderr() -> Iterator[Any]:
 
 def find_frame(model: Any, name: str, *, role: str) -> Any:
     """The frame of that name; where a link and a joint share it, their frames coincide."""
+    if not isinstance(name, str):
+        raise InvalidInput(f"{role}: got {type(name).__name__}, expected the name of a frame")
     # getFrameId returns nframes for a name it does not know, and refuses shared names.
     for frame in model.frames:
         if frame.name == name:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from kinematics.exceptions import InvalidInput
 from kinematics.leg import Leg
 
 
@@ -22,6 +23,8 @@ def foot_function(leg: Leg) -> Any:
     """
     import casadi
 
+    if not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {type(leg).__name__}, expected a kinematics.Leg")
     angles = casadi.SX.sym("angles", len(leg.joint_names))
     each = casadi.vertsplit(angles)
     cosines = [casadi.cos(angle) for angle in each]

@@ -24,7 +24,10 @@ from pathlib import Path
 
 
 class PlannerError(Exception):
-    """The root of the tree."""
+    """The root of the tree; its message is one line, whatever the caller's names hold."""
+
+    def __str__(self) -> str:
+        return _printable(super().__str__())
 
 
 class InvalidInput(PlannerError, ValueError):
@@ -52,7 +55,7 @@ class InvalidFile(InvalidInput):
         self.path = path
         self.line = line
         place = f"{path}" if line is None else f"{path}, line {line}"
-        super().__init__(f"{place}: {_printable(problem)}")
+        super().__init__(f"{place}: {problem}")
 
 
 class Infeasible(InvalidInput):

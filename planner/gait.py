@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,8 @@ import numpy.typing as npt
 from kinematics.descriptions import urdf_path
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array
+from planner.given import as_number, as_whole, shown
+from planner.trajectory import LARGEST, MOST_SAMPLES, Array
 
 
 def half_ellipse(
@@ -63,9 +63,10 @@ def half_ellipse(
 
     phase = np.arange(count) / count
     on_ground = phase < ground
+    on_way = np.minimum(phase, ground) / ground
     angle = np.pi * (1.0 - phase) / (1.0 - ground)  # of the ellipse; π where the foot lifts off
     path = np.empty((count, 3))
-    path[:, 0] = forward + length * np.where(on_ground, 1.0 - 2.0 * phase / ground, np.cos(angle))
+    path[:, 0] = forward + length * np.where(on_ground, 1.0 - 2.0 * on_way, np.cos(angle))
     path[:, 1] = sideways
     path[:, 2] = -hip_height + height * np.where(on_ground, 0.0, np.sin(angle))
     path.setflags(write=False)
@@ -122,25 +123,23 @@ def _number(
     below: float = math.inf,
 ) -> float:
     """The value as a float within its range, or an error that names the range."""
-    try:
-        number = math.nan if isinstance(value, (bool, str, bytes)) else float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if math.isfinite(number) and least <= number and above < number < below:
+    number = as_number(value)
+    if abs(number) > LARGEST:
+        raise InvalidInput(f"{name}: got {number:g}, expected at most {LARGEST:g}; check the unit")
+    if least <= number and above < number < below:
         return number
     bounds = [f"at least {least:g}"] if math.isfinite(least) else []
     bounds += [f"above {above:g}"] if math.isfinite(above) else []
     bounds += [f"below {below:g}"] if math.isfinite(below) else []
     wanted = " ".join(["a finite number", " and ".join(bounds)]).strip()
-    raise InvalidInput(f"{name}: got {value!r}, expected {wanted}")
+    raise InvalidInput(f"{name}: got {shown(value)}, expected {wanted}")
 
 
 def _count(samples: int) -> int:
     """The number of samples, or an error."""
-    try:
-        count = -1 if isinstance(samples, bool) else operator.index(samples)
-    except TypeError:
-        count = -1
-    if count < 4:
-        raise InvalidInput(f"samples: got {samples!r}, expected a whole number, at least 4")
+    count = as_whole(samples)
+    if count is None or count < 4:
+        raise InvalidInput(f"samples: got {shown(samples)}, expected a whole number, at least 4")
+    if count > MOST_SAMPLES:
+        raise InvalidInput(f"samples: got {shown(samples)}, expected at most {MOST_SAMPLES}")
     return count

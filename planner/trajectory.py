@@ -9,20 +9,30 @@ from planner.exceptions import InvalidTrajectory
 
 Array = npt.NDArray[np.float64]
 
+LARGEST = 1e9
+"""An angle [rad], or anything else there is one of per sample, beyond this is a mistake."""
 
-def as_trajectory(values: npt.ArrayLike, *, name: str, minimum: int = 2) -> Array:
+MOST_SAMPLES = 10_000_000
+"""Longest trajectory that is made from a number alone [samples]: a day at 100 Hz and more."""
+
+
+def as_trajectory(
+    values: npt.ArrayLike, *, name: str, minimum: int = 2, largest: float = LARGEST
+) -> Array:
     """Copy ``values`` into a read-only trajectory, or say why they are none.
 
     Args:
         values: Angles or requests [rad], shape (n,).
         name: What to call them in an error.
         minimum: Least number of samples that is accepted.
+        largest: Largest magnitude that is accepted.
 
     Returns:
         A read-only copy, float64, shape (n,).
 
     Raises:
-        InvalidTrajectory: Not one-dimensional, too short, not real numbers, or not finite.
+        InvalidTrajectory: Not one-dimensional, too short, or not finite real numbers of a size
+            that can be true.
     """
     try:
         given = np.asarray(values)
@@ -41,12 +51,20 @@ def as_trajectory(values: npt.ArrayLike, *, name: str, minimum: int = 2) -> Arra
         )
     if given.size < minimum:
         raise InvalidTrajectory(f"{name}: got {given.size} samples, expected at least {minimum}")
+    if np.ma.is_masked(values):
+        raise InvalidTrajectory(f"{name}: got masked samples; remove or interpolate them first")
     trajectory = np.array(given, dtype=np.float64)
     bad = np.flatnonzero(~np.isfinite(trajectory))
     if bad.size:
         raise InvalidTrajectory(
             f"{name}: {bad.size} of {trajectory.size} samples are not finite, the first at index "
             f"{bad[0]} ({trajectory[bad[0]]}); remove or interpolate them first"
+        )
+    if np.max(np.abs(trajectory), initial=0.0) > largest:
+        k = int(np.argmax(np.abs(trajectory)))
+        raise InvalidTrajectory(
+            f"{name}: got {trajectory[k]:g} at index {k}, expected at most {largest:g} either way; "
+            "check the unit"
         )
     trajectory.setflags(write=False)
     return trajectory

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import math
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array
+from planner.given import as_flag, as_number, as_reals, as_whole, shown
+from planner.trajectory import LARGEST, MOST_SAMPLES, Array
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,18 +47,26 @@ class PiecewiseLinear:
     def __post_init__(self) -> None:
         """Copy, freeze and check."""
         for name in ("knots", "values"):
-            array = np.array(getattr(self, name), dtype=np.float64)
+            array = _reals(name, getattr(self, name))
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        fewest = 1 if self.cyclic else 2
+        fewest = 1 if as_flag("cyclic", self.cyclic) else 2
         if self.knots.ndim != 1 or self.knots.size < fewest:
             raise InvalidInput(f"knots: got shape {self.knots.shape}, expected ({fewest} or more,)")
         if self.values.shape != self.knots.shape:
             raise InvalidInput(f"values: got {self.values.size} for {self.knots.size} knots")
-        if not np.all(np.isfinite(self.values)):
+        if not np.all(np.abs(self.values) <= LARGEST):
             raise InvalidInput("values: expected finite angles [rad]")
-        if not (math.isfinite(self.tick) and self.tick > 0.0):
-            raise InvalidInput(f"tick: got {self.tick!r}, expected a finite number above 0 [s]")
+        if not np.all(np.abs(self.knots) <= LARGEST):
+            raise InvalidInput("knots: expected finite sample indices that increase")
+        if not 0 < (as_whole(self.samples) or 0) <= MOST_SAMPLES:
+            raise InvalidInput(
+                f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
+            )
+        if not as_number(self.tick) > 0.0:
+            raise InvalidInput(
+                f"tick: got {shown(self.tick)}, expected a finite number above 0 [s]"
+            )
         if not np.all(self.lengths > 0.0):
             raise InvalidInput("knots: they must increase, and a cyclic curve's fit into one cycle")
 
@@ -85,16 +94,15 @@ class PiecewiseLinear:
 
     def segment_at(self, index: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Number of the segment that holds each index; at a knot, of the one that starts there."""
-        return self._locate(np.asarray(index, dtype=np.float64))[0]
+        return _frozen(self._locate(_places(index))[0])
 
     def slope_at(self, index: npt.ArrayLike) -> Array:
         """Slope at any sample index, whole or not [rad/s]; at a knot, of the segment after."""
-        slopes: Array = self.slopes[self.segment_at(index)]
-        return slopes
+        return _frozen(np.asarray(self.slopes[self.segment_at(index)]))
 
     def __call__(self, index: npt.ArrayLike) -> Array:
         """The curve at any sample index, whole or not [rad]; an array like ``index``."""
-        segment, since = self._locate(np.asarray(index, dtype=np.float64))
+        segment, since = self._locate(_places(index))
         before = self.values[segment]
         after = self.values[(segment + 1) % self.knots.size]
         share = since / self.lengths[segment]
@@ -104,7 +112,7 @@ class PiecewiseLinear:
             before + share * (after - before),
             after - (1.0 - share) * (after - before),
         )
-        return angles
+        return _frozen(angles)
 
     def shifted(self, time: float = 0.0, *, angle: float = 0.0) -> PiecewiseLinear:
         """The curve ``time`` later [samples] and ``angle`` higher [rad]; a path keeps its samples.
@@ -112,16 +120,18 @@ class PiecewiseLinear:
         A cycle's knots come in order from the first in [0, samples) on; a path's end lines continue
         to wherever it has been shifted from.
         """
-        knots, values = self.knots + time, self.values + angle
+        knots = self.knots + _finite("time", time)
+        values = self.values + _finite("angle", angle)
         return self._with(knots, values)
 
     def scaled(self, factor: float) -> PiecewiseLinear:
         """The curve with all angles, and so all slopes, times ``factor``."""
-        return self._with(self.knots, self.values * factor)
+        return self._with(self.knots, self.values * _finite("factor", factor))
 
     def mirrored(self, about: float = 0.0) -> PiecewiseLinear:
         """The mirror image at the angle ``about`` [rad]."""
-        return self._with(self.knots, about - (self.values - about))
+        middle = _finite("about", about)
+        return self._with(self.knots, middle - (self.values - middle))
 
     def reversed_in_time(self) -> PiecewiseLinear:
         """The curve backwards: sample k becomes sample -k of a cycle, n - 1 - k of a path."""
@@ -146,21 +156,12 @@ class PiecewiseLinear:
             InvalidInput: A key is missing, or its value is of no use.
         """
         expected = ("knots", "values", "samples", "tick", "cyclic")
+        if not isinstance(data, Mapping):
+            raise InvalidInput(f"curve: got {shown(data)}, expected what to_dict gives")
         missing = [key for key in expected if key not in data]
         if missing:
             raise InvalidInput(f"curve: no '{missing[0]}'; expected {', '.join(expected)}")
-        try:
-            return PiecewiseLinear(
-                knots=np.array(data["knots"], dtype=np.float64),
-                values=np.array(data["values"], dtype=np.float64),
-                samples=operator.index(data["samples"]),
-                tick=float(data["tick"]),
-                cyclic=bool(data["cyclic"]),
-            )
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InvalidInput):
-                raise
-            raise InvalidInput(f"curve: {error}; expected what to_dict gives") from error
+        return PiecewiseLinear(**{key: data[key] for key in expected})
 
     def _with(self, knots: Array, values: Array) -> PiecewiseLinear:
         """A curve over the same samples with other knots and values, a cycle's put in order."""
@@ -185,6 +186,29 @@ class PiecewiseLinear:
         return segment, since_first - starts[segment]
 
 
-def _frozen(array: Array) -> Array:
+def _reals(name: str, values: Any) -> Array:
+    """The values as a new array, or an error."""
+    try:
+        return as_reals(values)
+    except ValueError as error:
+        raise InvalidInput(f"{name}: {error}; expected numbers, shape (k,)") from error
+
+
+def _places(index: npt.ArrayLike) -> Array:
+    """Sample indices as finite floats, of any shape, or an error."""
+    places = _reals("index", index)
+    if not np.all(np.isfinite(places)):
+        raise InvalidInput("index: expected finite sample indices")
+    return places
+
+
+def _finite(name: str, value: object) -> float:
+    number = as_number(value)
+    if not abs(number) <= LARGEST:
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a number within ±{LARGEST:g}")
+    return number
+
+
+def _frozen(array: npt.NDArray[Kind]) -> npt.NDArray[Kind]:
     array.setflags(write=False)
     return array

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -11,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.trajectory import Array, as_trajectory
+from planner.given import as_flag, as_number, as_whole, freeze, shown
+from planner.trajectory import LARGEST, Array, as_trajectory
 
 Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]
+
+SMALLEST = 1e-30
+"""A speed, a time or an error below this is a mistake: nothing is as exact."""
 
 KNOT_UNIT = 2.0**32
 """Required knots are rounded to multiples of its inverse [samples], whose sums are exact."""
@@ -86,6 +89,7 @@ def question_of(
     exact: bool,
 ) -> Question:
     """The question, every argument of :func:`planner.fit_pwl` checked on its own."""
+    cyclic = as_flag("cyclic", cyclic)
     places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
     return Question(
         desired=desired,
@@ -100,7 +104,7 @@ def question_of(
         required=places,
         pins=pins,
         shortest=checked_shortest(shortest),
-        on_samples=on_samples or exact,
+        on_samples=as_flag("on_samples", on_samples) or as_flag("exact", exact),
         exact=exact,
     )
 
@@ -115,18 +119,25 @@ def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
     if not np.all(given > 0.0):
         k = int(np.argmin(given))
         raise InvalidInput(f"weights: got {given[k]:g} at sample {k}, expected more than 0")
-    return None if np.all(given == given[0]) else given / np.mean(given)
+    if np.all(given == given[0]):
+        return None
+    weights = given / np.mean(given)
+    freeze(weights)
+    return weights
 
 
 def checked_knots(
     required: Required, ends: Ends, n: int, *, cyclic: bool, name: str = "required"
 ) -> tuple[Array, Array]:
     """Knots that there must be, in order, and the values there, NaN where free."""
+    if not isinstance(required, Iterable) or getattr(required, "ndim", 1) != 1:
+        raise InvalidInput(f"{name}: got {shown(required)}, expected sample indices")
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
     last = n - 1.0
     found: dict[float, float] = {}
     for place, angle in pairs:
-        knot = round(_number(f"{name} knots", place) * KNOT_UNIT) / KNOT_UNIT
+        given = _number(f"{name} knots", place)
+        knot = round(given * KNOT_UNIT) / KNOT_UNIT if abs(given) < 2.0 * n else given
         inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
         if not inside:
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
@@ -135,7 +146,9 @@ def checked_knots(
     try:
         start, end = ends
     except (TypeError, ValueError):
-        raise InvalidInput(f"ends: got {ends!r}, expected (angle or None, angle or None)") from None
+        raise InvalidInput(
+            f"ends: got {shown(ends)}, expected (angle or None, angle or None)"
+        ) from None
     for place, angle in ((0.0, start), (last, end)):
         if angle is None:
             continue
@@ -171,12 +184,13 @@ def checked_shortest(shortest: float) -> float:
 
 def positive(name: str, value: float, unit: str) -> float:
     """The number, if it is one above 0."""
-    try:
-        number = math.nan if isinstance(value, bool) else _number(name, value)
-    except InvalidInput:
-        number = math.nan
+    number = as_number(value)
     if not number > 0.0:
-        raise InvalidInput(f"{name}: got {value!r}, expected a finite number above 0 [{unit}]")
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number above 0 [{unit}]")
+    if not SMALLEST <= number <= LARGEST:
+        raise InvalidInput(
+            f"{name}: got {number:g}, expected {SMALLEST:g} to {LARGEST:g} [{unit}]; check the unit"
+        )
     return number
 
 
@@ -184,26 +198,22 @@ def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> i
     """The number of segments, if the samples allow it."""
     if segments is None:
         return None
-    try:
-        count = operator.index(segments)
-    except TypeError:
-        raise InvalidInput(f"segments: got {segments!r}, expected a whole number") from None
+    count = as_whole(segments)
+    if count is None:
+        raise InvalidInput(f"segments: got {shown(segments)}, expected a whole number")
     constant = bool(np.all(desired == desired[0]))
     fewest = 2 if cyclic and not constant else 1
     most = desired.size if cyclic else desired.size - 1
-    if not fewest <= count <= most or isinstance(segments, bool):
+    if not fewest <= count <= most:
         raise InvalidInput(
-            f"segments: got {segments}, expected {fewest} to {most} for {desired.size} "
+            f"segments: got {shown(count)}, expected {fewest} to {most} for {desired.size} "
             f"{'cyclic ' if cyclic else ''}samples"
         )
     return count
 
 
 def _number(name: str, value: object) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        number = math.nan
-    if isinstance(value, (str, bytes)) or not math.isfinite(number):
-        raise InvalidInput(f"{name}: got {value!r}, expected a finite number")
+    number = as_number(value)
+    if math.isnan(number):
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
     return number

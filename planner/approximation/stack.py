@@ -71,8 +71,12 @@ class CurveStack:
         Raises:
             InvalidInput: They have not, or there are none.
         """
-        if not curves:
-            raise InvalidInput("curves: got none, expected one or more")
+        try:
+            curves = tuple(curves)
+        except TypeError:
+            curves = ()
+        if not curves or not all(isinstance(curve, PiecewiseLinear) for curve in curves):
+            raise InvalidInput("curves: got none, expected one or more, each a PiecewiseLinear")
         first = curves[0]
         common = (first.knots.size, first.samples, first.tick, first.cyclic)
         for number, curve in enumerate(curves):

@@ -15,6 +15,7 @@ from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.joint_comparison import JointComparison, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.given import as_flag, as_reals, is_one_of, shown
 from planner.inversion.bound import LEVELS
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.line import RULES
@@ -126,6 +127,11 @@ def cross_check(
         SolverFailed: A plan or a bound was not found.
     """
     check_norm(norm)
+    cyclic = as_flag("cyclic", cyclic)
+    if leg is not None and not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
+    if not callable(progress):
+        raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
     levels = _levels_up_to(level)
     columns = _columns(desired)
     count = len(columns)
@@ -180,8 +186,10 @@ def _plans(
 
 def _levels_up_to(level: Level) -> tuple[Level, ...]:
     """The bounds to compute, from the coarsest on."""
-    if level not in LEVELS:
-        raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
+    if not is_one_of(level, LEVELS):
+        raise InvalidInput(
+            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
+        )
     return LEVELS[: LEVELS.index(level) + 1]
 
 
@@ -225,18 +233,19 @@ def _checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> 
         if leg is not None:
             return leg.joint_names
         return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
-    if isinstance(names, str) or len(names) != count or len(set(names)) != count:
-        raise InvalidInput(f"names: got {names!r}, expected {count} different ones")
+    listed = names if isinstance(names, Sequence) and not isinstance(names, str) else ()
+    texts = {name for name in listed if isinstance(name, str)}
+    if len(listed) != count or len(texts) != count:
+        raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
     return tuple(names)
 
 
 def _each_range(limits: Limits, count: int) -> tuple[Array, Array]:
     try:
-        lower, upper = (
-            np.broadcast_to(np.asarray(each, dtype=np.float64), count).copy() for each in limits
-        )
+        lower, upper = (np.broadcast_to(as_reals(each), count).copy() for each in limits)
     except (TypeError, ValueError) as error:
         raise InvalidInput(
-            f"limits: got {limits!r}, expected (lower, upper) [rad], each a number or one per joint"
+            f"limits: got {shown(limits)}, "
+            "expected (lower, upper) [rad], each a number or one per joint"
         ) from error
     return lower, upper

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
+from planner.given import as_number, as_whole, shown
 from planner.identification.log import Log
 
 SLOWEST_OWN_TICK = 0.008
@@ -36,6 +36,10 @@ LONGEST_TIME = 0.75
 
 SHARE_OF_LOG = 0.25
 """Share of the longest log that they may span together."""
+
+
+MOST_TICKS = 100_000
+"""Most ticks between two requests."""
 
 
 class Clock(NamedTuple):
@@ -67,7 +71,7 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
         min(max(LONGEST_REACH * period, LONGEST_TIME), SHARE_OF_LOG * longest), 4.0 * period
     )
     if hold is None:
-        hold = _default_hold(period) if tick is None else round(period / _positive(tick))
+        hold = _default_hold(period) if tick is None else _ticks(period, _positive(tick))
     hold = _count(hold)
     made = period / hold if tick is None else _positive(tick)
     if abs(made * hold - period) > AGREEMENT * period:
@@ -78,6 +82,11 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
     return Clock(made * hold, made, hold, reach)
 
 
+def _ticks(period: float, tick: float) -> int:
+    """The whole number of ticks that comes nearest to a period."""
+    return round(min(period / tick, 2.0 * MOST_TICKS))
+
+
 def _default_hold(period: float) -> int:
     if period <= SLACK * SLOWEST_OWN_TICK:
         return 1
@@ -85,20 +94,16 @@ def _default_hold(period: float) -> int:
 
 
 def _positive(tick: object) -> float:
-    try:
-        value = float(tick)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise InvalidInput(f"tick: got {tick!r}, expected a time of more than 0 s")
+    value = as_number(tick)
+    if not value > 0.0:
+        raise InvalidInput(f"tick: got {shown(tick)}, expected a time of more than 0 s")
     return value
 
 
 def _count(hold: object) -> int:
-    try:
-        count = operator.index(hold)  # type: ignore[arg-type]
-    except TypeError:
-        count = 0
-    if count < 1:
-        raise InvalidInput(f"hold: got {hold!r}, expected a whole number of ticks, 1 or more")
+    count = as_whole(hold) or 0
+    if not 1 <= count <= MOST_TICKS:
+        raise InvalidInput(
+            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 to {MOST_TICKS}"
+        )
     return count

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.given import freeze
 from planner.identification.log import Log
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -69,6 +70,10 @@ class LogFit:
     weights: Array
     rms: float
 
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        freeze(self.used, self.predicted, self.held_out, self.held_out_predicted, self.weights)
+
     @property
     def residuals(self) -> Array:
         """Actual minus predicted angle [rad], NaN where not used."""
@@ -110,6 +115,10 @@ class Identification:
     alternatives: tuple[Alternative, ...]
     warnings: tuple[str, ...]
     accepted: bool
+
+    def __post_init__(self) -> None:
+        """Freeze the array."""
+        freeze(self.covariance)
 
     @property
     def gain(self) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidInput
+from planner.given import as_flag
 from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.called import with_shown_speed
@@ -43,6 +44,7 @@ def identify(
         InvalidInput: The logs hold no motion to learn from, are of different units, or tick and
             hold contradict their period.
     """
+    hold_out = as_flag("hold_out", hold_out)
     logs = as_logs(logs)
     _check_alike(logs)
     clock = clock_of(logs, tick=tick, hold=hold)

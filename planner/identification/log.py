@@ -10,10 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import Array, as_trajectory
+from planner.given import is_one_of, shown
+from planner.trajectory import LARGEST, Array, as_trajectory
 
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
+
+LATEST = 1e12
+"""Times beyond this [s] are in another unit."""
 
 FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
@@ -49,15 +53,28 @@ class Log:
 
     def __post_init__(self) -> None:
         """Copy and check every column once."""
+        for field in ("name", "joint"):
+            given: Any = getattr(self, field)
+            if not isinstance(given, str):
+                raise InvalidTrajectory(f"log: {field}: got {shown(given)}, expected a text")
         for column in ("times", "requests", "angles"):
             named = f"{self.name}: {column}"
-            values = as_trajectory(getattr(self, column), name=named, minimum=FEWEST_ROWS)
+            largest = LATEST if column == "times" else LARGEST
+            given = getattr(self, column)
+            values = as_trajectory(given, name=named, minimum=FEWEST_ROWS, largest=largest)
             object.__setattr__(self, column, values)
         rows = len(self.times)
-        given: Any = self.torque_on
-        torque = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
+        given = self.torque_on
+        try:
+            torque = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
+        except ValueError as error:
+            raise InvalidTrajectory(f"{self.name}: torque_on: {error}; expected flags") from error
         torque.setflags(write=False)
         object.__setattr__(self, "torque_on", torque)
+        if isinstance(self.notes, str) or not isinstance(self.notes, Sequence):
+            raise InvalidTrajectory(
+                f"{self.name}: notes: got {shown(self.notes)}, expected a list of texts"
+            )
         object.__setattr__(self, "notes", tuple(self.notes))
         for column in ("requests", "angles", "torque_on"):
             shape = getattr(self, column).shape
@@ -65,9 +82,9 @@ class Log:
                 raise InvalidTrajectory(
                     f"{self.name}: {column}: got shape {shape}, expected ({rows},), one a time"
                 )
-        if self.unit not in UNITS:
+        if not is_one_of(self.unit, UNITS):
             raise InvalidTrajectory(
-                f"{self.name}: unit: got {self.unit!r}, expected one of {', '.join(UNITS)}"
+                f"{self.name}: unit: got {shown(self.unit)}, expected one of {', '.join(UNITS)}"
             )
         back = np.flatnonzero(np.diff(self.times) <= 0.0)
         if back.size:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, SolverFailed
+from planner.given import is_one_of, shown
 from planner.inversion.branching import searched_bound
 from planner.inversion.exact import TIME_LIMIT, exact_bound
 from planner.inversion.limits import positive
@@ -119,10 +120,12 @@ def certify(
     time_limit = positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
-    if level not in LEVELS:
-        raise InvalidInput(f"level: got {level!r}, expected one of {', '.join(map(repr, LEVELS))}")
-    if proof not in ("search", "scip"):
-        raise InvalidInput(f"proof: got {proof!r}, expected 'search' or 'scip'")
+    if not is_one_of(level, LEVELS):
+        raise InvalidInput(
+            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
+        )
+    if not is_one_of(proof, ("search", "scip")):
+        raise InvalidInput(f"proof: got {shown(proof)}, expected 'search' or 'scip'")
     start = checked_start(start, cyclic=cyclic)
     linear: tuple[Level, ...] = ("slope",) if level == "slope" else ("slope", "envelope")
     sets = (

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.fit import fit_pwl
 from planner.approximation.stack import CurveStack
+from planner.given import as_flag
 from planner.inversion.line import Rule, check_rule, line_offset
 from planner.inversion.refinement import MOST_WORK, refined_curve
 from planner.inversion.result import Inversion
@@ -64,6 +65,7 @@ def invert_closed_form(
     model = checked_model(model)
     check_rule(rule)
     desired = as_trajectory(desired, name="desired", minimum=3)
+    cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
     start = None if cyclic else float(desired[0])
     problem = follow(model, desired, cyclic=cyclic, start=start)
     curve, column = closed_form(

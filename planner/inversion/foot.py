@@ -14,6 +14,7 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
+from planner.given import as_flag, as_reals, shown
 from planner.inversion.descent import SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
@@ -117,6 +118,9 @@ def invert_foot(
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
     check_norm(norm)
+    cyclic = as_flag("cyclic", cyclic)
+    if not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     joints = one_for_each(models, leg)
     importance = _checked_weights(weights)
     lower, upper = each_limit(limits, leg)
@@ -219,13 +223,13 @@ def one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[J
 
 def _checked_weights(weights: npt.ArrayLike) -> Array:
     try:
-        importance = np.array(weights, dtype=np.float64)
+        importance = as_reals(weights)
     except (TypeError, ValueError):
         importance = np.empty(0)
     fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
     if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
         raise InvalidInput(
-            f"weights: got {weights!r}, expected three numbers, 0 or more and not all 0"
+            f"weights: got {shown(weights)}, expected three numbers, 0 or more and not all 0"
         )
     importance.setflags(write=False)
     return importance
@@ -236,12 +240,11 @@ def each_limit(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> 
     names = leg.joint_names
     given = leg.limits if limits is None else limits
     try:
-        lower, upper = (
-            np.broadcast_to(np.asarray(limit, dtype=np.float64), len(names)) for limit in given
-        )
+        lower, upper = (np.broadcast_to(as_reals(limit), len(names)) for limit in given)
     except (TypeError, ValueError):
         raise InvalidInput(
-            f"limits: got {limits!r}, expected (lower, upper) [rad], each a number or one for each "
+            f"limits: got {shown(limits)}, "
+            "expected (lower, upper) [rad], each a number or one for each "
             f"of the leg's joints ({', '.join(names)})"
         ) from None
     for name, *pair in zip(names, lower, upper, strict=True):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput
+from planner.given import as_number, shown
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -24,12 +25,13 @@ def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits
         Infeasible: The lower limit is above the upper one.
     """
     try:
-        lower, upper = (float(limit) for limit in limits)
-    except (TypeError, ValueError, OverflowError):
+        lower, upper = (as_number(limit, infinite=True) for limit in limits)
+    except (TypeError, ValueError):
         lower = upper = math.nan
     if math.isnan(lower) or math.isnan(upper):
         raise InvalidInput(
-            f"{of}: got {limits!r}, expected (lower, upper) [rad]; use -inf or inf for no limit"
+            f"{of}: got {shown(limits)}, "
+            "expected (lower, upper) [rad]; use -inf or inf for no limit"
         )
     if lower > upper:
         raise Infeasible(
@@ -63,10 +65,7 @@ def checked_tolerance(tolerance: float | None) -> float | None:
 
 def positive(name: str, value: float, expected: str) -> float:
     """The value as a float, if it is finite and above 0; else raise InvalidInput."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not (math.isfinite(number) and number > 0.0):
-        raise InvalidInput(f"{name}: got {value!r}, expected {expected}")
+    number = as_number(value)
+    if not number > 0.0:
+        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
     return number

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13
+from planner.given import is_one_of, shown
 from planner.model.joint import JointModel, advance, checked_model
 from planner.trajectory import Array
 
@@ -62,7 +63,7 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
     except ValueError:  # rows of different lengths
         given = np.asarray("ragged")
     if given.dtype.kind not in "iuf":
-        raise InvalidInput(f"slope: got {slope!r}, expected a number or an array [rad/s]")
+        raise InvalidInput(f"slope: got {shown(slope)}, expected a number or an array [rad/s]")
     slopes = given.astype(np.float64)
     beyond = ~(np.abs(slopes) <= model.v_max * (1.0 + AT_TOP_SPEED))
     if np.any(beyond):
@@ -96,8 +97,10 @@ def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
 
 def check_rule(rule: str) -> None:
     """Raise InvalidInput unless ``rule`` is the name of a rule."""
-    if rule not in RULES:
-        raise InvalidInput(f"rule: got {rule!r}, expected one of {', '.join(map(repr, RULES))}")
+    if not is_one_of(rule, RULES):
+        raise InvalidInput(
+            f"rule: got {shown(rule)}, expected one of {', '.join(map(repr, RULES))}"
+        )
 
 
 def _paper(model: JointModel, slope: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from planner.exceptions import InvalidInput
+from planner.given import is_one_of, shown
 
 Norm = Literal["rms", "max"]
 
@@ -13,5 +14,7 @@ NORMS: tuple[Norm, ...] = ("rms", "max")
 
 def check_norm(norm: str) -> None:
     """Raise InvalidInput unless ``norm`` is the name of a norm."""
-    if norm not in NORMS:
-        raise InvalidInput(f"norm: got {norm!r}, expected one of {', '.join(map(repr, NORMS))}")
+    if not is_one_of(norm, NORMS):
+        raise InvalidInput(
+            f"norm: got {shown(norm)}, expected one of {', '.join(map(repr, NORMS))}"
+        )

@@ -54,7 +54,7 @@ def closed_form_requests(
     if isinstance(curves, CurveStack):
         stack = curves
     else:
-        stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else list(curves))
+        stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else curves)
     requests = _checked_requests(model, stack, rule)
     requests.setflags(write=False)
     one: Array = requests[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import operator
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from planner.exceptions import InvalidModel
+from planner.given import as_number, as_whole, shown
 from planner.trajectory import Array
 
 WHOLE_TICKS = 1e-9
@@ -207,22 +207,18 @@ def checked_model(model: object) -> JointModel:
 
 
 def _number(name: str, value: object) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number) or isinstance(value, (str, bytes, bool)):
-        raise InvalidModel(f"{name}: got {value!r}, expected a finite number in SI units")
+    number = as_number(value)
+    if math.isnan(number):
+        raise InvalidModel(f"{name}: got {shown(value)}, expected a finite number in SI units")
     return number
 
 
 def _count(name: str, value: object) -> int:
-    try:
-        count = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        count = 0
-    if count < 1 or isinstance(value, bool):
-        raise InvalidModel(f"{name}: got {value!r}, expected a whole number of ticks, 1 or more")
+    count = as_whole(value) or 0
+    if count < 1:
+        raise InvalidModel(
+            f"{name}: got {shown(value)}, expected a whole number of ticks, 1 or more"
+        )
     return count
 
 

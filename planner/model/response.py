@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, NoSteadyCycle
+from planner.given import as_flag, as_number, shown
 from planner.model.joint import JointModel, Window, advance, checked_model
 from planner.trajectory import Array, as_trajectory
 
@@ -65,16 +66,13 @@ def simulate(
 
 def checked_start(start: float | None, *, cyclic: bool) -> float | None:
     """The start as a float [rad]; raise InvalidInput where there can be none, or it is no angle."""
+    if as_flag("cyclic", cyclic) and start is not None:
+        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
     if start is None:
         return None
-    if cyclic:
-        raise InvalidInput("start: a cycle has none; leave it out, or say cyclic=False")
-    try:
-        angle = float(start)
-    except (TypeError, ValueError, OverflowError):
-        angle = math.nan
-    if not math.isfinite(angle):
-        raise InvalidInput(f"start: got {start!r}, expected a finite angle [rad]")
+    angle = as_number(start)
+    if math.isnan(angle):
+        raise InvalidInput(f"start: got {shown(start)}, expected a finite angle [rad]")
     return angle
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
+from planner.given import freeze
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import simulate
 from planner.model.transition import Linearised, acting, reach, transitions
@@ -47,13 +48,17 @@ def sensitivities(
         first = np.zeros((1, n))
         first[0, 0] = 1.0 if start is None else _slope(model, requests[0] + model.offset - start)
         run = transitions(model, n - 1).run(float(angles[0]), requests[numbers[1:]], 0.0)
-        return np.vstack([first, _recursion(run, numbers[1:], first[0])])
+        rows = np.vstack([first, _recursion(run, numbers[1:], first[0])])
+        freeze(rows)
+        return rows
     run = transitions(model, n).run(float(angles[-1]), requests[numbers], 0.0)
     contraction = float(np.prod(run.by_angle))
     if contraction >= 1.0:
         raise NoSteadyCycle(0.0, 1)
     open_ended = _recursion(run, numbers, np.zeros(n))
-    return _recursion(run, numbers, open_ended[-1] / (1.0 - contraction))
+    rows = _recursion(run, numbers, open_ended[-1] / (1.0 - contraction))
+    freeze(rows)
+    return rows
 
 
 def _slope(model: JointModel, error: float) -> float:

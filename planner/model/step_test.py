@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import operator
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.trajectory import Array
+from planner.given import as_number, as_whole, shown
+from planner.trajectory import MOST_SAMPLES, Array
 
 
 def step_test(amplitude: float, *, samples: int = 88) -> Array:
@@ -24,18 +24,14 @@ def step_test(amplitude: float, *, samples: int = 88) -> Array:
     Raises:
         InvalidInput: The amplitude is not finite, or the cycle cannot be halved.
     """
-    try:
-        angle = float(amplitude)
-    except (TypeError, ValueError, OverflowError):
-        angle = math.nan
-    if not math.isfinite(angle):
-        raise InvalidInput(f"amplitude: got {amplitude!r}, expected a finite angle [rad]")
-    try:
-        count = operator.index(samples)
-    except TypeError:
-        count = 0
-    if count < 2 or count % 2:
-        raise InvalidInput(f"samples: got {samples!r}, expected an even number, 2 or more")
+    angle = as_number(amplitude)
+    if math.isnan(angle):
+        raise InvalidInput(f"amplitude: got {shown(amplitude)}, expected a finite angle [rad]")
+    count = as_whole(samples) or 0
+    if not 2 <= count <= MOST_SAMPLES or count % 2:
+        raise InvalidInput(
+            f"samples: got {shown(samples)}, expected an even number, 2 to {MOST_SAMPLES}"
+        )
     requests = np.zeros(count)
     requests[: count // 2] = angle
     requests.setflags(write=False)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
+from planner.given import shown
 from planner.robot.ramp import ramp
 from planner.robot.schedule import as_rows
 from planner.robot.timed_requests import TimedRequest, timed_requests
@@ -89,6 +90,9 @@ def play(
             positive, or ``current`` without ``speed``.
         InvalidTrajectory: Requests that are not a finite array of one of these shapes.
     """
+    for name, given in (("send", send), ("now", now), ("sleep", sleep), ("on_stop", on_stop)):
+        if not callable(given) and not (given is None and name == "on_stop"):
+            raise InvalidInput(f"{name}: got {shown(given)}, expected a function")
     rows = as_rows(requests, name="requests")
     timed = timed_requests(rows, period=period, cycles=cycles)
     if (current is None) != (speed is None):

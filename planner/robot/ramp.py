@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
+from planner.given import as_number, shown
 from planner.robot.resample import MOST_ROWS
 from planner.robot.schedule import as_rows, check_period
 from planner.trajectory import Array
@@ -32,10 +33,10 @@ def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: 
             not fit the requests.
     """
     check_period(period)
-    if not 0.0 < speed < math.inf:
-        raise InvalidInput(f"speed: got {speed!r}, expected a positive number of rad/s")
-    start = as_rows(np.atleast_2d(np.asarray(current)), name="current")[0]
-    goal = as_rows(np.atleast_2d(np.asarray(first)), name="first")[0]
+    if not as_number(speed) > 0.0:
+        raise InvalidInput(f"speed: got {shown(speed)}, expected a positive number of rad/s")
+    start = _row(current, name="current")
+    goal = _row(first, name="first")
     if start.shape != goal.shape:
         raise InvalidInput(
             f"current: got {len(start)} angles, expected {len(goal)}, one per joint of the requests"
@@ -49,3 +50,15 @@ def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: 
     shares = np.arange(1, math.ceil(steps))[:, None] / max(math.ceil(steps), 1)
     rows: Array = start + shares * (goal - start)
     return rows
+
+
+def _row(angles: npt.ArrayLike, *, name: str) -> Array:
+    """One angle per joint [rad], shape (k,)."""
+    try:
+        given = np.asarray(angles)
+    except ValueError:  # rows of different lengths
+        given = np.empty((0, 0))
+    if given.ndim > 1:
+        raise InvalidInput(f"{name}: got {shown(angles)}, expected one angle per joint, shape (k,)")
+    row: Array = as_rows(np.atleast_2d(given), name=name)[0]
+    return row

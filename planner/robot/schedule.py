@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.given import as_number, as_whole, shown
 from planner.trajectory import Array, as_trajectory
 
 NANOSECONDS = 10**9
@@ -100,8 +100,8 @@ def check_period(period: float) -> None:
     Raises:
         InvalidInput: It is not positive and finite.
     """
-    if not isinstance(period, int | float) or not 0.0 < period < math.inf:
-        raise InvalidInput(f"period: got {period!r}, expected a positive number of seconds")
+    if not as_number(period) > 0.0:
+        raise InvalidInput(f"period: got {shown(period)}, expected a positive number of seconds")
 
 
 def check_cycles(cycles: int) -> None:
@@ -110,5 +110,5 @@ def check_cycles(cycles: int) -> None:
     Raises:
         InvalidInput: It is not a positive whole number.
     """
-    if isinstance(cycles, bool) or not isinstance(cycles, int) or cycles < 1:
-        raise InvalidInput(f"cycles: got {cycles!r}, expected a whole number from 1 up")
+    if (as_whole(cycles) or 0) < 1:
+        raise InvalidInput(f"cycles: got {shown(cycles)}, expected a whole number from 1 up")

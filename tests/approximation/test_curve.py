@@ -138,8 +138,8 @@ def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"knots": None}, "knots: got shape"),
-        ({"samples": 2.5}, "curve: "),
+        ({"knots": None}, "knots: got an array of object, expected real numbers"),
+        ({"samples": 2.5}, "samples: got 2.5, expected a whole number"),
         ({"tick": 0.0}, "tick: got"),
         ({"values": [1.0, np.inf, 0.0]}, "values: expected finite"),
     ],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, fields
 
 from planner.exceptions import InvalidInput
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.files.table import nearest
+from planner.given import as_number, shown
 
 ALL_JOINTS = "all"
 """The name that stands for every joint of a log."""
@@ -57,11 +57,13 @@ class LogOptions:
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name != "ticks_per_turn" and not isinstance(value, str | None):
-                raise InvalidInput(f"{field.name}: got {value!r}, expected text")
+                raise InvalidInput(f"{field.name}: got {shown(value)}, expected text")
         _units(self.unit)
         ticks = self.ticks_per_turn
-        if ticks is not None and not (_is_number(ticks) and math.isfinite(ticks) and ticks > 0.0):
-            raise InvalidInput(f"ticks per turn: got {ticks!r}, expected more than 0, such as 4096")
+        if ticks is not None and not as_number(ticks) > 0.0:
+            raise InvalidInput(
+                f"ticks per turn: got {shown(ticks)}, expected more than 0, such as 4096"
+            )
         self.wanted_episodes()
 
     def unit_of(self, joint: str) -> str | None:
@@ -92,14 +94,11 @@ class LogOptions:
             first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
             if last < first or last - first >= MOST_EPISODES:
                 raise InvalidInput(
-                    f"episodes: got '{self.episodes}', expected numbers and ranges such as 0-3,7"
+                    f"episodes: got {shown(self.episodes)}, "
+                    "expected numbers and ranges such as 0-3,7"
                 )
             wanted.update(range(first, last + 1))
         return frozenset(wanted)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _units(text: str | None) -> dict[str, str]:

@@ -14,6 +14,7 @@ from planner.files.logs.lerobot import lerobot_joints, read_lerobot
 from planner.files.logs.lerobot_meta import is_dataset
 from planner.files.logs.options import LogOptions
 from planner.files.text import STANDARD_STREAM
+from planner.given import shown
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
@@ -64,7 +65,7 @@ def read_logs(
         InvalidInput: No path, a path that holds no log, or options that do not fit it.
         MissingExtra: The format needs a package that is not installed.
     """
-    chosen = LogOptions() if options is None else options
+    chosen = _checked(options)
     every = [paths] if isinstance(paths, Path | str) else paths
     if not isinstance(every, Sequence) or isinstance(every, bytes):
         raise InvalidInput(f"logs: got {type(every).__name__}, expected a path, or several")
@@ -78,14 +79,20 @@ def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str,
 
     Raises as :func:`read_logs` does.
     """
-    chosen = LogOptions() if options is None else options
+    chosen = _checked(options)
     return _format(path, chosen).joints(path, chosen)
+
+
+def _checked(options: LogOptions | None) -> LogOptions:
+    if not isinstance(options, LogOptions | None):
+        raise InvalidInput(f"options: got {shown(options)}, expected a planner.LogOptions")
+    return LogOptions() if options is None else options
 
 
 def _format(path: Path | str, options: LogOptions) -> Format:
     """The format of a path, for which the options have to be meant."""
     if not isinstance(path, Path | str) or "\0" in str(path):
-        raise InvalidInput(f"log: got {path!r}, expected a path")
+        raise InvalidInput(f"log: got {shown(path)}, expected a path")
     try:
         form = _recognised(path)
     except OSError as error:  # not allowed to look, or a name that is too long

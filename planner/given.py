@@ -1,0 +1,87 @@
+"""What a caller gave: numbers, flags and names that are what they should be, or are refused."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from reprlib import Repr
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput
+from planner.trajectory import Array
+
+_SHORT = Repr()  # its own constructor takes no sizes before Python 3.12
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlong = 3, 60, 60, 40
+
+
+def shown(value: object) -> str:
+    """A value in a message: on one line, and short whatever it is."""
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype!s:.40}, shape {value.shape}"
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**40:
+        return "a very large number"  # which Python may refuse to write
+    return " ".join(_SHORT.repr(value).split())
+
+
+def as_number(value: object, *, infinite: bool = False) -> float:
+    """The value as a float; NaN for whatever is no finite number, or no number at all."""
+    if isinstance(value, (bool, str, bytes)):
+        return math.nan
+    if isinstance(value, np.generic | np.ndarray) and (
+        value.dtype.kind not in "iuf" or value.ndim or np.ma.isMaskedArray(value)
+    ):
+        return math.nan
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+    return number if infinite or math.isfinite(number) else math.nan
+
+
+def as_whole(value: object) -> int | None:
+    """The value as an int; None for whatever is no whole number."""
+    if isinstance(value, (bool, np.bool_)):
+        return None
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+
+
+def as_reals(values: Any) -> Array:
+    """A new array of the values as floats, of any shape.
+
+    Raises:
+        ValueError: They are no real numbers, or rows of different lengths.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind not in "iuf":
+        raise ValueError(f"got an array of {given.dtype!s:.40}, expected real numbers")
+    return np.array(given, dtype=np.float64)
+
+
+def freeze(*arrays: npt.NDArray[Any] | None) -> None:
+    """Let nobody write to these arrays, as far as there are any."""
+    for array in arrays:
+        if array is not None:
+            array.setflags(write=False)
+
+
+def as_flag(name: str, value: object) -> bool:
+    """The value as a bool.
+
+    Raises:
+        InvalidInput: It is neither True nor False.
+    """
+    if not isinstance(value, (bool, np.bool_)):
+        raise InvalidInput(f"{name}: got {shown(value)}, expected True or False")
+    return bool(value)
+
+
+def is_one_of(value: object, names: Sequence[Any]) -> bool:
+    """Whether the value is one of these names; an array or a list is none."""
+    return isinstance(value, str) and value in names

@@ -1,0 +1,114 @@
+"""Whatever a caller gives to a public function: an answer that holds, or one clear error."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import kinematics
+import planner
+from kinematics import KinematicsError
+from planner import PlannerError
+from tests.robustness.entrances import ANSWERS, ENTRANCES, MISSING
+from tests.robustness.hostile import ANYTHING, ARRAYS, NUMBERS, OTHERS
+
+EVERYTHING = [*NUMBERS, *OTHERS, *ARRAYS]
+UNBOUNDED = {"lower", "upper", "intervals", "gain_interval", "gap"}
+"""Fields in which infinity says that there is no limit."""
+CALLED = {"progress", "on_stop"}
+"""Arguments that are functions."""
+OPEN = {"speeds", "predicted", "held_out_predicted", "covariance"}
+"""Fields in which NaN says that nothing is known."""
+
+
+def _call(name, arguments):
+    """The answer, or None for an error of ours; any other error or warning fails the test."""
+    function, _ = ENTRANCES[name]
+    try:
+        return function(**arguments)
+    except (PlannerError, KinematicsError) as error:
+        message = str(error)
+        assert message.isprintable(), message
+        assert len(message) < 1500, message
+        return None
+
+
+def _check_arrays(answer, place="answer"):
+    """Every array in an answer is read-only and finite."""
+    if isinstance(answer, np.ndarray):
+        assert not answer.flags.writeable, place
+        name = place.rpartition(".")[2]
+        if answer.dtype.kind == "f" and name not in UNBOUNDED:
+            assert not np.isinf(answer).any(), place
+            assert name in OPEN or not np.isnan(answer).any(), place
+    elif isinstance(answer, tuple):
+        for part in answer:
+            _check_arrays(part, place)
+    elif is_dataclass(answer) and not isinstance(answer, type):
+        for field in fields(answer):
+            _check_arrays(getattr(answer, field.name), f"{place}.{field.name}")
+
+
+def test_every_public_function_is_among_the_entrances():
+    covered = {name.partition(".")[0] for name in ENTRANCES} | ANSWERS
+    public = {
+        name
+        for module in (planner, kinematics)
+        for name in module.__all__
+        if callable(getattr(module, name)) and name != "reference_walk"  # takes nothing
+    }
+    errors = {
+        name
+        for module in (planner, kinematics)
+        for name in module.__all__
+        if inspect.isclass(getattr(module, name)) and issubclass(getattr(module, name), Exception)
+    }
+    assert public - errors == covered
+
+
+@pytest.mark.parametrize("name", ENTRANCES)
+def test_arguments_that_are_fine_give_an_answer(name):
+    _, good = ENTRANCES[name]
+    if good().get("path", good().get("paths")) is not MISSING:
+        _check_arrays(_call(name, good()))
+
+
+@pytest.mark.parametrize("name", ENTRANCES)
+def test_each_hostile_value_in_each_place_is_answered_or_refused(name):
+    _, good = ENTRANCES[name]
+    for place in good():
+        for value in EVERYTHING:
+            if place in CALLED and callable(value):
+                continue  # what the caller's own function does is the caller's affair
+            _check_arrays(_call(name, {**good(), place: value}))
+
+
+@pytest.mark.parametrize("name", [name for name in ENTRANCES if len(ENTRANCES[name][1]()) > 1])
+@settings(max_examples=40)
+@given(data=st.data())
+def test_hostile_values_in_several_places_are_answered_or_refused(name, data):
+    _, good = ENTRANCES[name]
+    places = data.draw(st.lists(st.sampled_from([*good()]), min_size=2, max_size=4, unique=True))
+    hostile = {place: data.draw(ANYTHING, label=place) for place in places}
+    assume(not any(callable(hostile.get(place)) for place in CALLED))
+    _check_arrays(_call(name, {**good(), **hostile}))
+
+
+@pytest.mark.parametrize("name", ENTRANCES)
+def test_read_only_arrays_are_taken_and_left_as_they_were(name):
+    _, good = ENTRANCES[name]
+    arguments = good()
+    before = {}
+    for place, value in arguments.items():
+        if isinstance(value, np.ndarray):
+            arguments[place] = value.copy()
+            arguments[place].setflags(write=False)
+            before[place] = value.copy()
+    _call(name, arguments)
+    for place, value in before.items():
+        assert np.array_equal(arguments[place], value)
