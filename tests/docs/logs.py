@@ -1,0 +1,121 @@
+"""The logs that the page about logs names, each by a joint that is known."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+
+import numpy as np
+
+from planner import JointModel, simulate, step_test
+
+JOINT = JointModel(v_max=3.0, theta_0=0.08, lag=0.02, acceleration_time=0.03)
+"""The joint behind every log [rad, or shares of a range]."""
+
+EPISODES = 8
+
+
+def _answer(seed=0):
+    """Requests and angles of three steps, with a little noise, shape (264,) each."""
+    requests = 0.1 + np.concatenate([step_test(size) for size in (0.1, 0.4, 0.8)])
+    angles = simulate(JOINT, requests, cyclic=False)
+    return requests, angles + np.random.default_rng(seed).normal(0.0, 1e-3, len(angles))
+
+
+def _write_csv(path, **columns):
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
+
+
+def _write_csvs(folder):
+    requests, angles = _answer()
+    time = JOINT.period * np.arange(len(requests))
+    degrees = np.degrees([requests, angles])
+    _write_csv(folder / "run.csv", t_s=time, requested_deg=degrees[0], actual_deg=degrees[1])
+    switched_on = np.ones(len(time))
+    _write_csv(
+        folder / "other.csv", clock=1e3 * time, u=degrees[0], y=degrees[1], power=switched_on
+    )
+    _write_csv(
+        folder / "arm.csv",
+        time_s=time,
+        goal_Wrist=requests,
+        present_Wrist=angles,
+        goal_Jaw=requests,
+        present_Jaw=angles,
+    )
+    ticks = np.round(np.array([requests, angles]) * 4096 / (2 * np.pi))
+    _write_csv(folder / "servo.csv", time_s=time, goal=ticks[0], position=ticks[1])
+
+
+def _write_bam(folder):
+    entries = [
+        {"timestamp": k * JOINT.period, "goal_position": r, "position": a, "torque_enable": True}
+        for k, (r, a) in enumerate(zip(*_answer(), strict=True))
+    ]
+    text = json.dumps({"motor": "sts3250", "entries": entries})
+    (folder / "2024-10-26_12h23m27.json").write_text(text)
+
+
+def _write_dataset(folder):
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    from tests.files.logs import datasets
+
+    root = folder / "my_dataset"
+    for place in ("data/chunk-000", "meta/episodes/chunk-000"):
+        (root / place).mkdir(parents=True)
+    about = datasets.info("v3.0", datasets.NAMES["with .pos"]) | {"fps": 1 / JOINT.period}
+    (root / "meta" / "info.json").write_text(json.dumps(about))
+    episodes = []
+    for episode in range(EPISODES):
+        action, state = (np.repeat(100 * each[:, None], 3, axis=1) for each in _answer(episode))
+        count = len(action)
+        columns = {
+            "action": list(action),
+            "observation.state": list(state),
+            "timestamp": JOINT.period * np.arange(count),
+            "frame_index": np.arange(count),
+            "episode_index": np.full(count, episode),
+            "index": np.arange(count),
+            "task_index": np.zeros(count, dtype=int),
+        }
+        episodes.append(pa.table({name: pa.array(each) for name, each in columns.items()}))
+    lengths = {"episode_index": list(range(EPISODES)), "length": [len(each) for each in episodes]}
+    parquet.write_table(pa.table(lengths), root / "meta/episodes/chunk-000/file-000.parquet")
+    parquet.write_table(pa.concat_tables(episodes), root / "data/chunk-000/file-000.parquet")
+
+
+def _write_bags(folder):
+    from tests.files.logs import bags
+
+    types = bags.store()
+    kit = bags.Kit(types)
+    stamps = [bags.START + round(1e9 * JOINT.period) * k for k in range(len(_answer()[0]))]
+    rows = [(t, [r, r], [a, a]) for t, r, a in zip(stamps, *_answer(), strict=True)]
+    states = [("/leg_controller/state", t, kit.state(t, r, a)) for t, r, a in rows]
+    bags.write(folder / "my_bag", types, states)
+    apart = [
+        message
+        for t, r, a in rows
+        for message in (
+            ("/leg/joint_trajectory", t, kit.trajectory(t, r)),
+            ("/joint_states", t, kit.joint_state(t, a)),
+        )
+    ]
+    bags.write(folder / "mcap", types, apart, storage="mcap")
+    bags.only_file(folder / "mcap", ".mcap").rename(folder / "run.mcap")
+    old = bags.store(bags.OLD, ros1=True)
+    kit = bags.Kit(old)
+    of_ros1 = [("/arm_controller/state", t, kit.state(t, r, a)) for t, r, a in rows]
+    bags.write(folder / "run.bag", old, of_ros1, storage="ros1")
+
+
+def write_logs(folder):
+    """Every log of the page, in the formats whose packages are installed."""
+    _write_csvs(folder)
+    _write_bam(folder)
+    for write in (_write_dataset, _write_bags):
+        with contextlib.suppress(ModuleNotFoundError):
+            write(folder)
