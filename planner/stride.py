@@ -21,7 +21,7 @@ LONGEST = 0.25
 HIGHEST = 0.15
 """The highest swing that is made unasked, to the length of the leg."""
 
-DEXTEROUS = 0.3
+DEXTEROUS = 0.4
 """How dexterous the leg must remain, to its standing pose: it keeps away from stretching."""
 
 HALVINGS = 10
@@ -65,7 +65,7 @@ def stride(
     It lies in a plane of x and z around the place of the foot in the standing pose
     (:func:`kinematics.standing.standing_pose`). What is given is kept; length and height that are
     not are as large as the leg allows, up to a quarter and three twentieths of its own length: it
-    reaches every point without a jump between poses and stays at least 0.3 as dexterous as in the
+    reaches every point without a jump between poses and stays at least 0.4 as dexterous as in the
     standing pose.
 
     Args:

@@ -6,11 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from planner.cli import legs
+from planner.cli.models import FROM_URDF
 
 if TYPE_CHECKING:
     from planner.cli.limits import Limits
     from planner.cli.planning import Plan
     from planner.cli.wanted import Wanted
+
+STANDING_IN = (
+    "The models stand in for servos of which the URDF tells no more than the top speed. Identify the "
+    "joints before these requests are sent."
+)
 
 TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
 """Choices that are told where they were made."""
@@ -67,4 +73,5 @@ def plan_report(
         origins=origins,
         unreachable=wanted.moved,
         missed=missed,
+        notes=[STANDING_IN] if choices["model"] == FROM_URDF else [],
     )

@@ -37,6 +37,7 @@ def plan_page(
     origins: Sequence[tuple[str, str]] = (),
     unreachable: int = 0,
     missed: Sequence[str] = (),
+    notes: Sequence[str] = (),
 ) -> str:
     """The whole page: what holds and what does not first, where it comes from last.
 
@@ -47,12 +48,13 @@ def plan_page(
         origins: What the plan was made from: pairs of what it is and which.
         unreachable: How many positions are out of the leg's reach.
         missed: Tolerances that the plan misses, in words.
+        notes: What else should be known first.
     """
     head, tail = verdict(outcome)
     found = versions()
     drawn = pictures(outcome, method)
     live = {each.name: each.live for each in chain(*drawn.values()) if each.live is not None}
-    said = remarks(outcome, unreachable=unreachable, missed=missed)
+    said = [*remarks(outcome, unreachable=unreachable, missed=missed), *notes]
     return (
         environment()
         .get_template("plan.html")

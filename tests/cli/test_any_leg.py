@@ -70,6 +70,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     page = (tmp_path / f"{name}.html").read_text()
     assert "The foot stays within" in page
     assert all(joint in page for joint in requests.names)
+    assert ("The models stand in" in page) == (name != "solo")
 
 
 def test_a_file_is_a_leg_under_either_option(run, robot, foot):
