@@ -76,6 +76,12 @@ class Browser:
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
 
+    @property
+    def asked_of_others(self):
+        """Addresses that it asked for outside the page's own file and text."""
+        own = ("file:", "data:", "blob:")
+        return [address for address in self.requests if not address.startswith(own)]
+
     def ask(self, expression):
         """The value of a JavaScript expression, of what it promises if it is a promise."""
         told = self.call("Runtime.evaluate", expression=expression, returnByValue=True,

@@ -113,7 +113,8 @@ def _log(identification: Identification, fit: LogFit, prefix: str) -> tuple[Pict
             f"{prefix}whole",
             "The whole log",
             "Requests, measured angles and prediction over all of it; on paper, long logs by the "
-            "least and the largest value of each part. Below, measured minus predicted. There is "
+            "least and the largest value of each part. Below, measured minus predicted and "
+            f"twice the noise ({level}) either way. There is "
             "no prediction where the torque was off or the requests before are not known."
             f"{shaded}",
             "Requests, measured angles and prediction over the whole log. Below, the residuals.",

@@ -58,7 +58,7 @@ def log_plot(fit: LogFit, units: Units, noise: float) -> dict[str, Any]:
         [
             Panel("", quantity, units.angle, _drawn(above), height=1.9),
             Panel(
-                "measured − predicted, and twice the noise",
+                "measured − predicted",
                 "residual",
                 units.angle,
                 _drawn(below),

@@ -21,7 +21,7 @@ from planner.report.render import to_inline_svg
 from planner.report.results import versions
 from planner.report.style import ROLES
 
-LIBRARIES = ("request-planner", "python", "numpy", "scipy", "matplotlib")
+LIBRARIES = ("request-planner", "python", "numpy", "scipy", "matplotlib", "plotly")
 """Whose versions stand at the end of the page."""
 
 

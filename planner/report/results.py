@@ -20,7 +20,7 @@ NOTE = (
     "the paper's figures were measured on a robot, over 20 steps of the walk."
 )
 
-LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib")
+LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
 
 
 def results(reproduction: Reproduction) -> dict[str, Any]:

@@ -41,9 +41,7 @@ def quiet(browser):
     yield browser
     assert browser.complaints == []
     assert browser.ask("live.errors") == []
-    assert [
-        each for each in browser.requests if not each.startswith(("file:", "data:", "blob:"))
-    ] == []
+    assert browser.asked_of_others == []
 
 
 def _open(browser, report, **taste):

@@ -66,3 +66,15 @@ def test_chromium_opens_the_page_without_a_complaint(folder, opened):
     assert "CONSOLE" not in done.stderr
     assert done.stdout.count('<svg role="img"') == len(PICTURES)
     assert "The paper’s experiment on a virtual robot</h1>" in done.stdout
+
+
+def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, browser):
+    page = folder / "report.html"
+    browser.open(page, dark=True)
+    figures = browser.ask("Object.keys(live.figures)")
+    assert set(figures) == set(PICTURES) - {"step_tests", "promises"}
+    for name in figures:
+        browser.ask(f"document.getElementById('{name}').scrollIntoView()")
+        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
+    assert browser.complaints == []
+    assert browser.asked_of_others == []
