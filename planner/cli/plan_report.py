@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from planner.cli.wanted import Wanted
 
 STANDING_IN = (
-    "The models stand in for servos of which the URDF tells no more than the top speed. Identify the "
-    "joints before these requests are sent."
+    "The models stand in for servos of which the URDF tells no more than the top speed. Identify "
+    "the joints before these requests are sent."
 )
 
 TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
