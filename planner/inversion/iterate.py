@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.inversion.calming import calming
 from planner.inversion.goal import quadratic
 from planner.inversion.step import Mask, Pull, Quadratic
 from planner.inversion.tracking import Tracking
@@ -26,6 +27,7 @@ class Stage(NamedTuple):
         power: The errors' exponent in the cost.
         unit: Error that counts as one: where the largest error counts, the largest one so far.
         steps: Steps at most: the next stage carries on where this one stops.
+        calming: Whether the pull is on the squared changes from one request to the next instead.
     """
 
     smoothing: float
@@ -33,6 +35,7 @@ class Stage(NamedTuple):
     power: float = 2.0
     unit: float = 1.0
     steps: int = 6
+    calming: bool = False
 
 
 class State(NamedTuple):
@@ -72,6 +75,9 @@ def iterate(problem: Tracking, requests: Array, angles: Array, stage: Stage) -> 
     response = problem.respond(angles, requests, smoothing=stage.smoothing)
     errors = problem.goal.errors(angles)
     cost = quadratic(errors, power=stage.power, unit=stage.unit, ridge=problem.ridge)
-    pull = Pull(stage.pull, requests - problem.resting)
+    if stage.calming:
+        pull = calming(requests, stage.pull, cyclic=problem.cyclic)
+    else:
+        pull = Pull(stage.pull, requests - problem.resting)
     lacking = response.reached - angles
     return Iterate(requests, angles, response, lacking, cost, pull, cost.value + pull.value)

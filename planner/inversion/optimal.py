@@ -135,7 +135,7 @@ def search(problem: Tracking, desired: Array) -> Array:
     logging.getLogger(__name__).debug("joint: %d searches, best %.4g rad", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return quieten(problem, best.requests)
+    return quieten(problem, best.requests, at_most=at_most, seam=best.angles[-1])
 
 
 def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array:

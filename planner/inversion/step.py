@@ -39,11 +39,12 @@ class Pull(NamedTuple):
 
     weight: float
     away: Array  # requests - toward [rad], (n, joints)
+    least: float = 0.0  # what it costs to be there
 
     @property
     def value(self) -> float:
         """The cost of being away."""
-        return self.weight * float(np.vdot(self.away, self.away))
+        return self.least + self.weight * float(np.vdot(self.away, self.away))
 
 
 class Damping(NamedTuple):

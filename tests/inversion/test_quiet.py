@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from planner.inversion import descent
+from planner.inversion.descent import AS_WELL
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.quiet import idle_between, neighbours, quieten
+from planner.inversion.quiet import (
+    CALMING,
+    ROUNDING,
+    idle_between,
+    neighbours,
+    quieten,
+    with_idle_smoothed,
+)
 from planner.inversion.tracking import follow
 from planner.model.joint import JointModel
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
@@ -16,6 +24,11 @@ ERS210A = JointModel.ers210a()
 
 SAME = 1e-11
 """Two simulations of requests that should make no difference [rad]."""
+
+
+def travel(requests):
+    """The way that requests go from one to the next [rad]."""
+    return np.sum(np.abs(np.diff(requests.ravel())))
 
 
 def ragged(seed, *, cyclic=True, hold=1, limits=None):
@@ -54,33 +67,93 @@ def test_idle_requests_change_nothing_between_their_bounds(seed, hold, cyclic):
 def test_quieter_requests_lead_to_the_same_angles_by_a_shorter_way(seed, cyclic):
     limits = None if seed % 2 else (-1.0, 1.0)
     problem, requests = ragged(seed, cyclic=cyclic, limits=limits)
-    quieter = quieten(problem, requests)
-    travelled, farther = (np.sum(np.abs(np.diff(r[:, 0]))) for r in (quieter, requests))
-    assert travelled < farther
+    quieter = with_idle_smoothed(problem, requests, problem.exact_angles(requests))
+    assert travel(quieter) < travel(requests)
     np.testing.assert_allclose(
         problem.exact_angles(quieter), problem.exact_angles(requests), rtol=0.0, atol=SAME
     )
     assert np.all((problem.lower <= quieter) & (quieter <= problem.upper))
 
 
-@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_of_two_plans_that_track_equally_well_the_quieter_one_is_given(joint, monkeypatch):
-    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize(
+    ("joint", "travelled"),
+    list(zip(REFERENCE_JOINTS, (0.95, 0.7, 0.85), strict=True)),
+    ids=[joint.name for joint in REFERENCE_JOINTS],
+)
+def test_of_two_plans_that_track_equally_well_the_quieter_one_is_given(
+    joint, travelled, cyclic, monkeypatch
+):
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, cyclic=cyclic)
     monkeypatch.setattr("planner.inversion.quiet.SMOOTHINGS", 0)
-    jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    assert plan.largest_step < jumping.largest_step
-    np.testing.assert_allclose(plan.predicted, jumping.predicted, rtol=0.0, atol=SAME)
+    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
+    jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits, cyclic=cyclic)
+    assert travel(plan.requests) < travelled * travel(jumping.requests)
+    assert plan.largest_step < 0.85 * jumping.largest_step
+    assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
+
+
+def test_the_largest_error_bears_quieter_requests_too(monkeypatch):
+    joint = REFERENCE_JOINTS[1]
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, norm="max")
+    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
+    jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits, norm="max")
+    assert travel(plan.requests) < 0.85 * travel(jumping.requests)
+    assert plan.largest_step < 0.85 * jumping.largest_step
+    assert plan.max_error <= jumping.max_error * (1.0 + AS_WELL)
+
+
+@pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_quieter_plans_of_random_joints_are_quieter_at_next_to_no_cost(
+    cyclic, limited, monkeypatch
+):
+    ways = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        model = random_model(rng, whole=seed % 2 == 0)
+        desired = saturating(rng, model)
+        beyond = model.theta_0 / 2.0
+        limits = (desired.min() - beyond, desired.max() + beyond) if limited else None
+        plans = []
+        for calming in (CALMING, ()):
+            monkeypatch.setattr("planner.inversion.quiet.CALMING", calming)
+            plans.append(invert_optimal(model, desired, limits=limits, cyclic=cyclic))
+        plan, jumping = plans
+        assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
+        ways.append(travel(plan.requests) / travel(jumping.requests))
+    assert np.mean(ways) < 0.97
+    assert np.max(ways) < 1.01
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_calmer_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic):
+    joint = REFERENCE_JOINTS[1]
+    plan = invert_optimal(ERS210A, joint.desired, cyclic=cyclic)
+    start = None if cyclic else float(joint.desired[0])
+    problem = follow(ERS210A, joint.desired, cyclic=cyclic, start=start)
+    requests = plan.requests[:, np.newaxis]
+    given = problem.exact_error(requests)
+    calmer = quieten(problem, requests, at_most=given)
+    assert problem.exact_error(calmer) <= given + ROUNDING
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("wanted", [0.0, 0.7], ids=["at zero", "elsewhere"])
+def test_what_does_not_change_is_left_alone(wanted, norm):
+    problem = follow(ERS210A, np.full(20, wanted), cyclic=True, norm=norm)
+    np.testing.assert_array_equal(quieten(problem, problem.resting), problem.resting)
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS[::2], ids=lambda joint: joint.name)
 def test_a_pull_makes_the_last_stages_quieter_at_next_to_no_cost(joint, monkeypatch):
+    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
     weak = tuple(s._replace(pull=min(s.pull, 1e-8), steps=12) for s in descent.SEARCH[3:])
     monkeypatch.setattr(descent.improve, "__defaults__", ((*descent.SEARCH[:3], *weak),))
     jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    travelled, farther = (np.sum(np.abs(np.diff(p.requests))) for p in (plan, jumping))
-    assert travelled < farther
-    assert plan.rms <= jumping.rms * (1.0 + descent.AS_WELL)
+    assert travel(plan.requests) < travel(jumping.requests)
+    assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
 
 
 def test_neighbours_of_a_cycle_are_around_it_and_from_rest_none_is_before_the_first():

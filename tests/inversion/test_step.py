@@ -52,7 +52,8 @@ class Problem:
         for k, change in enumerate(angles):
             total += 2.0 * self.cost.gradient[k] @ change
             total += change @ self.cost.curvature[k] @ change
-        return float(total + self.pull.weight * np.sum((self.pull.away + requests) ** 2))
+        pulled = self.pull.weight * np.sum((self.pull.away + requests) ** 2)
+        return float(total + self.pull.least + pulled)
 
 
 def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
@@ -80,7 +81,9 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
         stencil=Stencil(union, samples, joints, cyclic=cyclic),
         response=Response(np.empty(0), by_angle, by_request, np.empty(0)),
         cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
-        pull=Pull(float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints))),
+        pull=Pull(
+            float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints)), rng.normal()
+        ),
         lacking=rng.normal(size=(samples, joints)),
         damping=Damping(
             10.0 ** rng.uniform(-4, 0, (samples, joints)), rng.uniform(0.0, 1.0, (samples, joints))
@@ -112,7 +115,7 @@ def dense_step(problem):
     J = np.linalg.solve(B, H)[:, free]
     caught_up = np.linalg.solve(B, problem.lacking.ravel())
     C = block_diag(*problem.cost.curvature) + np.diag(problem.damping.angles.ravel())
-    weight, away = problem.pull
+    weight, away, _ = problem.pull
     quadratic = J.T @ C @ J + np.diag(weight + problem.damping.requests.ravel()[free])
     gradient = problem.cost.gradient.ravel() + C @ caught_up
     right = -J.T @ gradient - weight * away.ravel()[free]
