@@ -52,7 +52,8 @@ def time_plot(
         unit: Unit of time on the axis, such as "ms".
         scale: How many of it one unit of the curves' times is.
         decimals: Of times where the pointer is.
-        clock: How many of it a second is, where the plot follows the moving leg of its page.
+        clock: How many of it a second is, where the plot follows the moving leg of its page; such
+            plots of a page are zoomed in time together.
         shaded: Spans of time to shade, in the curves' unit.
         views: Spans of time, in the curves' unit, that a button of that name brings into view.
 

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import io
 
+import numpy as np
 import pytest
 from PIL import Image
 
-from planner.report.style import ROLES
+from planner.report.curves import Curve, Panel
+from planner.report.live_page import live_head, live_scripts
+from planner.report.live_plot import time_plot
+from planner.report.style import DIRECT, ROLES
 
 LEG, JOINTS = "figure8_foot_paths", "joints_by_method"
 
@@ -145,6 +149,27 @@ def test_a_zoom_is_one_of_all_joints_and_outlives_a_change_of_colours(quiet, rep
     quiet.prefer(dark=True)
     quiet.wait_for(_plot(f"plot.layout.font.color === '{ROLES['ink'].dark}'"))
     assert quiet.ask(_plot("plot.layout.xaxis.range")) == span
+
+
+def test_plots_that_follow_the_same_moment_are_zoomed_in_time_together(quiet, tmp_path):
+    times = np.arange(11.0)
+    panel = Panel("hip", "angle", "deg", (Curve(DIRECT, times, times),))
+    plots = {
+        "first": time_plot([panel], unit="ms", clock=1000.0),
+        "second": time_plot([panel], unit="s", scale=0.001, clock=1.0),
+        "alone": time_plot([panel], unit="ms"),
+    }
+    figures = "".join(f'<figure id="{name}"><svg></svg></figure>' for name in plots)
+    page = tmp_path / "page.html"
+    page.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
+    quiet.open(page)
+    quiet.wait_for(ALL_DRAWN)
+    canvas = "document.querySelector('#{} .canvas')".format
+    quiet.ask(f"Plotly.relayout({canvas('first')}, {{ 'xaxis.range': [2, 5] }}).then(() => 0)")
+    quiet.wait_for(f"{canvas('second')}.layout.xaxis.range.join() === '0.002,0.005'")
+    assert quiet.ask(f"{canvas('alone')}.layout.xaxis.range") == [0, 10]
+    quiet.ask(f"Plotly.relayout({canvas('second')}, {{ 'xaxis.range': [0, 0.01] }}).then(() => 0)")
+    quiet.wait_for(f"{canvas('first')}.layout.xaxis.range.join() === '0,10'")
 
 
 def test_an_entry_of_the_legend_hides_its_curve_in_every_panel(quiet, report):

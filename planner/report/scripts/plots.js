@@ -74,4 +74,19 @@ live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
   }).observe(place);
   document.addEventListener("moment", ({ detail }) => visible && point(detail.moment));
   place.on("plotly_hover", ({ xvals }) => live.show(xvals[0] / clock, place));
+
+  // Plots that follow the same moment show the same span of time, those drawn later too.
+  let following = false;
+  const follow = async () => {
+    following = true;
+    await Plotly.relayout(place, { "xaxis.range": live.span.map((time) => time * clock) });
+    following = false;
+  };
+  if (live.span) await follow();
+  document.addEventListener("span", ({ detail }) => detail.from !== place && follow());
+  place.on("plotly_relayout", (changed) => {
+    if (following || !Object.keys(changed).some((key) => key.startsWith("xaxis."))) return;
+    live.span = place.layout.xaxis.range.map((time) => time / clock);
+    document.dispatchEvent(new CustomEvent("span", { detail: { from: place } }));
+  });
 };
