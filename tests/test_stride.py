@@ -91,6 +91,17 @@ def test_a_stride_out_of_reach_is_an_error_that_says_how_far(leg):
         stride(leg, length=0.4, height=0.1)
 
 
+def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
+    # With the hip within 0.6 rad one end is for the knee bent forward, the other for it bent back.
+    limits = Limits(np.array([-0.1, -0.6, -1.5]), np.array([0.1, 0.6, 1.5]))
+    shape = {"height": 0.0, "forward": 0.2, "hip_height": 0.26}
+    stands = leg.foot_positions([[0.0, 0.0, 0.0]])[0]
+    given = {**shape, "sideways": float(stands[1])}
+    assert stride(replace(leg, limits=limits), length=0.01, **given).length == 0.01
+    with pytest.raises(Infeasible, match="leap to another pose after sample"):
+        stride(replace(leg, limits=limits), length=0.14, **given)
+
+
 def test_a_place_out_of_reach_is_an_error(leg):
     with pytest.raises(Infeasible, match="no half ellipse around this place, however small"):
         stride(leg, hip_height=0.6)
