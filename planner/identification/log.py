@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,8 +105,9 @@ def as_logs(logs: Any) -> tuple[Log, ...]:
     """One or several logs, in whatever form they are at hand.
 
     Args:
-        logs: A Log; a triple of arrays (times, requests, angles); a mapping with these keys and
-            any other field of Log; or a sequence of such.
+        logs: A Log; a triple of arrays (times, requests, angles), or one array of shape (3, n); a
+            mapping with these keys and any other field of Log; or several of such, in whatever
+            can be iterated.
 
     Returns:
         At least one log.
@@ -114,6 +115,8 @@ def as_logs(logs: Any) -> tuple[Log, ...]:
     Raises:
         InvalidTrajectory: It is none of these, or a column is refused by :class:`Log`.
     """
+    if isinstance(logs, Iterable) and not isinstance(logs, Sequence | Mapping):
+        logs = tuple(logs)
     if _is_one(logs):
         return (_as_log(logs, 0),)
     if not isinstance(logs, Sequence) or isinstance(logs, str | bytes) or not logs:
