@@ -19,6 +19,9 @@ TICK_OF_SLOW_LOGS = 0.005
 """Slower ones with ticks of at most this [s]: a joint that closes in by 50 a second then covers a
 quarter of its error a tick, and finer ticks predict recordings no better (docs/math.md)."""
 
+MOST_CHOSEN = 20
+"""Ticks in a period at most, unless more are asked for: logs of less than 10 rows a second do not show what 5 ms would."""
+
 SLACK = 1.05
 """A tick may exceed these by this factor: periods of 20.06 and 20.55 ms are 4 ticks, not 5."""
 
@@ -57,6 +60,11 @@ class Clock(NamedTuple):
     hold: int
     reach: float
 
+    def ticking(self, tick: float) -> Clock:
+        """The same with ticks of about this length [s], a whole number in a period."""
+        hold = round(self.period / tick)
+        return self._replace(tick=self.period / hold, hold=hold)
+
 
 def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Clock:
     """The ticks of the logs, as given or chosen.
@@ -90,7 +98,7 @@ def _ticks(period: float, tick: float) -> int:
 def _default_hold(period: float) -> int:
     if period <= SLACK * SLOWEST_OWN_TICK:
         return 1
-    return math.ceil(period / (SLACK * TICK_OF_SLOW_LOGS))
+    return min(math.ceil(period / (SLACK * TICK_OF_SLOW_LOGS)), MOST_CHOSEN)
 
 
 def _positive(tick: object) -> float:

@@ -21,12 +21,24 @@ before, errs there by less than so many standard deviations (rms)."""
 AS_GOOD = 1.1
 """Fits on coarse ticks within this factor of the best loss may be the best on the model's own."""
 
+WORTH_COARSER = 0.005
+"""Share of the loss that ticks of a whole period have to save over shorter ones; where the log does
+not tell which ticks the joint has, the two agree to a tenth of that."""
+
+LEAST_MOTION = 1e-12
+"""Angles and requests that span less do not change [rad]: that is rounding."""
+
 ROUNDED = 1e-9
 """Errors below this, relative to the spread of the angles, are rounding."""
 
 
-def fitted(logs: Sequence[Log], clock: Clock) -> Adjusted:
+def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> Adjusted:
     """Fit the joint to all logs.
+
+    Args:
+        logs: The logs.
+        clock: Their ticks.
+        choose_tick: Whether ticks of a whole period may do instead, where they fit better.
 
     Raises:
         InvalidInput: There is no motion to fit.
@@ -48,6 +60,12 @@ def fitted(logs: Sequence[Log], clock: Clock) -> Adjusted:
         final = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in, settled=settled)
         best = adjust(moving(final), best.parameters, scale=best.scale, steps=15, precision=1e-3)
     best = nearby(best)
+    if choose_tick and clock.hold > 1:
+        period = clock.period
+        rows = gridded(logs, tick=period, reach=clock.reach, burn_in=burn_in, settled=settled)
+        begin = found[0].parameters
+        simple = adjust(rows, begin, scale=best.scale, steps=15, precision=1e-3)
+        best = nearby(simple) if simple.cost < (1.0 - WORTH_COARSER) * best.cost else best
     return adjust(best.grid, best.parameters, starts=best.starts)
 
 
@@ -68,11 +86,11 @@ def moving(grid: Grid) -> Grid:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(grid.requests) == 0.0:
+    if np.ptp(grid.requests) <= LEAST_MOTION:
         raise InvalidInput(
             "the requests never change in this log: record one in which the joint is told to move"
         )
-    if np.ptp(grid.angles) == 0.0:
+    if np.ptp(grid.angles) <= LEAST_MOTION:
         raise InvalidInput(
             "the joint does not move in this log: its actual angle is the same in every row; is "
             "the torque on, and is this the right column?"

@@ -30,9 +30,10 @@ def identify(
 
     Args:
         logs: One or several logs of the same joint: :class:`planner.Log`, triples of arrays
-            (times, requests, angles), mappings with these keys, or a sequence of such.
-        tick: Time step of the model [s]; by default chosen from the log's period.
-        hold: Ticks for which a request is held; by default chosen from the log's period.
+            (times, requests, angles), mappings with these keys, or several of such.
+        tick: Time step of the model [s]; by default chosen from the log's period, or the period
+            itself where that fits clearly better.
+        hold: Ticks for which a request is held; by default as many as make a period.
         hold_out: Whether to fit the first half of each log alone too, and test it on the rest.
 
     Returns:
@@ -48,7 +49,8 @@ def identify(
     logs = as_logs(logs)
     _check_alike(logs)
     clock = clock_of(logs, tick=tick, hold=hold)
-    fit = with_shown_speed(fitted(logs, clock))
+    fit = with_shown_speed(fitted(logs, clock, choose_tick=tick is None and hold is None))
+    clock = clock.ticking(fit.grid.tick)
     spread = spread_of(fit)
     bounds = bounds_of(fit, spread)
     held = held_out(logs, clock, fit.grid) if hold_out else None

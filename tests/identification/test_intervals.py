@@ -109,6 +109,7 @@ def test_everything_can_be_written_as_json():
     [
         (np.zeros(60), np.repeat([0.0, 1.0, 0.0], 20), "the joint does not move in this log"),
         (np.sin(np.arange(60)), np.zeros(60), "the requests never change in this log"),
+        (1e-200 * np.arange(60), np.repeat([0.0, 1.0, 0.0], 20), "the joint does not move"),
     ],
 )
 def test_a_log_without_motion_is_refused(angles, requests, message):

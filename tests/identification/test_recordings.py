@@ -15,7 +15,7 @@ KNOWN = {
     "Elbow": 0.0214,
     "Wrist_Pitch": 0.0084,
     "Wrist_Roll": 0.0046,
-    "Jaw": 0.0032,
+    "Jaw": 0.0031,
 }
 """Error on the second half of the PRBS recording by a fit to the first [rad; Jaw: share]."""
 

@@ -59,6 +59,22 @@ def test_the_model_keeps_the_logs_period_and_its_own_ticks():
     assert math.isclose(given.tick, SERVO.period / 2)
 
 
+@pytest.mark.parametrize("hold", [1, 4])
+def test_which_ticks_a_slow_joint_has_is_told_by_how_well_they_fit(hold):
+    joint = replace(SERVO, tick=SERVO.period / hold, hold=hold, lag=0.02, acceleration_time=0.05)
+    found = planner.identify(rich_log(joint, rows=1500, noise=NOISE), hold_out=False)
+    assert found.model.hold == hold
+    assert math.isclose(found.model.period, SERVO.period)
+    assert found.intervals["lag"].lower <= joint.lag <= found.intervals["lag"].upper
+
+
+def test_milliseconds_taken_for_seconds_do_not_make_more_ticks_than_can_be_walked():
+    log = step_logs()[0]
+    found = planner.identify(changed(log, times=1e3 * log.times), hold_out=False)
+    assert found.model.hold <= 20
+    assert math.isclose(found.model.period, 1e3 * AIBO.period)
+
+
 def test_logs_of_one_clock_give_models_of_one_tick_to_the_last_digit():
     for rows in (150, 400):
         log = rich_log(AIBO, rows=rows, amplitude=1.0)
@@ -168,10 +184,16 @@ def test_several_logs_count_together():
         assert wide < alone.intervals[name].upper - alone.intervals[name].lower
 
 
-@pytest.mark.parametrize("form", ["triple", "mapping", "list"])
+@pytest.mark.parametrize("form", ["triple", "array", "mapping", "list", "generator"])
 def test_logs_may_be_plain_arrays(form):
     log = step_logs()[0]
     columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
-    given = {"triple": tuple(columns.values()), "mapping": columns, "list": [columns]}[form]
+    given = {
+        "triple": tuple(columns.values()),
+        "array": np.array(list(columns.values())),
+        "mapping": columns,
+        "list": [columns],
+        "generator": (each for each in [columns]),
+    }[form]
     expected = planner.identify(log, hold_out=False).model
     assert planner.identify(given, hold_out=False).model == expected
