@@ -22,12 +22,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from kinematics.chain import Array, Indices
 
+LONGEST = 1500
+"""Characters of a message; of a longer one the middle is left out."""
+
 
 class KinematicsError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
 
     def __str__(self) -> str:
         message = super().__str__()
+        if len(message) > LONGEST:
+            message = f"{message[: LONGEST - 300]} … {message[-300:]}"
         if message.isprintable():
             return message
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)

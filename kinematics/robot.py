@@ -19,6 +19,12 @@ import numpy as np
 from kinematics.chain import Array
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnknownFrame, UnsupportedLeg
 
+MOST_BYTES = 64 * 2**20
+"""Longest file that is read [bytes]; meshes are in files of their own."""
+
+MOST_MOVING = 200
+"""Most joints of a robot: Pinocchio's tables grow with their square."""
+
 BESIDE = 1e-9
 """A locked joint may be this far beyond its limits [rad], for rounding."""
 
@@ -75,11 +81,14 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
     import pinocchio
 
     try:
-        text = path.read_bytes()
+        with path.open("rb") as stream:
+            text = stream.read(MOST_BYTES + 1)
     except OSError as error:
         raise InvalidUrdf(
             path, f"cannot be read ({error.strerror}); expected a URDF file"
         ) from error
+    if len(text) > MOST_BYTES:
+        raise InvalidUrdf(path, f"is longer than {MOST_BYTES >> 20} MiB; is it the right file?")
     try:
         root = ElementTree.parse(BytesIO(text)).getroot()
     except (ElementTree.ParseError, LookupError, ValueError) as error:
@@ -89,13 +98,15 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
             "; expand xacro files first" if "xacro" in text[:2000].decode(errors="replace") else ""
         )
         raise InvalidUrdf(path, f"the root element is <{root.tag}>, expected <robot>{hint}")
+    if sum(1 for _ in root.iter("joint")) > MOST_MOVING:
+        raise InvalidUrdf(path, f"has more than {MOST_MOVING} joints; is it the right file?")
     mimics = {
         joint.get("name", "") for joint in root.iter("joint") if joint.find("mimic") is not None
     }
     with _captured_stderr() as complaints:
         try:
             model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
-        except (ValueError, RuntimeError) as error:
+        except (ValueError, RuntimeError) as error:  # too deep an element among them
             complaint = next(iter(complaints()), str(error))
             raise InvalidUrdf(path, f"is not a valid URDF: {complaint}") from error
     return model, mimics

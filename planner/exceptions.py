@@ -22,6 +22,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+LONGEST = 1500
+"""Characters of a message; of a longer one the middle is left out."""
+
 
 class PlannerError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
@@ -119,7 +122,9 @@ class OutsideEquation13(UserWarning):
 
 
 def _printable(text: str) -> str:
-    """Text on one line, whatever a file put into it."""
+    """Text on one line and of bounded length, whatever a file put into it."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST - 300]} … {text[-300:]}"
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

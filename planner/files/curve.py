@@ -75,6 +75,8 @@ def _from_json(path: Path | str) -> PiecewiseLinear:
         raise InvalidFile(path, f"not JSON ({error.msg})", line=error.lineno) from error
     except RecursionError as error:
         raise InvalidFile(path, "not JSON of a curve: nested too deeply") from error
+    except ValueError as error:  # Python reads no number of that many digits
+        raise InvalidFile(path, "not JSON of a curve: a number has too many digits") from error
     if not isinstance(data, dict):
         raise InvalidFile(path, f"got {type(data).__name__}, expected an object with knots")
     try:

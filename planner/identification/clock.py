@@ -112,6 +112,6 @@ def _count(hold: object) -> int:
     count = as_whole(hold) or 0
     if not 1 <= count <= MOST_TICKS:
         raise InvalidInput(
-            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 to {MOST_TICKS}"
+            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_TICKS}"
         )
     return count
