@@ -69,6 +69,7 @@ def descend(
     *,
     rounds: int,
     only: npt.NDArray[np.bool_] | None = None,
+    hold: npt.NDArray[np.bool_] | None = None,
 ) -> Candidate:
     """Move knots and values downhill until there is no progress; the ends of a path stay.
 
@@ -77,11 +78,14 @@ def descend(
         start: Where to start, within the slopes.
         rounds: Most evaluations.
         only: Samples, shape (n,): of many knots, those in no window with one of them stay.
+        hold: Knots that stay, shape (K,), besides those that must.
 
     Returns:
         The best curve found; never worse than the start.
     """
     fixed = np.concatenate(held(problem, start.knots))
+    if hold is not None:
+        fixed[: hold.size] |= hold
     if start.knots.size > LARGEST_WINDOW:
         return _sweep(problem, start, fixed=fixed, rounds=rounds, only=only)
     free = ~fixed

@@ -56,6 +56,9 @@ def slope_bounded(
     Returns:
         The sequence, shape (n,). Cost O(n) in practice, a microsecond or two per sample.
     """
+    ends = desired[-1:] if cyclic else desired[:1]
+    if float(np.max(np.abs(np.diff(desired, prepend=ends)))) <= step:
+        return desired.copy()
     weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:
         return _open_ended(desired, weights, step)

@@ -8,20 +8,21 @@ from functools import cached_property
 
 import numpy as np
 
+from planner.approximation.around import ROUGH, around, might_be_worse
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.grow import sharpest_knot, with_one_more
+from planner.approximation.grow import with_one_more
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
-from planner.approximation.nudged import nudged
+from planner.approximation.nudged import settled_in_hollows
 from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
 from planner.approximation.requirements import at_rest, gaps, reachable, spread
 from planner.approximation.small_values import small_values
+from planner.approximation.thinned import in_full, thinned
 from planner.approximation.together import all_best_values, descend_all
-from planner.approximation.tube import rechained
 from planner.approximation.values import solve_values
 from planner.approximation.whole import WholeKnots
 from planner.trajectory import Array
@@ -38,24 +39,14 @@ FIRST_ROUNDS = 4
 ROUNDS = 15
 """Most further evaluations of that one."""
 
-HARDLY_LESS = 0.9
-"""Squared error over that of a rough curve with a segment less from which on that one is sought
-in earnest, to begin from it."""
-
 DESCENTS = 2
 """Starts of many segments, of all that are proposed, from which a descent is begun."""
 
 WORTH_LOOKING = 1.01
 """Squared error over the ideal from which on more is tried around a curve."""
 
-ROUGH = 1e-3
-"""Relative decrease of the squared error below which a rough descent ends."""
-
-WORTH_A_DESCENT = 1.1
-"""Squared error over the best so far up to which a curve on a grid is descended from."""
-
 MANY_SAMPLES = 2000
-"""Samples beyond which knots are not moved across single ones."""
+"""Samples beyond which few knots are sought among means of them."""
 
 MOST_PROPOSED = 32
 """Segments up to which knots are sought by shortest paths; beyond, by merging."""
@@ -80,9 +71,10 @@ class Search:
             desired=np.round(given.desired / RESOLUTION) * RESOLUTION,
             step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
         )
-        self.pose = Pose.of(coarse.desired, ideal_of(coarse), cyclic=given.cyclic)
+        ideal = ideal_of(coarse)
+        self.pose = Pose.of(coarse.desired, ideal, cyclic=given.cyclic)
         self.problem = self.pose.of_problem(coarse)
-        self.ideal = ideal_of(self.problem)
+        self.ideal = np.round(self.pose.apply(ideal) / RESOLUTION) * RESOLUTION
         self._given = self.pose.of_problem(given)
         self._found: dict[int, Candidate] = {}
         self._roughly: dict[int, Candidate] = {}
@@ -144,6 +136,15 @@ class Search:
         return exact_curve(self._given)
 
     @cached_property
+    def _thin(self) -> Search | None:
+        """Curves through fewer samples, where there are very many and any knots will do."""
+        problem = self.problem
+        few = problem.samples <= MANY_SAMPLES or problem.shortest > 1.0
+        if few or problem.whole or problem.required.size:
+            return None
+        return Search(thinned(problem))
+
+    @cached_property
     def _propose(self) -> KnotProposals:
         return KnotProposals(self.problem, self.ideal)
 
@@ -164,17 +165,20 @@ class Search:
         best = self._rough(segments)
         if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
-        if best.error <= self._good_enough:
+        if self._thin is not None:
             return descend(self.problem, best, rounds=ROUNDS)
-        best = descend(self.problem, self._around(best), rounds=ROUNDS)
-        less = self._roughly.get(segments - 1)
-        if less is not None and best.error > HARDLY_LESS * less.error:
+        if best.error > self._good_enough:
+            best = around(self.problem, self.ideal, best)
+        best = settled_in_hollows(self.problem, best, rounds=ROUNDS)
+        if segments == self.fewest:
+            return best
+        if might_be_worse(best, self._rough(segments - 1), self.ideal_error):
             extended = with_one_more(self.problem, self.curve(segments - 1))
             best = descend(self.problem, self._best_of([best, *extended]), rounds=ROUNDS)
         return best
 
     def _rough(self, segments: int) -> Candidate:
-        """The best of a few rounds from what is proposed and from a segment less, found once."""
+        """The best of a few rounds from what is proposed, found once."""
         if segments not in self._roughly:
             self._roughly[segments] = self._begin(segments)
         return self._roughly[segments]
@@ -182,11 +186,12 @@ class Search:
     def _begin(self, segments: int) -> Candidate:
         if self.exact is not None and segments == self._count(self.exact):
             return self.exact
+        if self._thin is not None and segments < LARGEST_WINDOW:
+            few = self._thin.pose.restore(self._thin.curve(segments))
+            return descend(self.problem, in_full(self.problem, *few), rounds=FIRST_ROUNDS)
         extended: list[Candidate] = []
         if segments - 1 in self._found:
             extended = with_one_more(self.problem, self._found[segments - 1])
-        elif self.fewest < segments <= LARGEST_WINDOW:
-            extended = with_one_more(self.problem, self._rough(segments - 1))
         if extended and extended[0].error <= self._nothing_to_gain:
             return extended[0]
         proposed = self._propose(segments) or [spread(self.problem, segments)]
@@ -195,28 +200,12 @@ class Search:
             begun = sorted(starts, key=_error)[:DESCENTS]
             begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in begun]
             return descend(self.problem, min(begun, key=_error), rounds=ROUNDS)
-        if self.problem.samples > MANY_SAMPLES:  # memory takes samples times starts
-            extended = extended[:1]
         starts = all_best_values(self.problem, proposed) + extended
         return self._best_of(starts)
 
     def _best_of(self, starts: list[Candidate]) -> Candidate:
         begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS, progress=ROUGH)
         return min(begun, key=_error)
-
-    def _around(self, best: Candidate) -> Candidate:
-        """The best curve found near ``best``, by whole chains and by moves of single knots."""
-        anchor = sharpest_knot(self.problem, best) if self.problem.cyclic else 0
-        around = rechained(self.problem, self.ideal, best, anchor=anchor)
-        if around is not None:
-            chained = self.valued(around)
-            if chained.error < WORTH_A_DESCENT * best.error:
-                best = min(descend_all(self.problem, [best, chained], rounds=ROUNDS), key=_error)
-        best = descend(self.problem, best, rounds=ROUNDS)
-        tiny = self.problem.samples > MANY_SAMPLES  # are the kinks at samples
-        if tiny or self.problem.whole or self.problem.required.size:
-            return best
-        return min(best, nudged(self.problem, best), key=_error)
 
     @property
     def _good_enough(self) -> float:

@@ -22,6 +22,9 @@ from planner.approximation.small_qp import minimize_damped, minimize_quadratic
 from planner.approximation.stack import lines_in_force
 from planner.trajectory import Array
 
+RACE = 2
+"""Evaluations after which the worse of many curves are given up."""
+
 
 class Iterates(NamedTuple):
     """As many curves as rows, their squared errors and derivatives, as in :class:`Iterate`."""
@@ -117,7 +120,13 @@ def all_slacks(problem: Problem, knots: Array, values: Array) -> Array:
 
 
 def descend_all(
-    problem: Problem, starts: Sequence[Candidate], *, rounds: int, progress: float = PROGRESS
+    problem: Problem,
+    starts: Sequence[Candidate],
+    *,
+    rounds: int,
+    progress: float = PROGRESS,
+    hold: npt.NDArray[np.bool_] | None = None,
+    keep: int | None = None,
 ) -> list[Candidate]:
     """What :func:`planner.approximation.descent.descend` does, for starts of as many knots each.
 
@@ -126,13 +135,16 @@ def descend_all(
         starts: Where to start, within the slopes; at most ``LARGEST_WINDOW`` knots.
         rounds: Most evaluations of each.
         progress: Relative decrease of the squared error below which a descent ends.
+        hold: Which knots stay, shape (K,); None for those that must.
+        keep: How many go on after :data:`RACE` evaluations, the best; None for all.
 
     Returns:
         The best curve found from each start; never worse than it.
     """
     if len(starts) == 1 or problem.required.size:
-        return [descend(problem, start, rounds=rounds) for start in starts]
-    free = ~np.concatenate(held(problem, starts[0].knots))
+        return [descend(problem, start, rounds=rounds, hold=hold) for start in starts]
+    fixed, pinned = held(problem, starts[0].knots)
+    free = ~np.concatenate([fixed if hold is None else fixed | hold, pinned])
     if not np.any(free):
         return list(starts)
     size = starts[0].knots.size
@@ -145,7 +157,9 @@ def descend_all(
     none = EXACT * float(problem.desired @ problem.desired)
     damping = np.full(len(starts), 1e-3)
     active = here.errors > none
-    for _ in range(rounds):
+    for number in range(rounds):
+        if number == RACE and keep is not None and keep < len(starts):
+            active &= here.errors <= np.partition(here.errors, keep - 1)[keep - 1]
         if not np.any(active):
             break
         hessians = here.hessians[(slice(None), *cells)]

@@ -1,38 +1,50 @@
-"""Knots and values at once on a grid around a curve: a shortest path that sees every chain.
+"""Knots and values at once on a grid around the ideal: a shortest path that sees every chain.
 
-The nodes are samples, and at each node a few angles around a given curve may be taken. A segment
+The nodes are samples, and at each node a few angles around the ideal may be taken. A segment
 between two of these states has its exact squared error as its price, infinite if it is too steep,
 so the cheapest chain is continuous, within the slopes, and best of all on the grid.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.moments import moments
 from planner.approximation.objective import Candidate, Problem
 from planner.approximation.requirements import allowed, in_place, nodes_of
 from planner.trajectory import Array
 
-COARSEST = 48
-"""Nodes of the grid, if the samples are as many: the cost of a chain takes this number squared."""
 
-NODES_PER_SEGMENT = 6
+class Grid(NamedTuple):
+    """Where the knots of a chain may lie."""
+
+    nodes: int  # if the samples are as many; the cost of a chain takes this number squared
+    offsets: tuple[float, ...]  # angles around the ideal, in units of a curve's rms error
+
+
+GRIDS = (
+    Grid(29, (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4)),
+    Grid(44, (-1.6, -0.8, 0.0, 0.8, 1.6)),
+)
+"""Few nodes with many angles and more with fewer, as they fail on different data."""
+
+NODES_PER_SEGMENT = 4
 """Nodes of the grid for every segment, where that is more."""
 
-OFFSETS = np.array([0.0, -0.8, 0.8])
-"""Angles around the curve that a chain may take, in units of the curve's rms error."""
 
-
-def rechained(problem: Problem, ideal: Array, curve: Candidate, *, anchor: int = 0) -> Array | None:
-    """Knots of the cheapest chain with as many segments on a grid around ``curve``.
+def rechained(
+    problem: Problem, ideal: Array, curve: Candidate, grid: Grid, *, anchor: int = 0
+) -> Array | None:
+    """Knots of the cheapest chain with as many segments on a grid.
 
     Args:
         problem: What to approximate.
-        ideal: Its slope-bounded ideal, whose points a chain may take too, shape (n,).
-        curve: Where to look.
+        ideal: Its slope-bounded ideal, shape (n,).
+        curve: What says how many segments, and how far from the ideal.
+        grid: Where knots may lie.
         anchor: Number of the knot that is kept, for a cycle.
 
     Returns:
@@ -42,18 +54,14 @@ def rechained(problem: Problem, ideal: Array, curve: Candidate, *, anchor: int =
     first = round(float(curve.knots[anchor])) if problem.cyclic else 0
     last = n if problem.cyclic else n - 1
     segments = curve.knots.size if problem.cyclic else curve.knots.size - 1
-    count = min(last, max(COARSEST, NODES_PER_SEGMENT * segments))
+    count = min(last, max(grid.nodes, NODES_PER_SEGMENT * segments))
     fixed = nodes_of(problem.required)
     fixed = np.mod(fixed - first, n) if problem.cyclic else fixed
     nodes = np.union1d(np.round(np.linspace(0, last, count + 1)).astype(np.intp), fixed)
-    around = PiecewiseLinear(
-        knots=curve.knots, values=curve.values, samples=n, tick=1.0, cyclic=problem.cyclic
-    )
-    middle = around((nodes + first).astype(np.float64))
     unit = float(np.sqrt(curve.error / n))
-    states = np.column_stack([middle[:, None] + unit * OFFSETS, ideal[(nodes + first) % n]])
+    states = ideal[(nodes + first) % n][:, None] + unit * np.array(grid.offsets)
     if problem.cyclic:
-        states[[0, -1], 0] = middle[0]
+        states[[0, -1], 0] = float(np.interp(first, curve.knots, curve.values, period=n))
         states[[0, -1], 1:] = np.inf
     for place, pin in zip(fixed, problem.pins, strict=True):
         if np.isfinite(pin):
