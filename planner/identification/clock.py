@@ -11,6 +11,7 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.given import as_number, as_whole, shown
 from planner.identification.log import Log
+from planner.model.joint import MOST_HOLD
 
 SLOWEST_OWN_TICK = 0.008
 """Logs of this period and less are modelled with one tick a row [s]: the paper's robot."""
@@ -39,10 +40,6 @@ LONGEST_TIME = 0.75
 
 SHARE_OF_LOG = 0.25
 """Share of the longest log that they may span together."""
-
-
-MOST_TICKS = 100_000
-"""Most ticks between two requests."""
 
 
 class Clock(NamedTuple):
@@ -92,7 +89,7 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
 
 def _ticks(period: float, tick: float) -> int:
     """The whole number of ticks that comes nearest to a period."""
-    return round(min(period / tick, 2.0 * MOST_TICKS))
+    return round(min(period / tick, 2.0 * MOST_HOLD))
 
 
 def _default_hold(period: float) -> int:
@@ -110,8 +107,8 @@ def _positive(tick: object) -> float:
 
 def _count(hold: object) -> int:
     count = as_whole(hold) or 0
-    if not 1 <= count <= MOST_TICKS:
+    if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(
-            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_TICKS}"
+            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
         )
     return count

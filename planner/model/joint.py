@@ -19,6 +19,9 @@ WHOLE_TICKS = 1e-9
 LONGEST_WINDOW = 100_000
 """Most ticks that lag and acceleration time may span: beyond it the unit is surely mistaken."""
 
+MOST_HOLD = 10_000
+"""Most ticks that one request may be held for."""
+
 
 class Window(NamedTuple):
     """The requests that drive the joint at one tick, and how much each of them counts.
@@ -215,6 +218,10 @@ def _number(name: str, value: object) -> float:
 
 def _count(name: str, value: object) -> int:
     count = as_whole(value) or 0
+    if count > MOST_HOLD:
+        raise InvalidModel(
+            f"{name}: got {shown(value)}, expected at most {MOST_HOLD} ticks between requests"
+        )
     if count < 1:
         raise InvalidModel(
             f"{name}: got {shown(value)}, expected a whole number of ticks, 1 or more"

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, NoSteadyCycle
+from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.given import as_flag, as_number, shown
 from planner.model.joint import JointModel, Window, advance, checked_model
 from planner.trajectory import Array, as_trajectory
@@ -20,6 +20,9 @@ PATIENCE = 50
 
 MOST_CYCLES = 500
 """Cycles after which a response that still drifts is given up; bisection ends well before."""
+
+MOST_TICKS = 20_000_000
+"""Longest simulation [ticks]: more than two days at 100 Hz."""
 
 
 def simulate(
@@ -53,6 +56,11 @@ def simulate(
     model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
     start = checked_start(start, cyclic=cyclic)
+    if requests.size * model.hold > MOST_TICKS:
+        raise InvalidTrajectory(
+            f"requests: got {requests.size}, each held for {model.hold} ticks, expected at most "
+            f"{MOST_TICKS} ticks; simulate them part by part"
+        )
     pulls = np.repeat(requests + model.offset, model.hold)
     if cyclic:
         angles = _steady_cycle(model, pulls)

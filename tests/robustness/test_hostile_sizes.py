@@ -1,0 +1,279 @@
+"""Files and options that claim or unfold into too much: one error, soon, within little memory."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MEMORY = 2 * 2**30
+"""Address space that a command gets [bytes]: its libraries take a third of it."""
+
+SECONDS = 20
+"""Processor time that a command gets [s]: it starts in one or two."""
+
+START = f"""\
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
+resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
+sys.argv[0] = "request-planner"
+from planner.cli import main
+main()
+"""
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """The command line under limits."""
+    return subprocess.run(
+        [sys.executable, "-P", "-c", START, *arguments],
+        cwd=folder,
+        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def _repeated(folder, name, start, piece, size):
+    """A file that is one piece over and over, up to some size [bytes]."""
+    with (folder / name).open("wb") as stream:
+        stream.write(start)
+        block = piece * (2**20 // len(piece))
+        for _ in range(size // len(block) + 1):
+            stream.write(block)
+
+
+def _sparse(folder, name, start, size):
+    """A file that claims a size, but takes no room on the disk."""
+    with (folder / name).open("wb") as stream:
+        stream.write(start)
+        stream.truncate(size)
+
+
+def _robot(inside, head=""):
+    return f'{head}<robot name="r">{inside}</robot>'
+
+
+def _laughing(folder):
+    entities = "".join(f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9))
+    head = f'<!DOCTYPE r [<!ENTITY a "ha">{entities}]>'
+    (folder / "robot.urdf").write_text(_robot("&j;", head))
+
+
+def _deep(folder):
+    (folder / "robot.urdf").write_text(_robot("<link>" * 10**5 + "</link>" * 10**5))
+
+
+def _long_chain(folder):
+    links = "".join(f'<link name="l{k}"/>' for k in range(20001))
+    joints = "".join(
+        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
+        for k in range(20000)
+    )
+    (folder / "robot.urdf").write_text(_robot(links + joints))
+
+
+def _outside(folder):
+    head = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///dev/zero">]>'
+    (folder / "robot.urdf").write_text(_robot("&a;", head))
+
+
+def _parquet_bomb(folder):
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    row = pa.array([[0.0] * 30] * 10**6, pa.list_(pa.float64(), 30))
+    table = pa.table(
+        {"action": row, "observation.state": row, "timestamp": pa.array([0.0] * 10**6)}
+    )
+    with parquet.ParquetWriter(
+        folder / "bomb.parquet", table.schema, compression="zstd", use_dictionary=True
+    ) as writer:
+        for _ in range(5):
+            writer.write_table(table)
+
+
+def _parquet_claim(folder):
+    footer = b"\x15\x04\x19\x2c\x35\x00\x18" + b"\xff" * 200
+    (folder / "claim.parquet").write_bytes(
+        b"PAR1" + footer + struct.pack("<I", 2**31 - 1) + b"PAR1"
+    )
+
+
+def _mcap_claim(folder):
+    header = b"\x89MCAP0\r\n" + b"\x01" + struct.pack("<Q", 2**62) + b"\0" * 100
+    (folder / "claim.mcap").write_bytes(header)
+
+
+def _mcap_chunk(folder):
+    pytest.importorskip("rosbags")
+    body = struct.pack("<QQQI", 0, 1, 2**40, 0) + struct.pack("<I", 4) + b"zstd"
+    body += struct.pack("<Q", 20) + b"\x28\xb5\x2f\xfd" + b"\xff" * 16
+    record = b"\x06" + struct.pack("<Q", len(body)) + body
+    (folder / "chunk.mcap").write_bytes(
+        b"\x89MCAP0\r\n\x01" + struct.pack("<QII", 8, 0, 0) + record + b"\x89MCAP0\r\n"
+    )
+
+
+def _json_bomb(folder):
+    (folder / "log.json").write_text('{"entries": ' + "[" * 10**6 + "]" * 10**6 + "}")
+
+
+def _json_number(folder):
+    (folder / "log.json").write_text('{"entries": ' + "9" * 10**6 + "}")
+
+
+LEG = ("--urdf", "robot.urdf", "--base", "a", "--foot", "b")
+ANY = 'file = "x.csv"\n'
+HOSTILE = {
+    "a file of zeros without end": (
+        lambda folder: _sparse(folder, "x.csv", b"knee_deg\n1\n", 2**42),
+        ("plan", "x.csv"),
+        "x.csv: longer than 64 MiB; is it the right file?",
+    ),
+    "a line without end": (
+        lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b"1", 60 * 2**20),
+        ("plan", "x.csv"),
+        "not CSV (field larger than field limit (131072))",
+    ),
+    "a header of a million columns": (
+        lambda folder: _repeated(folder, "x.csv", b"knee_deg", b",a_deg", 6 * 2**20),
+        ("plan", "x.csv"),
+        "x.csv",
+    ),
+    "rows of commas": (
+        lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b",,,,\n", 8 * 2**20),
+        ("plan", "x.csv"),
+        "x.csv, line 2",
+    ),
+    "a log without end": (
+        lambda folder: _sparse(folder, "x.csv", b"t_s,requested_deg,actual_deg\n", 2**42),
+        ("identify", "x.csv"),
+        "x.csv: longer than 64 MiB; is it the right file?",
+    ),
+    "a run file without end": (
+        lambda folder: _sparse(folder, "run.toml", b"", 2**42),
+        ("run", "run.toml"),
+        "run.toml: longer than 64 MiB; is it the right file?",
+    ),
+    "a run file nested deeply": (
+        lambda folder: (folder / "run.toml").write_text("a = " + "[" * 10**5),
+        ("run", "run.toml"),
+        "run.toml",
+    ),
+    "a run file with a long number": (
+        lambda folder: (folder / "run.toml").write_text("out = " + "9" * 10**6),
+        ("run", "run.toml"),
+        "run.toml",
+    ),
+    "a run file of a path of dots": (
+        lambda folder: (folder / "run.toml").write_text("a" + ".a" * 10**4 + " = 1\n"),
+        ("run", "run.toml"),
+        "run.toml",
+    ),
+    "a walk of a billion samples": (
+        lambda folder: (folder / "run.toml").write_text(
+            '[leg]\nname = "reference"\n[path.half_ellipse]\nsamples = 1_000_000_000\n'
+        ),
+        ("run", "run.toml"),
+        "expected a whole number from 4 to 1000000",
+    ),
+    "a model that waits for ever": (
+        lambda folder: (
+            (folder / "x.csv").write_text("knee_deg\n1\n2\n3\n"),
+            (folder / "m.toml").write_text(
+                "v_max = 5\ntheta_0 = 0.2\nlag = 1e300\nacceleration_time = 1\n"
+            ),
+        ),
+        ("simulate", "x.csv", "--model", "m.toml"),
+        "m.toml",
+    ),
+    "a model of a billion ticks": (
+        lambda folder: (
+            (folder / "x.csv").write_text("knee_deg\n1\n2\n3\n"),
+            (folder / "m.toml").write_text(
+                "v_max = 5\ntheta_0 = 0.2\nlag = 0\nacceleration_time = 1\nhold = 1000000000\n"
+            ),
+        ),
+        ("simulate", "x.csv", "--model", "m.toml"),
+        "hold",
+    ),
+    "more lines than samples": (
+        lambda folder: (folder / "x.csv").write_text("knee_deg\n1\n2\n3\n"),
+        ("fit", "x.csv", "--segments", "1000000000"),
+        "segments",
+    ),
+    "an export without end": (
+        lambda folder: (folder / "x.csv").write_text("t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n"),
+        ("export", "x.csv", "--format", "csv", "--cycles", "1000000000", "-o", "out.csv"),
+        "",
+    ),
+    "an export at a rate of atoms": (
+        lambda folder: (folder / "x.csv").write_text("t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n"),
+        ("export", "x.csv", "--format", "csv", "--rate-hz", "1e18", "-o", "out.csv"),
+        "",
+    ),
+    "an excitation without end": (
+        lambda folder: None,
+        ("excite", "--limits-deg", "-10", "10", "--kind", "chirp", "--duration-s", "1e15"),
+        "",
+    ),
+    "episodes without end": (
+        lambda folder: (folder / "x.csv").write_text(
+            "t_s,requested_deg,actual_deg\n0,1,1\n1,2,2\n2,3,3\n"
+        ),
+        ("identify", "x.csv", "--episodes", "0-999999999"),
+        "episodes",
+    ),
+    "a billion laughs": (_laughing, ("gait", *LEG), "input amplification factor"),
+    "an entity of another file": (_outside, ("gait", *LEG), "robot.urdf"),
+    "a robot nested deeply": (_deep, ("gait", *LEG), "robot.urdf: is not"),
+    "a robot of 20000 joints": (_long_chain, ("gait", *LEG), "more than 200 joints"),
+    "a robot without end": (
+        lambda folder: _sparse(folder, "robot.urdf", b"<robot>", 2**42),
+        ("gait", *LEG),
+        "robot.urdf: is longer than 64 MiB",
+    ),
+    "Parquet that unfolds": (_parquet_bomb, ("identify", "bomb.parquet"), "bomb.parquet"),
+    "Parquet with a long footer": (_parquet_claim, ("identify", "claim.parquet"), "claim.parquet"),
+    "MCAP with a long record": (_mcap_claim, ("identify", "claim.mcap"), "claim.mcap"),
+    "MCAP with a chunk that unfolds": (_mcap_chunk, ("identify", "chunk.mcap"), "chunk.mcap"),
+    "JSON nested deeply": (_json_bomb, ("identify", "log.json"), "nested too deeply"),
+    "JSON of a long number": (_json_number, ("identify", "log.json"), "a number is too long"),
+    "a compressed file": (
+        lambda folder: (folder / "x.csv").write_bytes(gzip.compress(b"1\n" * 10**6)),
+        ("plan", "x.csv"),
+        "is not UTF-8",
+    ),
+}
+"""What makes the files, the command, and what its one line says."""
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_what_is_too_large_is_refused_soon_and_within_little_memory(name, tmp_path):
+    make, arguments, message = HOSTILE[name]
+    make(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    done = run(tmp_path, *arguments)
+    assert done.returncode == 2, done.stderr[-500:] or done.stdout[-200:]
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert len(done.stderr) < 2000
+    assert done.stdout == ""
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_curve_of_a_billion_samples_is_refused(tmp_path):
+    from planner import InvalidInput
+    from planner.files.curve import read_curve
+
+    curve = {"knots": [0.0, 1.0], "values": [0, 1], "samples": 10**9, "tick": 0.01, "cyclic": False}
+    (tmp_path / "curve.json").write_text(json.dumps(curve))
+    with pytest.raises(InvalidInput, match="samples: got 1000000000, expected"):
+        read_curve(tmp_path / "curve.json")
