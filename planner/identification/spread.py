@@ -24,7 +24,8 @@ class Spread(NamedTuple):
     Attributes:
         covariance: Of log gain, log v_max, lag and acceleration time [ticks] and offset, (5, 5);
             infinite on the diagonal where a parameter has no effect at all.
-        inflation: By how much correlated residuals raise each variance, at least 1, (5,).
+        inflation: By how much residuals that are correlated, or largest where the parameter acts,
+            raise each variance, at least 1, (5,).
         variance: Of one residual [rad^2].
         quantile: Standard deviations to either side of the estimate.
     """
@@ -46,7 +47,11 @@ class Spread(NamedTuple):
 
 
 def spread_of(fit: Adjusted) -> Spread:
-    """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are correlated."""
+    """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are not white.
+
+    A clock that jitters, or a joint that is not the model, errs most in fast motion, on the very
+    rows that tell lag and acceleration time.
+    """
     from scipy.special import stdtrit
 
     slope = slopes(fit, blur=0.5 * fit.grid.tick * 0.05)
@@ -67,7 +72,9 @@ def spread_of(fit: Adjusted) -> Spread:
         influence = (pulls[:, np.newaxis] * slope.by_parameter[:, acting]) @ inverse
         outer = slope.by_parameter[:, acting]
         white = variance * inverse @ (outer.T @ outer) @ inverse
-        inflation[acting] = [correlation_time(column) for column in influence.T]
+        uneven = np.maximum(1.0, np.sum(influence**2, axis=0) / np.diag(white))
+        alike = [correlation_time(column) for column in influence.T]
+        inflation[acting] = uneven * alike
         inflation[~acting] = np.max(inflation)
         root = np.sqrt(inflation[acting])
         covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
