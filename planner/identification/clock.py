@@ -21,7 +21,8 @@ TICK_OF_SLOW_LOGS = 0.005
 quarter of its error a tick, and finer ticks predict recordings no better (docs/math.md)."""
 
 MOST_CHOSEN = 20
-"""Ticks in a period at most, unless more are asked for: logs of less than 10 rows a second do not show what 5 ms would."""
+"""Ticks in a period at most, unless more are asked for: logs of less than 10 rows a second do not
+show what 5 ms would."""
 
 SLACK = 1.05
 """A tick may exceed these by this factor: periods of 20.06 and 20.55 ms are 4 ticks, not 5."""
