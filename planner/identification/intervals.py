@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from planner.identification.adjust import FASTEST, adjust, units
@@ -45,7 +46,8 @@ def bounds_of(fit: Adjusted, spread: Spread) -> Bounds:
     at = fit.parameters
     half = spread.quantile * spread.deviations
     scaling = units(fit.grid, at)
-    ends = []
+    ends: list[Interval] = []
+    possible: list[Parameters] = []
     for index, value in enumerate(at):
         logarithmic = index in (GAIN, V_MAX)
         if logarithmic and half[index] <= CERTAIN * spread.quantile:
@@ -55,8 +57,13 @@ def bounds_of(fit: Adjusted, spread: Spread) -> Bounds:
             low = value - width
             ends.append(Interval(low if index == OFFSET else max(low, 0.0), value + width))
         else:
-            ends.append(Interval(*(_end(fit, spread, index, way) for way in (-1, 1))))
-    return Bounds(*ends)
+            ends.append(Interval(*(_end(fit, spread, index, way, possible) for way in (-1, 1))))
+    return Bounds(*map(_holding, ends, zip(*possible, strict=True) if possible else [()] * 5))
+
+
+def _holding(interval: Interval, values: Sequence[float]) -> Interval:
+    """The interval, widened to hold what the profiles of other parameters did not refute."""
+    return Interval(float(min((interval.lower, *values))), float(max((interval.upper, *values))))
 
 
 def _narrow(fit: Adjusted, index: int, half: float) -> bool:
@@ -68,19 +75,19 @@ def _narrow(fit: Adjusted, index: int, half: float) -> bool:
     return half * fit.grid.tick <= max(fit.grid.tick, 0.3 * delay)
 
 
-def _end(fit: Adjusted, spread: Spread, index: int, way: int) -> float:
+def _end(fit: Adjusted, spread: Spread, index: int, way: int, possible: list[Parameters]) -> float:
     """Where the profile of a parameter has risen as far as its interval reaches, to one side.
 
     The end is sought from where the covariance puts it outwards, so an interval may come out wider
-    than its profile but not narrower.
+    than its profile but not narrower. What is not refuted on the way is added to ``possible``.
     """
     rise = max(float(spread.threshold[index]), MISFIT * fit.cost)
     value = fit.parameters[index]
     limit, reported = _limit(fit, index, way)
-    profile = _Profile(fit, index, fit.cost + rise)
+    profile = _Profile(fit, index, fit.cost + rise, possible)
     if limit == value or (math.isinf(limit) and not profile.refutes(limit)):
         return reported
-    profile = _Profile(fit, index, fit.cost + rise)
+    profile = _Profile(fit, index, fit.cost + rise, possible)
     logarithmic = index in (GAIN, V_MAX)
     inner, step = value, _first_step(fit, spread, index)
     for _ in range(PROFILE_STEPS):
@@ -103,8 +110,11 @@ def _end(fit: Adjusted, spread: Spread, index: int, way: int) -> float:
 class _Profile:
     """The best fits with one parameter held, each begun from the one before."""
 
-    def __init__(self, fit: Adjusted, index: int, allowed: float) -> None:
+    def __init__(
+        self, fit: Adjusted, index: int, allowed: float, possible: list[Parameters]
+    ) -> None:
         self._allowed = allowed
+        self._possible = possible
         self._name = Parameters._fields[index]
         self._free = fit.free.copy()
         self._free[index] = False
@@ -124,6 +134,8 @@ class _Profile:
         )
         if math.isfinite(value):
             self._last = held
+        if held.cost <= self._allowed:
+            self._possible.append(held.parameters)
         return held.cost > self._allowed
 
 
@@ -157,4 +169,4 @@ def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
 
 def speed_bounded(fit: Adjusted) -> bool:
     """Whether the data bounds the top speed from above."""
-    return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1))
+    return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1, []))

@@ -77,6 +77,20 @@ def test_slow_motion_cannot_tell_the_delays_apart():
     assert any("lag lies anywhere" in warning for warning in found.warnings)
 
 
+@pytest.mark.parametrize("seed", [3, 4, 9])
+def test_an_interval_holds_what_other_intervals_leave_open(seed):
+    """Here a window of 77 ms and no time constant fit best; its own slopes allow no less."""
+    rng = np.random.default_rng(seed)
+    phases = rng.uniform(0.0, 2.0 * np.pi, size=(6, 1))
+    times = AIBO.tick * np.arange(1250)
+    tones = 2.0 * np.pi * np.array([[0.3], [0.5], [0.8], [1.1], [1.7], [2.3]])
+    requests = 0.8 * GENTLE * np.sum(np.sin(tones * times + phases), axis=0)
+    angles = measured(planner.simulate(AIBO, requests, cyclic=False, start=requests[0]), rng)
+    found = planner.identify((times, requests, angles), hold_out=False)
+    assert hits(AIBO, found.intervals["lag"], "lag")
+    assert found.intervals["acceleration_time"].lower <= 1.1 * AIBO.acceleration_time
+
+
 def test_more_noise_widens_every_interval():
     quiet, loud = (
         planner.identify(step_logs(noise=k * NOISE), hold_out=False).intervals for k in (1.0, 4.0)
