@@ -16,6 +16,10 @@ Limits = tuple[float, float]
 ON_THE_LIMIT = 1e-9
 """How far beyond its limits a desired angle may lie [rad]: rounding of degrees, no more."""
 
+NEGLIGIBLE_SAG = 1e-3
+"""So much of a sag does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
+sensor, and as much as an identification makes of none."""
+
 
 def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits:
     """The limits as floats.
@@ -42,12 +46,15 @@ def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits
 
 
 def check_within(limits: Limits, *, desired: Array, start: float | None, model: JointModel) -> None:
-    """Raise Infeasible where the start or a desired angle is one that no request can hold."""
+    """Raise Infeasible where the start or a desired angle is one that no request can hold.
+
+    A negligible sag is left out of it: the joint then stays that little short of the limit.
+    """
     lower, upper = limits
     angles = desired if start is None else np.append(desired, start)
     beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
     worst = int(np.argmax(beyond))
-    if beyond[worst] > ON_THE_LIMIT:
+    if beyond[worst] > ON_THE_LIMIT + min(abs(model.offset), NEGLIGIBLE_SAG):
         what = f"desired: sample {worst}" if worst < len(desired) else "start: it"
         raise Infeasible(
             f"{what} is {angles[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond the angles "
