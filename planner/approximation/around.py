@@ -26,10 +26,10 @@ APART = 1.0
 HARDLY_LESS = 0.9
 """Squared error over that of a rough curve with a segment less up to which it is surely less."""
 
-HARDLY_NEARER = 0.1
+HARDLY_NEARER = 0.5
 """The same for what either has more than the ideal, of which a descent can do away with most."""
 
-NEXT_TO_NOTHING = 0.02
+NEXT_TO_NOTHING = 0.001
 """Squared error beyond the ideal's, relative to it, all of which a descent may do away with."""
 
 
