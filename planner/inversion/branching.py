@@ -133,7 +133,7 @@ def bound_up_to(
         nodes[0][0] / task.known if task.known else 1.0,
         len(nodes),
     )
-    return min(nodes[0][0], task.known) * task.unit
+    return min(nodes[0][0] * task.unit, known)
 
 
 def _root(task: Task, until: float) -> Node:
