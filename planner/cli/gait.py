@@ -46,9 +46,9 @@ def gait(*, samples: int, period: float, output: str, as_json: bool, **choices: 
     and as large as the leg can trace it well; options overrule that.
 
     \b
-    Example, a longer and flatter step, and one for a robot of your own:
+    Example, a longer and flatter step, and one as large as a leg can trace:
         request-planner gait --length 0.055 --height 0.03 -o foot.csv
-        request-planner gait --leg robot.urdf --base base_link --foot FL_FOOT -o foot.csv
+        request-planner gait --leg front-left -o foot.csv
     """  # noqa: D301
     from planner.files.foot_path import write_foot_path
     from planner.gait import half_ellipse
