@@ -20,6 +20,9 @@ FIRST_ORDER = np.array([True, False, True, False, True])
 SHARES = (0.0, 0.5, 0.9)
 """Shares of the whole delay that the search for a first-order lag begins with as pure delay."""
 
+QUICK_STEPS = 5
+"""Steps that tell which of them to follow: on recordings all lead to the same."""
+
 
 class Simple(NamedTuple):
     """A simpler description, fitted.
@@ -75,7 +78,7 @@ def _first_order(grid: Grid, delay: float) -> Adjusted:
         for share in SHARES
     ]
     fits = [
-        adjust(grid, begin, free=FIRST_ORDER, steps=15, rounds=2, precision=1e-3)
+        adjust(grid, begin, free=FIRST_ORDER, steps=QUICK_STEPS, rounds=2, precision=1e-3)
         for begin in begins
     ]
     best = min(fits, key=lambda fit: fit.rms)
