@@ -73,7 +73,7 @@ def _deep(folder):
 def _long_chain(folder):
     links = "".join(f'<link name="l{k}"/>' for k in range(20001))
     joints = "".join(
-        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
+        f'<joint name="j{k}" type="fixed"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
         for k in range(20000)
     )
     (folder / "robot.urdf").write_text(_robot(links + joints))
@@ -220,7 +220,7 @@ HOSTILE = {
         "",
     ),
     "an excitation without end": (
-        lambda folder: None,
+        lambda folder: folder,
         ("excite", "--limits-deg", "-10", "10", "--kind", "chirp", "--duration-s", "1e15"),
         "",
     ),

@@ -1,0 +1,159 @@
+"""Commands write where they are told to, and nothing that they read is ever run."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from kinematics import urdf_path
+
+WATCHED = Path(__file__).with_name("watched.py")
+ROOT = Path(__file__).parents[2]
+
+EVIL = "__import__('os').system('touch hacked')"
+"""What a file of data may hold, and nobody may run."""
+
+COLUMN = f'"{EVIL}"'
+PATH = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k % 5},{-k % 7}\n" for k in range(20))
+LOG = "t_s,requested_deg,actual_deg\n" + "".join(
+    f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
+)
+RUN = '[path]\nfile = "desired.csv"\n[plan]\nmethod = "closed-form"\n[output]\nreport = "r.html"\n'
+
+WRITING = {
+    "plan": ["plan", "desired.csv", "--method", "closed-form", "-o", "out/a.csv"],
+    "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
+    "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
+    "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
+    "compare": ["compare", "desired.csv", "--out", "out/results"],
+    "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
+    "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out/a.csv"],
+    "gait": ["gait", "-o", "out/a.csv"],
+    "run": ["run", "run.toml", "--out", "out/results"],
+}
+
+HOSTILE = {
+    "a column": ("desired.csv", f"t_s,{COLUMN}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
+    "a cell": ("desired.csv", f"knee_deg\n1\n{COLUMN}\n", ["plan", "desired.csv"]),
+    "a formula": ("desired.csv", 'knee_deg\n1\n"=1+1"\n', ["plan", "desired.csv"]),
+    "a log's column": ("log.csv", f"t_s,{COLUMN}\n0,1\n", ["identify", "log.csv"]),
+    "a model": ("m.toml", f'v_max = "{EVIL}"\n', ["simulate", "desired.csv", "--model", "m.toml"]),
+    "a run file": ("run.toml", f'[path]\nfile = "{EVIL}"\n', ["run", "run.toml"]),
+    "a run file's output": (
+        "run.toml",
+        RUN.replace("r.html", "../hacked"),
+        ["run", "run.toml", "--out", "out"],
+    ),
+    "a run file's absolute output": (
+        "run.toml",
+        RUN.replace("r.html", "/tmp/hacked"),
+        ["run", "run.toml", "--out", "out"],
+    ),
+    "JSON": ("log.json", json.dumps({"entries": [{"position": EVIL}]}), ["identify", "log.json"]),
+    "a pickle called CSV": (
+        "log.csv",
+        "cos\nsystem\n(S'touch hacked'\ntR.",
+        ["identify", "log.csv"],
+    ),
+    "a pickle called Parquet": (
+        "log.parquet",
+        "cos\nsystem\n(S'touch hacked'\ntR.",
+        ["identify", "log.parquet"],
+    ),
+    "a robot": (
+        "r.urdf",
+        f'<robot name="{EVIL}"><link name="{EVIL}"/></robot>',
+        ["gait", "--leg", "r.urdf", "--base", "a", "--foot", "b"],
+    ),
+    "a bag's description": (
+        "bag/metadata.yaml",
+        "!!python/object/apply:os.system ['touch hacked']\n",
+        ["identify", "bag"],
+    ),
+    "a bag's text": (
+        "bag/metadata.yaml",
+        f'rosbag2_bagfile_information: !!python/name:os.system "{EVIL}"\n',
+        ["identify", "bag"],
+    ),
+}
+"""A file, what it holds, and who reads it."""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "desired.csv").write_text(PATH)
+    (tmp_path / "log.csv").write_text(LOG)
+    (tmp_path / "run.toml").write_text(RUN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "temporary").mkdir()
+    return tmp_path
+
+
+def _watched(folder, arguments):
+    done = subprocess.run(
+        [sys.executable, str(WATCHED), "--", *arguments],
+        cwd=folder,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(ROOT),
+            "TMPDIR": str(folder / "temporary"),
+            "MPLCONFIGDIR": str(folder / "temporary" / "matplotlib"),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        },
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    *said, report = done.stderr.splitlines()
+    return done.returncode, said, json.loads(report)
+
+
+def _names(folder):
+    return {file.relative_to(folder).parts[0] for file in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_nothing_is_written_but_where_it_was_said(name, folder):
+    before = _names(folder)
+    status, said, report = _watched(folder, WRITING[name])
+    assert status in (0, 1), said
+    assert list((folder / "out").iterdir()), said
+    allowed = (str(folder / "out"), "out/", str(folder / "temporary"), os.devnull)
+    for event, *paths in report["changes"]:
+        if event == "ctypes.dlsym":
+            continue
+        written = [path for path in paths if "/" in path]
+        assert written, (event, paths)
+        for path in written:
+            assert path.startswith(allowed), (event, path)
+    assert _names(folder) == before
+    left = {file.name for file in (folder / "temporary").iterdir()}
+    assert left <= {"matplotlib"}, "temporary files are left"
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_no_data_is_ever_run(name, folder):
+    file, content, arguments = HOSTILE[name]
+    (folder / file).parent.mkdir(exist_ok=True)
+    (folder / file).write_text(content)
+    before = _names(folder)
+    status, said, report = _watched(folder, arguments)
+    assert status == 2, said
+    assert len(said) == 1, said
+    run = [event for event in report["others"] if event != "marshal.loads"]  # imports
+    assert run == []
+    assert _names(folder) == before
+    assert list((folder / "out").iterdir()) == []
+
+
+def test_a_shipped_robot_is_read_without_running_anything(folder):
+    robot = str(urdf_path("ers210a.urdf"))
+    arguments = ["--leg", robot, "--base", "body", "--foot", "front_left_ball"]
+    status, said, report = _watched(folder, ["gait", *arguments, "-o", "out/a.csv"])
+    assert status == 0, said
+    assert [event for event in report["others"] if event != "marshal.loads"] == []
