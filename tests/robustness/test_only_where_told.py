@@ -18,7 +18,6 @@ ROOT = Path(__file__).parents[2]
 EVIL = "__import__('os').system('touch hacked')"
 """What a file of data may hold, and nobody may run."""
 
-COLUMN = f'"{EVIL}"'
 PATH = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k % 5},{-k % 7}\n" for k in range(20))
 LOG = "t_s,requested_deg,actual_deg\n" + "".join(
     f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
@@ -38,10 +37,10 @@ WRITING = {
 }
 
 HOSTILE = {
-    "a column": ("desired.csv", f"t_s,{COLUMN}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
-    "a cell": ("desired.csv", f"knee_deg\n1\n{COLUMN}\n", ["plan", "desired.csv"]),
+    "a column": ("desired.csv", f"t_s,{EVIL}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
+    "a cell": ("desired.csv", f"knee_deg\n1\n{EVIL}\n", ["plan", "desired.csv"]),
     "a formula": ("desired.csv", 'knee_deg\n1\n"=1+1"\n', ["plan", "desired.csv"]),
-    "a log's column": ("log.csv", f"t_s,{COLUMN}\n0,1\n", ["identify", "log.csv"]),
+    "a log's column": ("log.csv", f"t_s,{EVIL}\n0,1\n", ["identify", "log.csv"]),
     "a model": ("m.toml", f'v_max = "{EVIL}"\n', ["simulate", "desired.csv", "--model", "m.toml"]),
     "a run file": ("run.toml", f'[path]\nfile = "{EVIL}"\n', ["run", "run.toml"]),
     "a run file's output": (

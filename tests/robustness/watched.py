@@ -1,7 +1,7 @@
-"""Run the command line and tell of all files that it opens for writing, and of all code it makes of data.
+"""Run the command line; tell which files it opens for writing, and what code it makes of data.
 
 A script, not a test: ``python watched.py [--die-at K] -- ARGUMENTS``. The last line on standard
-error is a JSON list of events. With ``--die-at`` the process ends without any clearing up, as if
+error is JSON. With ``--die-at`` the process ends without any clearing up, as if
 it were killed, right before the K-th event that changes a file or a folder.
 """
 
@@ -56,8 +56,17 @@ class Watch:
 
     def _change(self, event: str, *paths: object) -> None:
         if self.die_at is not None and len(self.changes) >= self.die_at:
+            if event == "open":
+                self._leave_half(str(paths[0]))
             os._exit(DEATH)
         self.changes.append([event, *(str(path) for path in paths)])
+
+    def _leave_half(self, path: str) -> None:
+        """Be killed in the middle of writing a file, not before it."""
+        self.on = False
+        if not os.path.isdir(path):  # where a temporary file without a name is made  # noqa: PTH112
+            with open(path, "w") as stream:  # noqa: PTH123  (what opens files is being watched)
+                stream.write("half")
 
     def report(self) -> str:
         return json.dumps({"changes": self.changes, "others": self.others})
