@@ -6,18 +6,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.evaluation.checks import Check
 from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
+from planner.evaluation.given_joints import (
+    Limits,
+    check_columns,
+    checked_names,
+    columns_of,
+    model_of_each,
+    range_of_each,
+)
 from planner.evaluation.joint_comparison import JointComparison, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.given import as_flag, as_reals, is_one_of, shown
+from planner.given import as_flag, is_one_of, shown
 from planner.inversion.bound import LEVELS
 from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.leg_joints import checked_leg
 from planner.inversion.line import RULES
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
@@ -25,8 +33,6 @@ from planner.inversion.reachable import Level
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
-
-Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,25 +134,20 @@ def cross_check(
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
-    if leg is not None and not isinstance(leg, Leg):
-        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     if not callable(progress):
         raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
     levels = _levels_up_to(level)
-    columns = _columns(desired)
+    columns = columns_of(desired)
     count = len(columns)
-    if leg is not None and len(leg.joint_names) != count:
-        raise InvalidInput(
-            f"desired: got {count} columns, expected {len(leg.joint_names)}, one for each joint of "
-            f"the leg ({', '.join(leg.joint_names)})"
-        )
-    models = _one_for_each(model, count)
-    called = _checked_names(names, leg, count)
+    if leg is not None:
+        check_columns(checked_leg(leg), count)
+    models = model_of_each(model, count)
+    called = checked_names(names, leg, count)
     given = leg.limits if limits is None and leg is not None else limits
-    ranges = None if given is None else _each_range(given, count)
+    ranges = None if given is None else range_of_each(given, count)
     joints = []
-    for j in range(count):
-        progress(called[j])
+    for j, name in enumerate(called):
+        progress(name)
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
         try:
             plans = _plans(
@@ -155,8 +156,8 @@ def cross_check(
         except (Infeasible, InvalidTrajectory) as error:
             if count == 1:
                 raise
-            raise type(error)(f"{called[j]}: {error}") from error
-        joints.append(compare_joint(called[j], plans, levels=levels))
+            raise type(error)(f"{name}: {error}") from error
+        joints.append(compare_joint(name, plans, levels=levels))
     foot = None
     if leg is not None and ranges is not None:
         progress("foot")
@@ -191,61 +192,3 @@ def _levels_up_to(level: Level) -> tuple[Level, ...]:
             f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
         )
     return LEVELS[: LEVELS.index(level) + 1]
-
-
-def _columns(desired: npt.ArrayLike) -> list[Array]:
-    """The joints' desired angles [rad], each (n,); what they hold is checked by who plans them."""
-    try:
-        angles = np.asarray(desired)
-    except ValueError as error:
-        raise InvalidTrajectory(
-            "desired: got rows of different lengths, expected shape (n,) or (n, k)"
-        ) from error
-    if angles.ndim == 1:
-        return [angles]
-    if angles.ndim != 2 or angles.shape[1] == 0:
-        raise InvalidTrajectory(
-            f"desired: got shape {angles.shape}, expected (n,), or (n, k) with a column per joint"
-        )
-    return list(angles.T)
-
-
-def _one_for_each(model: JointModel | Sequence[JointModel], count: int) -> tuple[JointModel, ...]:
-    try:
-        models = (model,) * count if isinstance(model, JointModel) else tuple(model)
-    except TypeError:
-        models = ()
-    if len(models) != count or not all(isinstance(each, JointModel) for each in models):
-        raise InvalidInput(
-            f"model: got {len(models)} of them for {count} joints, expected one JointModel, or one "
-            "for each column of desired"
-        )
-    if len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            "model: the joints are requested at different rates, expected one; compare them one "
-            "by one"
-        )
-    return models
-
-
-def _checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
-    if names is None:
-        if leg is not None:
-            return leg.joint_names
-        return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
-    listed = names if isinstance(names, Sequence) and not isinstance(names, str) else ()
-    texts = {name for name in listed if isinstance(name, str)}
-    if len(listed) != count or len(texts) != count:
-        raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
-    return tuple(names)
-
-
-def _each_range(limits: Limits, count: int) -> tuple[Array, Array]:
-    try:
-        lower, upper = (np.broadcast_to(as_reals(each), count).copy() for each in limits)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, "
-            "expected (lower, upper) [rad], each a number or one per joint"
-        ) from error
-    return lower, upper

@@ -19,7 +19,7 @@ from planner.inversion.descent import SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.iterate import Stage, State
-from planner.inversion.limits import checked_limits
+from planner.inversion.leg_joints import checked_leg, each_limit, one_for_each
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.quiet import quieten
@@ -119,8 +119,7 @@ def invert_foot(
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
-    if not isinstance(leg, Leg):
-        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
+    leg = checked_leg(leg)
     joints = one_for_each(models, leg)
     importance = _checked_weights(weights)
     lower, upper = each_limit(limits, leg)
@@ -200,27 +199,6 @@ def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
     return roots / moved
 
 
-def one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
-    """The models of the leg's joints; raise InvalidInput where they do not fit."""
-    count = len(leg.joint_names)
-    try:
-        joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
-    except TypeError:
-        joints = ()
-    if len(joints) != count or not all(isinstance(model, JointModel) for model in joints):
-        raise InvalidInput(
-            f"models: got {len(joints)} of them, expected one JointModel, or one for each of the "
-            f"leg's joints ({', '.join(leg.joint_names)})"
-        )
-    periods = sorted({model.period for model in joints})
-    if len(periods) > 1:
-        raise InvalidInput(
-            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
-            "period: the requests of a leg are sent together"
-        )
-    return joints
-
-
 def _checked_weights(weights: npt.ArrayLike) -> Array:
     try:
         importance = as_reals(weights)
@@ -233,20 +211,3 @@ def _checked_weights(weights: npt.ArrayLike) -> Array:
         )
     importance.setflags(write=False)
     return importance
-
-
-def each_limit(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:
-    """Smallest and largest request of every joint [rad], each of shape (k,)."""
-    names = leg.joint_names
-    given = leg.limits if limits is None else limits
-    try:
-        lower, upper = (np.broadcast_to(as_reals(limit), len(names)) for limit in given)
-    except (TypeError, ValueError):
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, "
-            "expected (lower, upper) [rad], each a number or one for each "
-            f"of the leg's joints ({', '.join(names)})"
-        ) from None
-    for name, *pair in zip(names, lower, upper, strict=True):
-        checked_limits((pair[0], pair[1]), of=f"limits of {name}")
-    return lower.copy(), upper.copy()

@@ -1,0 +1,86 @@
+"""What a cross-check is given: joints' angles, models, names and limits, made to fit each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.leg import Leg
+from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.given import as_reals, shown
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+Limits = tuple[npt.ArrayLike, npt.ArrayLike]
+
+
+def columns_of(desired: npt.ArrayLike) -> list[Array]:
+    """The joints' desired angles [rad], each (n,); what they hold is checked by who plans them."""
+    try:
+        angles = np.asarray(desired)
+    except ValueError as error:
+        raise InvalidTrajectory(
+            "desired: got rows of different lengths, expected shape (n,) or (n, k)"
+        ) from error
+    if angles.ndim == 1:
+        return [angles]
+    if angles.ndim != 2 or angles.shape[1] == 0:
+        raise InvalidTrajectory(
+            f"desired: got shape {angles.shape}, expected (n,), or (n, k) with a column per joint"
+        )
+    return list(angles.T)
+
+
+def model_of_each(model: JointModel | Sequence[JointModel], count: int) -> tuple[JointModel, ...]:
+    """A model for each joint; raise InvalidInput where they are not as many, or of one rate."""
+    try:
+        models = (model,) * count if isinstance(model, JointModel) else tuple(model)
+    except TypeError:
+        models = ()
+    if len(models) != count or not all(isinstance(each, JointModel) for each in models):
+        raise InvalidInput(
+            f"model: got {len(models)} of them for {count} joints, expected one JointModel, or one "
+            "for each column of desired"
+        )
+    if len({each.period for each in models}) > 1:
+        raise InvalidInput(
+            "model: the joints are requested at different rates, expected one; compare them one "
+            "by one"
+        )
+    return models
+
+
+def checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
+    """What to call the joints; by default what the leg calls them."""
+    if names is None:
+        if leg is not None:
+            return leg.joint_names
+        return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
+    listed = names if isinstance(names, Sequence) and not isinstance(names, str) else ()
+    texts = {name for name in listed if isinstance(name, str)}
+    if len(listed) != count or len(texts) != count:
+        raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
+    return tuple(names)
+
+
+def range_of_each(limits: Limits, count: int) -> tuple[Array, Array]:
+    """Smallest and largest request of each joint [rad], each of shape (k,)."""
+    try:
+        lower, upper = (np.broadcast_to(as_reals(each), count).copy() for each in limits)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"limits: got {shown(limits)}, "
+            "expected (lower, upper) [rad], each a number or one per joint"
+        ) from error
+    return lower, upper
+
+
+def check_columns(leg: Leg, count: int) -> None:
+    """Raise InvalidInput where there is no column for each joint of the leg."""
+    if len(leg.joint_names) != count:
+        raise InvalidInput(
+            f"desired: got {count} columns, expected {len(leg.joint_names)}, one for each joint of "
+            f"the leg ({', '.join(leg.joint_names)})"
+        )
