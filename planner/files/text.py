@@ -28,6 +28,8 @@ def read_text(path: Path | str) -> str:
     Raises:
         InvalidFile: There is no such file, it cannot be read, is too long, or is not UTF-8.
     """
+    if not str(path):
+        raise InvalidFile("''", "is no name of a file; name one, or - for standard input")
     try:
         if str(path) == STANDARD_STREAM:
             if sys.stdin is None:

@@ -1,0 +1,61 @@
+"""The same question has the same answer, to the last byte, whatever runs beside it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.robustness.test_only_where_told import LOG, PATH
+
+RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
+
+WORLDS = {
+    "one thread": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"},
+    "four threads": {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONHASHSEED": "1"},
+    "another seed": {"OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2", "PYTHONHASHSEED": "77"},
+}
+"""Threads of the linear algebra, and the order of sets and dictionaries of strings."""
+
+COMMANDS = {
+    "plan optimal": ["plan", "desired.csv", "-o", "out"],
+    "plan closed form": ["plan", "desired.csv", "--method", "closed-form", "-o", "out"],
+    "plan for the foot": [
+        *("plan", "foot.csv", "--leg", "reference", "--unreachable", "clamp"),
+        *("--method", "foot-optimal", "-o", "out"),
+    ],
+    "fit": ["fit", "desired.csv", "--max-rms", "2", "-o", "out"],
+    "identify": ["identify", "log.csv", "--hold", "1", "-o", "out"],
+    "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out"],
+}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    from planner.files.foot_path import write_foot_path
+    from planner.gait import half_ellipse
+
+    (tmp_path / "desired.csv").write_text(PATH)
+    (tmp_path / "log.csv").write_text(LOG)
+    write_foot_path(tmp_path / "foot.csv", half_ellipse(samples=24), period=0.008)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_threads_and_seeds_change_no_byte(name, folder):
+    answers = {}
+    for world, environment in WORLDS.items():
+        done = subprocess.run(
+            [*RUN, *COMMANDS[name]],
+            cwd=folder,
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (folder / "out").is_file(), done.stderr
+        answers[world] = (done.returncode, done.stdout, (folder / "out").read_bytes())
+        (folder / "out").unlink()
+    assert len(set(answers.values())) == 1, answers
