@@ -115,7 +115,8 @@ def as_logs(logs: Any) -> tuple[Log, ...]:
     Raises:
         InvalidTrajectory: It is none of these, or a column is refused by :class:`Log`.
     """
-    if isinstance(logs, Iterable) and not isinstance(logs, Sequence | Mapping):
+    none = isinstance(logs, np.ndarray) and logs.ndim == 0  # which only looks iterable
+    if isinstance(logs, Iterable) and not isinstance(logs, Sequence | Mapping) and not none:
         logs = tuple(logs)
     if _is_one(logs):
         return (_as_log(logs, 0),)

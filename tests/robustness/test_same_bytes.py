@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 
 import pytest
 
-from tests.robustness.test_only_where_told import LOG, PATH
+from tests.robustness.test_only_where_told import LOG, PATH, ROOT, WATCHED
+from tests.robustness.watched import DEATH
 
 RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
@@ -59,3 +61,34 @@ def test_threads_and_seeds_change_no_byte(name, folder):
         answers[world] = (done.returncode, done.stdout, (folder / "out").read_bytes())
         (folder / "out").unlink()
     assert len(set(answers.values())) == 1, answers
+
+
+def _files(folder):
+    """What a run of ``reproduce`` wrote, without what its clock said."""
+    held = {file.name: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    results = json.loads(held.pop("results.json"))
+    assert results.pop("seconds")
+    held.pop("report.html")  # shows the same, with the clock's figures in it
+    return held, results
+
+
+def test_a_reproduction_is_the_same_and_outlives_any_kill(tmp_path):
+    def reproduce(world, *death):
+        return subprocess.run(
+            [sys.executable, str(WATCHED), *death, "--", "reproduce", "-q", "--out", "out"],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT), **WORLDS[world]},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    done = reproduce("one thread")
+    assert done.returncode == 0, done.stderr[-500:]
+    changes = len(json.loads(done.stderr.splitlines()[-1])["changes"])
+    before = _files(tmp_path / "out")
+    for death in (changes // 2, changes - 2):
+        assert reproduce("another seed", "--die-at", str(death)).returncode == DEATH
+        assert _files(tmp_path / "out") == before
+    assert reproduce("four threads").returncode == 0
+    assert _files(tmp_path / "out") == before
