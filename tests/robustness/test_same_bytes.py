@@ -16,8 +16,7 @@ RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
 WORLDS = {
     "one thread": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"},
-    "four threads": {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONHASHSEED": "1"},
-    "another seed": {"OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2", "PYTHONHASHSEED": "77"},
+    "four threads": {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONHASHSEED": "77"},
 }
 """Threads of the linear algebra, and the order of sets and dictionaries of strings."""
 
@@ -87,7 +86,7 @@ def test_a_reproduction_is_the_same_and_outlives_a_kill(tmp_path):
     assert done.returncode == 0, done.stderr[-500:]
     changes = len(json.loads(done.stderr.splitlines()[-1])["changes"])
     before = _files(tmp_path / "out")
-    assert reproduce("another seed", "--die-at", str(changes - 2)).returncode == DEATH
+    assert reproduce("four threads", "--die-at", str(changes - 2)).returncode == DEATH
     assert _files(tmp_path / "out") == before
     assert reproduce("four threads").returncode == 0
     assert _files(tmp_path / "out") == before
