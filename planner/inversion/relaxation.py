@@ -152,8 +152,12 @@ def _solved(task: Task, matrix: sparse.csr_array, limits: Array) -> Answer:
         answers = minimise([slope], matrix, limits, cones, curvature=curvature, tolerance=TOLERANCE)
         return answers[0]
     picked = sparse.eye_array(task.size, format="csr")[task.sampled]
-    largest = -np.ones((samples, 1))  # the column of one more unknown, the largest error
-    system = sparse.block_array([[matrix, None], [picked, largest], [-picked, largest]])
+    # The column of one more unknown, the largest error.
+    largest = sparse.csr_array(-np.ones((samples, 1)))
+    first = sparse.csr_array((matrix.shape[0], 1))
+    rows = sparse.csr_array(sparse.vstack([matrix, picked, -picked]))
+    column = sparse.csr_array(sparse.vstack([first, largest, largest]))
+    system = sparse.hstack([rows, column])
     answers = minimise(
         [np.append(slope, 1.0)],
         sparse.csr_array(system),

@@ -129,7 +129,8 @@ def neighbourhood(
     reach[: len(angles)] = (ranges.most - ranges.least)[angles] / 2.0
     if task.norm == "max":
         spare += task.known * float(np.abs(proof.pull).sum()) - proof.proved
-        matrix = sparse.csr_array(sparse.vstack([matrix, -weighted[np.newaxis]]))
+        less = sparse.csr_array(-weighted[np.newaxis])
+        matrix = sparse.csr_array(sparse.vstack([matrix, less]))
         cones = Cones(equations, inequalities + 1)
         return Local(place, matrix, np.append(limits, spare), cones, middle, reach)
     centre = (task.desired - proof.pull / 2.0)[sampled]
@@ -141,7 +142,8 @@ def neighbourhood(
         ),
         shape=(len(sampled), len(chosen)),
     )
-    ball = sparse.vstack([-weighted[np.newaxis], -weighted[np.newaxis], distances])
+    less = sparse.csr_array(-weighted[np.newaxis])
+    ball = sparse.csr_array(sparse.vstack([less, less, distances]))
     return Local(
         place,
         sparse.csr_array(sparse.vstack([matrix, ball])),
