@@ -79,7 +79,7 @@ def described() -> argparse.ArgumentParser:
         type=float,
         default=0.0,
         metavar="SECONDS",
-        help="also gaps over exact bounds, each given so long (needs the extra 'exact')",
+        help="also gaps over exact bounds, each given so long",
     )
     return parser
 
