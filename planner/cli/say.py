@@ -12,6 +12,7 @@ import click
 
 from planner.cli.manner import coloured, manner
 from planner.cli.progress import Progress
+from planner.exceptions import PlannerError
 
 __all__ = [
     "Progress",
@@ -78,10 +79,10 @@ def _say(text: str) -> None:
 
 @contextmanager
 def naming(joint: str) -> Iterator[None]:
-    """Note on whatever is raised within which joint it is about."""
+    """Note on an error of ours that is raised within which joint it is about."""
     try:
         yield
-    except Exception as error:
+    except PlannerError as error:
         error.add_note(joint)
         raise
 
