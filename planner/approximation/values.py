@@ -9,6 +9,7 @@ the values are to its tolerance; :func:`polished` makes them exact, and the repa
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Any
 
@@ -194,6 +195,12 @@ def _solved(
     result = solver.solve(raise_error=False)
     values = centre + unit * np.asarray(result.x, dtype=np.float64)
     status = str(result.info.status)
+    logging.getLogger(__name__).debug(
+        "values at %d knots: OSQP says %s after %d iterations",
+        near.size,
+        status,
+        result.info.iter,
+    )
     if not (status.startswith("solved") and np.all(np.isfinite(values))):
         raise SolverFailed("values at the knots, OSQP", status)
     values = polished(qp, values, np.asarray(result.y, dtype=np.float64))

@@ -181,7 +181,11 @@ def propose(reachable: Reachable, desired: Array, *, norm: Norm) -> tuple[Array,
         problem.solve(solver=cvxpy.CLARABEL)  # type: ignore[no-untyped-call]
     except cvxpy.SolverError as error:
         raise SolverFailed("lower bound", str(error)) from error
-    logging.getLogger(__name__).debug("lower bound: Clarabel says %s", problem.status)
+    logging.getLogger(__name__).debug(
+        "lower bound: Clarabel says %s after %s iterations",
+        problem.status,
+        problem.solver_stats.num_iters if problem.solver_stats else "no",
+    )
     if angles.value is None or conditions.dual_value is None:
         raise SolverFailed("lower bound", problem.status)
     return angles.value, np.maximum(conditions.dual_value, 0.0)

@@ -12,6 +12,7 @@ since what a request calls for changes only because the joint moved, and against
 
 from __future__ import annotations
 
+import logging
 import warnings
 from typing import Any, NamedTuple
 
@@ -91,6 +92,9 @@ def exact_bound(
         proved = float(scip["model"].getDualbound())
     except (cvxpy.SolverError, KeyError, TypeError, AttributeError) as error:
         raise SolverFailed("exact bound", str(error) or str(problem.status)) from error
+    logging.getLogger(__name__).debug(
+        "exact bound: SCIP says %s after %s parts", problem.status, scip["model"].getNNodes()
+    )
     known = np.inf if problem.value is None else float(problem.value)
     proved, known = (unit * _error(value, desired, norm) for value in (proved, known))
     return proved * (1.0 - MARGIN), known

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -119,3 +120,9 @@ def test_what_fit_cannot_do_is_one_line_and_status_2(run, desired, asked, messag
     assert result.exit_code == 2
     assert message in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_verbose_says_what_the_solver_of_the_values_reports(run, desired):
+    said = run("fit", desired, "--joint", "hip", "--segments", "20", "--verbose").stderr
+    line = r"^request-planner: values at \d+ knots: OSQP says solved\b.* after \d+ iterations$"
+    assert re.search(line, said, re.MULTILINE), said
