@@ -125,6 +125,45 @@ def test_an_error_passes_through_after_the_robot_is_stopped():
     assert robot.stops == 1
 
 
+def test_an_error_leaves_a_report_of_what_was_sent_until_then():
+    robot, told = Robot(), []
+    robot.fail_at, robot.failure = 2, OSError("the cable is out")
+    with pytest.raises(OSError, match="the cable is out"):
+        robot.play(cycles=1, report=lambda playback: told.append((playback, robot.stops)))
+    assert told == [(planner.Playback(sent=2, failed=True), 1)]
+    assert str(told[0][0]).startswith("failed after 2 requests")
+    assert np.array_equal(robot.rows, WALK[:2])  # nothing is sent after an error
+
+
+def test_a_robot_that_cannot_be_stopped_leaves_a_report_too():
+    robot, told = Robot(), []
+
+    def stop():
+        raise OSError("no answer")
+
+    with pytest.raises(OSError, match="no answer"):
+        planner.play(
+            WALK,
+            period=TICK,
+            send=robot.send,
+            cycles=1,
+            on_stop=stop,
+            report=told.append,
+            now=robot.now,
+            sleep=robot.sleep,
+        )
+    assert told == [planner.Playback(sent=4)]
+
+
+def test_the_report_is_the_answer_where_there_is_one():
+    robot, told = Robot(), []
+    assert [robot.play(cycles=2, report=told.append)] == told
+    robot.fail_at, robot.failure = 11, KeyboardInterrupt()
+    assert [robot.play(report=told.append)] == told[1:]
+    assert told[1].interrupted
+    assert not told[1].failed
+
+
 def test_a_robot_is_led_to_the_first_request_no_faster_than_told():
     robot, speed = Robot(), 0.5
     report = robot.play(cycles=1, current=[0.1, 0.7], speed=speed)
@@ -197,6 +236,7 @@ def test_timed_requests_of_one_joint_end_after_their_cycles():
             {"current": [0.0, 0.0], "speed": 1e-6},
             "speed: got 1e-06 rad/s, for a ramp of 1e+06 s; expected a faster one",
         ),
+        ({"report": 3}, "report: got 3, expected a function"),
         (
             {"requests": [[0.0, np.nan]]},
             "requests, column 1: 1 of 1 samples are not finite, the first at index 0 (nan); remove "

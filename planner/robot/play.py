@@ -32,6 +32,8 @@ class Playback:
         latest: Largest time by which ``send`` was called after a request was due [s].
         mean_lateness: Mean of these times [s].
         interrupted: Whether Ctrl-C ended it.
+        failed: Whether an error ended it. A request in whose ``send`` it came is not among those
+            sent.
     """
 
     sent: int = 0
@@ -40,9 +42,10 @@ class Playback:
     latest: float = 0.0
     mean_lateness: float = 0.0
     interrupted: bool = False
+    failed: bool = False
 
     def __str__(self) -> str:
-        end = "interrupted" if self.interrupted else "finished"
+        end = "failed" if self.failed else "interrupted" if self.interrupted else "finished"
         return (
             f"{end} after {self.sent} requests: {1e3 * self.mean_lateness:.2f} ms late on average, "
             f"{1e3 * self.latest:.2f} ms at most, {self.overruns} overruns, {self.skipped} skipped"
@@ -58,6 +61,7 @@ def play(
     current: npt.ArrayLike | None = None,
     speed: float | None = None,
     on_stop: Callable[[], object] | None = None,
+    report: Callable[[Playback], object] | None = None,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
 ) -> Playback:
@@ -78,21 +82,24 @@ def play(
             request. Without it, the first request is sent at once, however far it is.
         speed: Top speed on the way there [rad/s]; needed with ``current``.
         on_stop: Called once at the end, whatever ends it: the last request, Ctrl-C, or an error.
+            Nothing is sent after the end, so that the joints hold the last request that reached
+            them; what else is to become of them, such as no torque, is for this function to say.
+        report: Called once after ``on_stop``, with what was sent and how late, whatever ended it:
+            after an error, which leaves no answer, the one way to know.
         now: A clock that never goes back [s].
         sleep: Waits for a time [s].
 
     Returns:
         What was sent, and how late. Ctrl-C is an end like any other and is told there; any other
-        error passes through after ``on_stop``.
+        error passes through after ``on_stop`` and ``report``.
 
     Raises:
         InvalidInput: Before anything is sent: a period, speed or number of cycles that is not
             positive, or ``current`` without ``speed``.
         InvalidTrajectory: Requests that are not a finite array of one of these shapes.
     """
-    for name, given in (("send", send), ("now", now), ("sleep", sleep), ("on_stop", on_stop)):
-        if not callable(given) and not (given is None and name == "on_stop"):
-            raise InvalidInput(f"{name}: got {shown(given)}, expected a function")
+    _check_functions(send=send, now=now, sleep=sleep)
+    _check_functions(optional=True, on_stop=on_stop, report=report)
     rows = as_rows(requests, name="requests")
     timed = timed_requests(rows, period=period, cycles=cycles)
     if (current is None) != (speed is None):
@@ -101,15 +108,27 @@ def play(
     if current is not None and speed is not None:
         way = ramp(current, rows[0], speed=speed, period=period)
     player = _Player(send, now, sleep, period)
-    interrupted = False
+    interrupted, failed = False, True
     try:
-        player.keep_to_times(timed, start=player.lead(way))
-    except KeyboardInterrupt:
-        interrupted = True
+        try:
+            player.keep_to_times(timed, start=player.lead(way))
+            failed = False
+        except KeyboardInterrupt:
+            interrupted, failed = True, False
+        finally:
+            if on_stop is not None:
+                on_stop()
     finally:
-        if on_stop is not None:
-            on_stop()
-    return player.report(interrupted=interrupted)
+        playback = player.playback(interrupted=interrupted, failed=failed)
+        if report is not None:
+            report(playback)
+    return playback
+
+
+def _check_functions(*, optional: bool = False, **given: object) -> None:
+    for name, each in given.items():
+        if not callable(each) and not (optional and each is None):
+            raise InvalidInput(f"{name}: got {shown(each)}, expected a function")
 
 
 class _Player:
@@ -146,7 +165,7 @@ class _Player:
             if following is None:
                 self._wait_until(start + request.time + self._period)
 
-    def report(self, *, interrupted: bool) -> Playback:
+    def playback(self, *, interrupted: bool, failed: bool) -> Playback:
         return Playback(
             sent=self._sent,
             skipped=self._skipped,
@@ -154,6 +173,7 @@ class _Player:
             latest=self._latest,
             mean_lateness=self._late / max(self._sent, 1),
             interrupted=interrupted,
+            failed=failed,
         )
 
     def _send_at(self, due: float, row: Array) -> float:

@@ -248,6 +248,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "current": [0.1],
             "speed": 1.0,
             "on_stop": None,
+            "report": None,
         },
     ),
     "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01, "cycles": 2}),

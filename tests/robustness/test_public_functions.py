@@ -20,7 +20,7 @@ from tests.robustness.hostile import ANYTHING, ARRAYS, NUMBERS, OTHERS
 EVERYTHING = [*NUMBERS, *OTHERS, *ARRAYS]
 UNBOUNDED = {"lower", "upper", "intervals", "gain_interval", "gap"}
 """Fields in which infinity says that there is no limit."""
-CALLED = {"progress", "on_stop"}
+CALLED = {"progress", "on_stop", "report"}
 """Arguments that are functions."""
 OPEN = {"speeds", "predicted", "held_out_predicted", "covariance"}
 """Fields in which NaN says that nothing is known."""
