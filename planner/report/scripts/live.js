@@ -6,6 +6,9 @@ const live = {
   figures: JSON.parse(document.getElementById("live-figures").textContent),
   dark: matchMedia("(prefers-color-scheme: dark)"),
   touch: matchMedia("(pointer: coarse)").matches,
+  MARGIN: 600, // a figure that comes so near to the screen is about to be seen [px]
+  MOST: 24, // figures that are drawn before they are about to be seen
+  PAUSE: 40, // between such figures, for what the reader does meanwhile [ms]
   kinds: {}, // how to draw a figure, by kind: (place, description) => a promise
   errors: [],
 
@@ -58,18 +61,29 @@ const live = {
     return button;
   },
 
-  // Draw each figure when it is about to be seen.
-  start() {
+  // Draw each figure that is near the screen at once, then the others one after another, and any
+  // that is about to be seen before its turn. The first need no frame: a browser that takes a
+  // picture without showing the page makes none until then.
+  async start() {
+    const figures = Object.keys(live.figures).map((name) => document.getElementById(name));
+    const near = (figure) => {
+      const { top, bottom } = figure.getBoundingClientRect();
+      return top < innerHeight + live.MARGIN && bottom > -live.MARGIN;
+    };
+    const first = figures.filter(near);
+    await Promise.all(first.map(live.enliven));
     const watch = new IntersectionObserver((seen) => {
-      for (const entry of seen.filter((each) => each.isIntersecting)) {
-        watch.unobserve(entry.target);
-        live.enliven(entry.target);
-      }
-    }, { rootMargin: "600px" });
-    for (const name of Object.keys(live.figures)) watch.observe(document.getElementById(name));
+      for (const entry of seen.filter((each) => each.isIntersecting)) live.enliven(entry.target);
+    }, { rootMargin: `${live.MARGIN}px` });
+    figures.forEach((figure) => watch.observe(figure));
+    for (const figure of figures.slice(0, live.MOST)) {
+      await new Promise((done) => setTimeout(done, live.PAUSE));
+      await live.enliven(figure);
+    }
   },
 
   async enliven(figure) {
+    if (figure.classList.contains("alive")) return;
     const description = live.figures[figure.id];
     const place = live.element("div", { className: `live ${description.kind}` });
     figure.querySelector("svg").after(place);

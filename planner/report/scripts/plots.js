@@ -5,8 +5,9 @@ live.library = () => {
   live.unpacked ??= (async () => {
     const packed = atob(document.getElementById("plotly").textContent.trim());
     const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
-    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-    document.head.append(live.element("script", { textContent: await new Response(stream).text() }));
+    const stream = new DecompressionStream("gzip"), writer = stream.writable.getWriter();
+    writer.write(bytes).then(() => writer.close()).catch(() => {}); // the reader is told what fails
+    document.head.append(live.element("script", { textContent: await new Response(stream.readable).text() }));
   })();
   return live.unpacked;
 };

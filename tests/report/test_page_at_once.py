@@ -1,0 +1,75 @@
+"""A page that nobody scrolls: alive where it is opened for a picture only, still without scripts."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from planner.report.curves import Curve, Panel
+from planner.report.live_page import live_head, live_scripts
+from planner.report.live_plot import time_plot
+from planner.report.style import DIRECT
+from tests.browser import ARGUMENTS
+
+BUDGET = 10_000
+"""Time that passes in the page before its picture is taken, on its own clock [ms]."""
+
+FAR = 5_000
+"""How far below the screen the last figure stands [px]."""
+
+
+@pytest.fixture
+def page(tmp_path):
+    """A page with a plot on the screen and one far below it."""
+    times = np.arange(11.0)
+    panel = Panel("hip", "angle", "deg", (Curve(DIRECT, times, times),))
+    plots = {name: time_plot([panel], unit="ms") for name in ("near", "far")}
+    figures = f'<div style="height: {FAR}px"></div>'.join(
+        f'<figure id="{name}"><svg viewBox="0 0 9 9"></svg></figure>' for name in plots
+    )
+    file = tmp_path / "page.html"
+    file.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
+    return file
+
+
+def test_a_browser_that_shows_no_frame_before_its_picture_finds_the_page_alive(page, tmp_path):
+    executable = shutil.which("chromium") or shutil.which("chromium-browser")
+    if executable is None:
+        pytest.skip("Chromium is not installed")
+    done = subprocess.run(
+        [executable, *ARGUMENTS, "--enable-logging=stderr", "--dump-dom",
+         f"--user-data-dir={tmp_path / 'profile'}", f"--virtual-time-budget={BUDGET}",
+         page.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+    )  # fmt: skip
+    for name in ("near", "far"):
+        assert f'<figure id="{name}" class="alive" data-drawn="">' in done.stdout
+    assert "CONSOLE" not in done.stderr
+
+
+def test_a_figure_far_below_the_screen_is_drawn_before_anybody_scrolls_there(page, browser):
+    browser.open(page)
+    browser.wait_for("'drawn' in document.getElementById('far').dataset")
+    assert browser.ask("document.getElementById('far').getBoundingClientRect().top") > FAR
+    assert browser.ask("scrollY") == 0
+    assert browser.complaints == []
+
+
+def test_without_scripts_the_still_pictures_show(page, browser):
+    browser.call("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.open(page)
+        assert browser.ask("document.querySelectorAll('.live, .alive').length") == 0
+        stills = "[...document.querySelectorAll('figure > svg')]"
+        assert browser.ask(f"{stills}.map((each) => getComputedStyle(each).display)") == [
+            "inline",
+            "inline",
+        ]
+    finally:
+        browser.call("Emulation.setScriptExecutionDisabled", value=False)
+    assert browser.complaints == []
