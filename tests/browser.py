@@ -23,7 +23,7 @@ ARGUMENTS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",
 )
 
-PATIENCE = 30.0
+PATIENCE = 120.0
 """The longest that anything is waited for [s]: a browser that starts on a busy machine."""
 
 
