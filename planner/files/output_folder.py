@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import glob
 import json
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 
 from planner.exceptions import InvalidFile
+from planner.files.aside import prefix, sweep
 from planner.files.exchange import exchange
 
 MANIFEST = "results.json"
 """The file of a run that lists, under ``files``, every file of that run."""
-
-LEFT_BEHIND = 3600.0
-"""Age from which on a folder aside belongs to a run that was killed [s]; a run takes seconds."""
 
 MOST_FOREIGN = 1000
 """Files of others that are counted before the search for more of them is given up."""
@@ -41,8 +37,8 @@ def output_folder(path: Path | str) -> Iterator[Path]:
     _check_replaceable(path, target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(target)
-        aside = Path(tempfile.mkdtemp(dir=target.parent, prefix=_prefix(target)))
+        sweep(target)
+        aside = Path(tempfile.mkdtemp(dir=target.parent, prefix=prefix(target)))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InvalidFile(path, f"cannot be made ({reason}); choose another folder") from error
@@ -68,18 +64,6 @@ def list_files(folder: Path) -> list[str]:
 
 def _files_below(folder: Path) -> Iterator[str]:
     return (file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir())
-
-
-def _prefix(target: Path) -> str:
-    return f".{target.name}.new-"
-
-
-def _sweep(target: Path) -> None:
-    """Remove what killed runs have left beside ``target``."""
-    for left in target.parent.glob(f"{glob.escape(_prefix(target))}*"):
-        with suppress(OSError):  # another run may be sweeping too
-            if time.time() - left.stat().st_mtime > LEFT_BEHIND:
-                shutil.rmtree(left, ignore_errors=True)
 
 
 def _swap(aside: Path, target: Path) -> None:

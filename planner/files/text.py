@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from planner.exceptions import InvalidFile
+from planner.files.aside import prefix, sweep
 
 STANDARD_STREAM = "-"
 """The name that stands for standard input or standard output."""
@@ -60,7 +61,8 @@ def write_text(path: Path | str, text: str) -> None:
     """Write ``text`` to a file, or to standard output for ``-``.
 
     A file is written aside and put in place in one step: whoever reads it meanwhile, and whatever
-    goes wrong, it holds the old text or the new one, never a part.
+    goes wrong, it holds the old text or the new one, never a part. A process that is killed may
+    leave what it wrote aside, a hidden file; the first write from an hour later on removes it.
 
     Raises:
         InvalidFile: The folder does not exist or cannot be written to.
@@ -93,7 +95,8 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         _write_through(target, content)
         return
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        sweep(target)
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix(target))
     except OSError as error:
         raise _cannot_write(path, error) from error
     aside = Path(name)

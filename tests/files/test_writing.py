@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -46,6 +47,34 @@ def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_h
     written.chmod(0o640)
     write_text(written, "newer")
     assert written.stat().st_mode & 0o777 == 0o640
+
+
+def test_what_a_killed_process_left_beside_a_file_is_swept_away_by_a_later_write(tmp_path):
+    file = tmp_path / "plan [1].csv"
+    code = (
+        "import os, sys; from planner.files.text import staged\n"
+        f"with staged({str(file)!r}, b'half'):\n"
+        "    os.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], check=False)
+    assert done.returncode == -signal.SIGKILL
+    (left,) = tmp_path.iterdir()
+    assert left.read_text() == "half"
+    write_text(file, "new")
+    assert left.exists()  # it could be that of a process beside this one
+    os.utime(left, (0.0, 0.0))
+    users = [f".{file.name}.new-notes", f".{file.name}.backup00", f".other{left.name}", "other.csv"]
+    for name in users:
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (0.0, 0.0))
+    (tmp_path / f".{file.name}.new-linked00").symlink_to(tmp_path / "other.csv")
+    write_text(file, "newer")
+    assert not left.exists()
+    assert {each.name for each in tmp_path.iterdir()} == {
+        file.name,
+        f".{file.name}.new-linked00",
+        *users,
+    }
 
 
 def test_writing_through_a_link_keeps_the_link(tmp_path):
