@@ -1,4 +1,4 @@
-"""A page that nobody scrolls: alive where it is opened for a picture only, still without scripts."""
+"""A page that nobody scrolls: alive where it is opened for its picture, still without scripts."""
 
 from __future__ import annotations
 
