@@ -135,6 +135,31 @@ def test_nothing_is_written_but_where_it_was_said(name, folder):
     assert left <= {"matplotlib"}, "temporary files are left"
 
 
+def steps(changes, folder, out):
+    """Changes of the results in ``out`` or of what is in them, by a command that ran in a folder.
+
+    A kill between two of these, and no other, could be told from the results.
+    """
+    inside = f"{folder / out}{os.sep}"
+    return [
+        event
+        for event, *paths in changes
+        if event == "ctypes.dlsym"  # the exchange, of which only the C library knows the paths
+        or any(f"{folder / path}{os.sep}".startswith(inside) for path in paths)
+    ]
+
+
+@pytest.mark.parametrize("name", ["run", "compare"])
+def test_whenever_a_run_is_killed_its_results_are_the_old_or_the_new_as_one_step_makes_them(
+    name, folder
+):
+    for step in ("os.rename", "ctypes.dlsym"):  # a new folder, and then in place of the last one
+        status, said, report = _watched(folder, WRITING[name])
+        assert status in (0, 1), said
+        assert len(report["changes"]) > 10
+        assert steps(report["changes"], folder, "out/results") == [step]
+
+
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_data_is_ever_run(name, folder):
     file, content, arguments = HOSTILE[name]

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tests.robustness.test_only_where_told import LOG, PATH, ROOT, WATCHED
+from tests.robustness.test_only_where_told import LOG, PATH, ROOT, WATCHED, steps
 from tests.robustness.watched import DEATH
 
 RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
@@ -88,5 +88,8 @@ def test_a_reproduction_is_the_same_and_outlives_a_kill(tmp_path):
     before = _files(tmp_path / "out")
     assert reproduce("four threads", "--die-at", str(changes - 2)).returncode == DEATH
     assert _files(tmp_path / "out") == before
-    assert reproduce("four threads").returncode == 0
+    done = reproduce("four threads")
+    assert done.returncode == 0, done.stderr[-500:]
     assert _files(tmp_path / "out") == before
+    made = json.loads(done.stderr.splitlines()[-1])["changes"]
+    assert steps(made, tmp_path, "out") == ["ctypes.dlsym"]  # whichever is the one killed before
