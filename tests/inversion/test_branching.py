@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -82,7 +81,7 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     point, scaled = unknowns(
         task, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
-    until = perf_counter() + 60.0
+    until = math.inf
     ranges = task.initial_ranges()
     node = Node(0.0, dict(task.pinned), ranges, [], nearest(task, ranges, []))
     assert violation(task, node, point, scaled) <= ROUNDING
@@ -99,6 +98,7 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
         assert node.bound * task.unit <= error(angles, desired, norm) + ROUNDING
 
 
+@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("share", [0.5, 0.99, 3.0])
 def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
@@ -107,10 +107,11 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = bound_up_to(known, model, desired, cyclic=True, norm=norm, start=None, time_limit=1.5)
+    bound = bound_up_to(known, model, desired, cyclic=True, norm=norm, start=None, time_limit=1.0)
     assert bound <= min(known, best)
 
 
+@pytest.mark.usefixtures("counted_seconds")
 def test_what_no_response_goes_below_is_proved_to_the_full():
     rng = np.random.default_rng(5)
     model = random_model(rng, whole=False)
@@ -120,15 +121,17 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     assert bound == pytest.approx(known, rel=1e-3)
 
 
+@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
 def test_plans_of_the_reference_walk_are_within_a_thousandth_of_the_best(joint):
-    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=10.0)
+    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=3.0)
     assert math.degrees(certificate.bound) >= joint.exact_bound_deg
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
     assert 0.0 <= plan.rms / certificate.bound - 1.0 <= WITHIN
     assert certificate.solver_gap <= WITHIN
 
 
+@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_two_angles_are_bounded_too(cyclic):
     model = random_model(np.random.default_rng(0), whole=False)
@@ -136,5 +139,5 @@ def test_two_angles_are_bounded_too(cyclic):
     desired = np.array([0.0, 1.0])
     known = planned_error(model, desired, **options)
     assert known == pytest.approx(0.5)
-    bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=2.0)
+    bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=3.0)
     assert lower_bound(model, desired, cyclic=cyclic) <= bound <= known
