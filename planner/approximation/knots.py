@@ -12,17 +12,19 @@ data:
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
-from planner.approximation.moments import Moments, moments
+from planner.approximation.moments import Moments, between, running
 from planner.approximation.objective import Problem
 from planner.approximation.requirements import allowed, grid_of, in_place, nodes_of
 from planner.trajectory import Array
 
 Price = Literal["chord", "line"]
+Kind = TypeVar("Kind", bound=np.generic)
 PRICES: tuple[Price, ...] = ("chord", "line")
 
 FINEST_GRID = 128
@@ -65,26 +67,30 @@ class KnotProposals:
         self._tables = {}
         self._costs = {}
         self._came_from: dict[Price, list[npt.NDArray[np.intp]]] = {}
-        # A cycle's segments by start and number of nodes, as they recur; a path's by start and end.
-        number = np.arange(count + 1)
-        first, second = np.broadcast_arrays(number[:, None], number)
+        # Sums, taken at the nodes once: of a path's segments by end and start, of a cycle's by end
+        # and place of the start among as many nodes before it, as they recur.
+        totals = [each.take(nodes, axis=-1) for each in running(np.array(sides[:2]), sides[2])]
         if problem.cyclic:
-            first, second = first[:-1], first[:-1] + second[:-1]  # up to one turn further
-        start, end = nodes[first], nodes[second]
+            begun = [_windows(each, count) for each in totals]
+            start = _windows(nodes, count)
+            ends = slice(count, 2 * count)
+        else:
+            begun = [each[..., None, :] for each in totals]
+            start, ends = nodes[None, :], slice(None)
+        end = nodes[ends, None]
+        ended = [each[..., ends, None] for each in totals]
+        sums = between(start, begun, ended)
         possible = allowed(problem, start, end)
-        sums = moments(np.array([sides[0], sides[1]]), sides[2], start, end)
         for price in PRICES:
             table = prices(sides[1], sums, start, end, step=problem.step, price=price)
             table[~possible] = np.inf
-            # One table for every place where the cycle may begin, shape (anchors, m + 1, m + 1).
-            if problem.cyclic:
-                apart = number - number[:, None]
-                row = (self._starts[:, None, None] + number[:, None]) % count
-                table = np.where(apart > 0, table[row, np.maximum(apart, 0)], np.inf)
-            self._tables[price] = table.reshape(-1, count + 1, count + 1)
-            begun = np.full((self._starts.size, count + 1), np.inf)
-            begun[:, 0] = 0.0
-            self._costs[price] = [begun]
+            # By end and start, as the least of a row is found faster than that of a column.
+            self._tables[price] = (
+                _begun_at(table, self._starts) if problem.cyclic else table[None]
+            )
+            costs = np.full((self._starts.size, count + 1), np.inf)
+            costs[:, 0] = 0.0
+            self._costs[price] = [costs]
             self._came_from[price] = []
         self._cyclic = problem.cyclic
 
@@ -115,9 +121,9 @@ class KnotProposals:
         """Make the costs and the ways of up to ``segments`` segments known."""
         table, costs, came_from = self._tables[price], self._costs[price], self._came_from[price]
         while len(came_from) < segments:
-            through = costs[-1][:, :, None] + table
-            best = np.argmin(through, axis=1)
-            costs.append(np.take_along_axis(through, best[:, None, :], axis=1)[:, 0, :])
+            through = costs[-1][:, None, :] + table
+            best = np.argmin(through, axis=2)
+            costs.append(np.take_along_axis(through, best[:, :, None], axis=2)[:, :, 0])
             came_from.append(best)
 
     def _chain(self, price: Price, segments: int, anchor: int) -> npt.NDArray[np.intp]:
@@ -129,6 +135,35 @@ class KnotProposals:
             int(self._starts[anchor]) + np.array(chain[::-1])
         ]
         return way[:-1] if self._cyclic else way
+
+
+def _windows(along: npt.NDArray[Kind], count: int) -> npt.NDArray[Kind]:
+    """What belongs to ``count`` nodes in a row and the next, shape (..., count, count + 1)."""
+    return sliding_window_view(along, count + 1, axis=-1)[..., :count, :]
+
+
+def _begun_at(table: Array, starts: npt.NDArray[np.intp]) -> Array:
+    """Prices in a cycle cut at these nodes.
+
+    Args:
+        table: Price by end and place of the start among the nodes from a turn before to the end,
+            shape (m, m + 1), infinite for the last.
+        starts: Nodes at which the cycle begins, shape (a,).
+
+    Returns:
+        Prices by end and start, each counted from the cut, shape (a, m + 1, m + 1).
+    """
+    count = table.shape[0]
+    width = 2 * count
+    padded = np.full((width + 1, width + 1), np.inf)
+    padded[:count, : count + 1] = padded[count:width, : count + 1] = table
+    # A row shorter by one, each begins a place earlier: places become starts.
+    along = padded.ravel()
+    tables = []
+    for first in starts.tolist():
+        skewed = along[first * (width + 1) + count :][: (count + 1) * width]
+        tables.append(skewed.reshape(count + 1, width)[:, : count + 1])
+    return np.array(tables)
 
 
 def prices(

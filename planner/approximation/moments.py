@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +36,28 @@ def moments(
     Returns:
         The sums, each of the common shape. Cost O(n) and a few operations per stretch.
     """
+    totals = running(desired, weights)
+    begun = [total[..., start] for total in totals]
+    ended = [total[..., end] for total in totals]
+    return between(start, begun, ended)
+
+
+def running(desired: Array, weights: Array) -> list[Array]:
+    """Sums over the samples up to each, in the order of :class:`Moments`, with k = 0 at first."""
     k = np.arange(desired.shape[-1], dtype=np.float64)
     wk, wd = weights * k, weights * desired
+    products = (weights, wk, wk * k, wd, wk * desired, wd * desired)
+    return [np.cumsum(each, axis=-1) for each in products]
+
+
+def between(
+    start: npt.NDArray[np.intp], begun: Sequence[Array], ended: Sequence[Array]
+) -> Moments:
+    """Sums about ``start``, from those of :func:`running` there and where the stretches end."""
+    # In C order, as sliding views would otherwise leave theirs to all that is made of them.
     w0, w1, w2, d0, d1, d2 = (
-        (total := np.cumsum(each, axis=-1))[..., end] - total[..., start]
-        for each in (weights, wk, wk * k, wd, wk * desired, wd * desired)
+        np.subtract(after, before, order="C") for before, after in zip(begun, ended, strict=True)
     )
-    # About the start.
-    w2 = w2 - start * (2.0 * w1 - start * w0)
-    return Moments(w0, w1 - start * w0, w2, d0, d1 - start * d0, d2)
+    since = start.astype(np.float64)
+    w2 = w2 - since * (2.0 * w1 - since * w0)
+    return Moments(w0, w1 - since * w0, w2, d0, d1 - since * d0, d2)

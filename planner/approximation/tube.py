@@ -85,14 +85,14 @@ def rechained(
 def _cheapest(table: Array, at_start: Array, segments: int) -> npt.NDArray[np.intp] | None:
     """Nodes on the cheapest way from the first to the last, ends included."""
     m, g = table.shape[:2]
-    flat = table.reshape(m * g, m * g)
+    flat = np.ascontiguousarray(table.reshape(m * g, m * g).T)  # by end and start
     cost = np.full(m * g, np.inf)
     cost[:g] = at_start
     came_from = []
     for _ in range(segments):
-        through = cost[:, None] + flat
-        best = np.argmin(through, axis=0)
-        cost = through[best, np.arange(best.size)]
+        through = cost + flat
+        best = np.argmin(through, axis=1)
+        cost = through[np.arange(best.size), best]
         came_from.append(best)
     state = (m - 1) * g + int(np.argmin(cost[-g:]))
     if not np.isfinite(cost[state]):
