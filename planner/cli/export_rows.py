@@ -26,6 +26,25 @@ def rows_to_write(schedule: Schedule, choices: Mapping[str, Any]) -> tuple[Sched
     return resampled(schedule, rate, between=between), never_sent(schedule, rate)
 
 
+def check_rows(schedule: Schedule, choices: Mapping[str, Any]) -> None:
+    """Refuse what the format chosen cannot hold, as far as that does not depend on the angles.
+
+    Raises:
+        InvalidInput: The message says why, or which extra is missing.
+        click.UsageError: A zero tick cannot be understood.
+    """
+    from planner.files.exports.bag import TOPIC
+    from planner.files.exports.possible import check_format
+
+    check_format(
+        choices["format"],
+        schedule,
+        ticks=parse_zero_ticks(choices) if choices["unit"] == "ticks" else None,
+        lead=choices["lead_s"] or 0.0,
+        topic=choices["topic"] or TOPIC,
+    )
+
+
 def rows_document(schedule: Schedule, skipped: int, choices: Mapping[str, Any]) -> dict[str, Any]:
     """What is written, for machines."""
     return {

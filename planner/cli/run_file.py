@@ -8,11 +8,11 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from planner.cli import planning, starts, tolerance
-from planner.cli.export_options import check_options
 from planner.cli.legs import Place, find_leg, load_leg
 from planner.cli.limits import Limits, parse_limits
+from planner.cli.run_exports import check_exports, exports_of_run
 from planner.cli.run_models import models_of_run
-from planner.cli.run_words import in_export_keys, speaking_of_keys
+from planner.cli.run_words import speaking_of_keys
 from planner.cli.wanted import Wanted, from_foot, load_wanted
 
 if TYPE_CHECKING:
@@ -58,9 +58,7 @@ def read_run(path: str) -> Run:
     from planner.files.toml import read_toml
 
     settings = understand(read_toml(path, example='method = "optimal"'), RUN)
-    exports = tuple(
-        _export(settings, number, each) for number, each in enumerate(settings["export"])
-    )
+    exports = exports_of_run(settings)
     _check_names(settings)
     choices = _choices(settings)
     with speaking_of_keys(settings):
@@ -71,6 +69,7 @@ def read_run(path: str) -> Run:
         limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
         rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
     _check_outputs(settings, wanted)
+    check_exports(settings, exports, wanted)
     return Run(settings, choices, place, wanted, limits, rest, exports)
 
 
@@ -154,30 +153,6 @@ def _half_ellipse(settings: Settings, leg: Leg | None, models: Any, unreachable:
     else:
         positions = half_ellipse(**parameters)
     return from_foot(FootPath(settings.file.path, positions, None), models, leg, unreachable)
-
-
-def _export(settings: Settings, number: int, table: Mapping[str, Any]) -> Mapping[str, Any]:
-    """An export as the options of `export`, or an error."""
-    import click
-
-    zero = table["zero_tick"]
-    zeros = (table["zero_ticks"] or {}).items()
-    names = table["joint_names"]
-    choices = {
-        **table,
-        "joint_names": None if names is None else ",".join(names),
-        "velocities": bool(table["velocities"]),
-        "zero_tick": (
-            *(() if zero is None else (str(zero),)),
-            *(f"{joint}={tick}" for joint, tick in zeros),
-        ),
-    }
-    try:
-        check_options(choices, table["file"])
-    except click.UsageError as error:
-        problem = in_export_keys(error.message).rstrip(".")
-        raise settings.fault(f"export[{number}]", problem) from error
-    return choices
 
 
 def _check_names(settings: Settings) -> None:

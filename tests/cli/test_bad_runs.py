@@ -165,6 +165,35 @@ WRONG = {
         JOINTS + '[output]\nlevel = "exact"\n',
         "line 4: output.level: has no effect without output.comparison = true",
     ),
+    "an export at a rate of atoms": (
+        JOINTS + '[[export]]\nformat = "csv"\nfile = "a"\nrate_hz = 1e9\n',
+        "line 3: export[0]: 0.704 s at 1e+09 Hz make 704000000 rows, expected at most 1000000; "
+        "ask for a lower rate",
+    ),
+    "names of other joints": (
+        JOINTS + '[[export]]\nformat = "csv"\nfile = "a"\njoint_names = ["a"]\n',
+        "line 3: export[0]: joint names: got a, expected 2 different names, one per column of the "
+        "requests",
+    ),
+    "ticks of nobody": (
+        JOINTS + '[[export]]\nformat = "csv"\nfile = "a"\nunit = "ticks"\nzero_ticks = {kne = 1}\n',
+        "line 3: export[0]: zero tick: no joint 'kne'; joints: hip, knee",
+    ),
+    "a topic without a name": (
+        JOINTS + '[[export]]\nformat = "mcap"\nfile = "a"\ntopic = "/"\n',
+        "line 3: export[0]: topic: got '/', expected a name such as "
+        "/joint_trajectory_controller/joint_trajectory",
+    ),
+    "a rate that LeRobot has not": (
+        JOINTS + '[[export]]\nformat = "lerobot"\nfile = "a"\nrate_hz = 12.5\n',
+        "line 3: export[0]: a request every 0.08 s is 12.5 per second, expected a whole number "
+        "for LeRobot; resample to one",
+    ),
+    "a lead beyond ROS": (
+        JOINTS + '[[export]]\nformat = "yaml"\nfile = "a"\nlead_s = 1e10\n',
+        "line 3: export[0]: a request every 0.008 s until 1e+10 s: ROS has whole nanoseconds up "
+        "to 2147483647 s; export fewer cycles, or at another rate",
+    ),
     "a scene without a leg": (
         JOINTS + '[output]\nscene = "a.html"\n',
         "line 4: output.scene: needs a leg, and a path of all its joints",

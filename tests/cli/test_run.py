@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -284,3 +285,31 @@ def test_a_folder_of_others_is_not_touched(run, write, desired, tmp_path):
     assert "holds files that no earlier run made (thesis.txt)" in result.stderr
     shutil.rmtree(tmp_path / "it")
     assert run("run", write(JOINTS)).exit_code == 0
+
+
+EXPORTS = {
+    "yaml": ("a trajectory as YAML", "yaml", "yaml"),
+    "bag": ("a ROS 2 bag", "rosbags", "bags"),
+    "mcap": ("a ROS 2 bag", "rosbags", "bags"),
+    "lerobot": ("a LeRobot dataset", "pyarrow", "parquet"),
+}
+
+
+@pytest.mark.parametrize("kind", EXPORTS)
+def test_a_package_that_is_missing_is_told_before_anything_is_planned(
+    run, desired, tmp_path, monkeypatch, kind
+):
+    what, package, extra = EXPORTS[kind]
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setattr("planner.cli.planning.make_plan", None)
+    (tmp_path / "it.toml").write_text(
+        f'[path]\nfile = "{desired.name}"\n[[export]]\nformat = "{kind}"\nfile = "out"\n'
+    )
+    needs = f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]'\n"
+    for arguments in (["--check"], ["--out", "out"]):
+        result = run("run", "it.toml", *arguments)
+        assert result.exit_code == 2
+        assert result.stderr == f"request-planner: it.toml, line 3: export[0]: {needs}"
+    result = run("export", desired, "--format", kind, "-o", "out")
+    assert result.stderr == f"request-planner: {needs}"
+    assert not (tmp_path / "out").exists()

@@ -41,8 +41,7 @@ def write_bag(
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise MissingExtra("a ROS 2 bag", "bags") from error
-    if not topic.strip("/") or any(character.isspace() for character in topic):
-        raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
+    check_topic(topic)
     types = get_typestore(Stores.ROS2_HUMBLE)
     content = types.serialize_cdr(_as_message(types.types, message), TYPE)
     plugin = StoragePlugin.SQLITE3 if storage == "sqlite3" else StoragePlugin.MCAP
@@ -54,6 +53,16 @@ def write_bag(
         for file in list(inner.iterdir()):
             file.rename(folder / file.name)
         inner.rmdir()
+
+
+def check_topic(topic: str) -> None:
+    """Make sure that a topic has a name.
+
+    Raises:
+        InvalidInput: It has none.
+    """
+    if not topic.strip("/") or any(character.isspace() for character in topic):
+        raise InvalidInput(f"topic: got '{topic}', expected a name such as {TOPIC}")
 
 
 def _as_message(types: Any, message: Mapping[str, Any]) -> Any:

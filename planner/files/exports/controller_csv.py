@@ -73,9 +73,7 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
     Raises:
         InvalidInput: A zero for a joint that is not there, or a request outside a turn.
     """
-    for name in ticks.zeros:
-        if name not in schedule.names:
-            raise InvalidInput(f"zero tick: no joint '{name}'; joints: {', '.join(schedule.names)}")
+    check_zeros(schedule, ticks)
     zeros = np.array([ticks.zeros.get(name, ticks.zero) for name in schedule.names])
     counted = np.rint(zeros + schedule.requests * (ticks.per_turn / (2.0 * math.pi)))
     beyond = np.argwhere((counted < 0) | (counted >= ticks.per_turn))
@@ -87,3 +85,14 @@ def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:
             "and the ticks per turn"
         )
     return counted.astype(np.int64)
+
+
+def check_zeros(schedule: Schedule, ticks: Ticks) -> None:
+    """Make sure that every joint with a zero of its own is there.
+
+    Raises:
+        InvalidInput: One is not.
+    """
+    for name in ticks.zeros:
+        if name not in schedule.names:
+            raise InvalidInput(f"zero tick: no joint '{name}'; joints: {', '.join(schedule.names)}")

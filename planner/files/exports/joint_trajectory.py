@@ -38,13 +38,7 @@ def joint_trajectory(
         InvalidInput: A lead below 0, points within a nanosecond, or one too late for a duration
             of ROS.
     """
-    if not 0.0 <= lead < math.inf:
-        raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
-    if schedule.duration + lead >= LONGEST or schedule.period * NANOSECONDS < 1.0:
-        raise InvalidInput(
-            f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS has "
-            f"whole nanoseconds up to {LONGEST} s; export fewer cycles, or at another rate"
-        )
+    check_times(schedule, lead)
     times = schedule.nanoseconds + round(lead * NANOSECONDS)
     positions = np.round(schedule.requests, DECIMALS) + 0.0  # no negative zero
     points = [
@@ -62,6 +56,21 @@ def joint_trajectory(
         "joint_names": list(schedule.names),
         "points": points,
     }
+
+
+def check_times(schedule: Schedule, lead: float) -> None:
+    """Make sure that ROS has the times of the points.
+
+    Raises:
+        InvalidInput: As :func:`joint_trajectory` does.
+    """
+    if not 0.0 <= lead < math.inf:
+        raise InvalidInput(f"lead: got {lead:g} s, expected 0 or more")
+    if schedule.duration + lead >= LONGEST or schedule.period * NANOSECONDS < 1.0:
+        raise InvalidInput(
+            f"a request every {schedule.period:g} s until {schedule.duration + lead:g} s: ROS has "
+            f"whole nanoseconds up to {LONGEST} s; export fewer cycles, or at another rate"
+        )
 
 
 def _velocities(schedule: Schedule) -> Array:
