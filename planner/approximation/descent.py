@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.basis import basis_of
 from planner.approximation.objective import (
     Candidate,
     Iterate,
@@ -44,23 +45,27 @@ def best_values(problem: Problem, knots: Array) -> Candidate:
     Returns:
         The curve; a constant if the QP was not solved.
     """
-    size = knots.size
-    here = evaluate(problem, knots, at_rest(problem, knots))
+    rest = at_rest(problem, knots)
     free = ~held(problem, knots)[1]
-    variable = np.flatnonzero(free) + size
-    hessian = here.hessian[np.ix_(variable, variable)]
-    hessian = hessian + 1e-10 * np.max(hessian.diagonal(), initial=0.0) * np.eye(variable.size)
-    slopes = slacks(problem, knots, here.values)
+    basis = basis_of(problem, knots)
+    residual = basis @ rest - problem.desired
+    weighed = problem.weights * residual
+    moves = basis[:, free]
+    hessian = moves.T @ (problem.weights[:, None] * moves)
+    variable = np.flatnonzero(free) + knots.size
+    ridge = 1e-10 * np.max(hessian.diagonal(), initial=0.0) * np.eye(variable.size)
+    slopes = slacks(problem, knots, rest)
     slopes = slopes[: slopes.size * 2 // 3]
-    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)[: slopes.size, variable]
-    gradient = here.gradient[variable]
-    step = minimize_quadratic(hessian, gradient, rows, np.maximum(slopes, 0.0))
+    rows = constraint_rows(knots.size, problem.step, cyclic=problem.cyclic)
+    rows = rows[: slopes.size, variable]
+    gradient = weighed @ moves
+    step = minimize_quadratic(hessian + ridge, gradient, rows, np.maximum(slopes, 0.0))
     if step is None:
-        return Candidate(knots, here.values, here.error)
-    values = here.values.copy()
+        return Candidate(knots, rest, float(residual @ weighed))
+    values = rest.copy()
     values[free] += step
-    change = float((2.0 * gradient + here.hessian[np.ix_(variable, variable)] @ step) @ step)
-    return Candidate(knots, values, max(here.error + change, 0.0))
+    residual = residual + moves @ step
+    return Candidate(knots, values, float(residual @ (problem.weights * residual)))
 
 
 def descend(

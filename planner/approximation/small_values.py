@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.approximation.basis import basis_of
 from planner.approximation.descent import best_values
-from planner.approximation.objective import Problem, constraint_rows, evaluate, slacks
+from planner.approximation.objective import Problem, constraint_rows, slacks
 from planner.approximation.requirements import held
 from planner.trajectory import Array
 
@@ -39,8 +40,10 @@ def small_values(problem: Problem, knots: Array) -> Array | None:
     slopes = bounds.size * 2 // 3
     active = np.flatnonzero(bounds[:slopes] <= PRESSED)
     rows = rows[:slopes, size + free]
-    first = evaluate(problem, knots, curve.values)
-    hessian = first.hessian[np.ix_(size + free, size + free)]
+    basis = basis_of(problem, knots)
+    moves = basis[:, free]
+    weighed = problem.weights[:, None] * moves
+    hessian = moves.T @ weighed
     weight = float(np.max(hessian.diagonal()))
     if float(np.min(hessian.diagonal())) <= 1e-9 * weight:  # a knot between samples
         return None
@@ -51,8 +54,8 @@ def small_values(problem: Problem, knots: Array) -> Array | None:
     system[free.size :, free.size :] = -SOFT * np.eye(active.size)
     values, pressure = curve.values.copy(), np.zeros(active.size)
     for _ in range(3):
-        here = evaluate(problem, knots, values)
-        gradient = here.gradient[size + free] / weight + rows[active].T @ pressure
+        residual = basis @ values - problem.desired
+        gradient = (residual @ weighed) / weight + pressure @ rows[active]
         lack = slacks(problem, knots, values)[active]
         try:
             move = np.linalg.solve(system, np.append(-gradient, lack))
