@@ -24,18 +24,20 @@ def half_ellipse(
     sideways: float = 0.028,
     hip_height: float = 0.077,
     ground_fraction: float = 0.5,
+    heading: float = 0.0,
 ) -> Array:
     """One cycle of a foot that pushes backward along the ground and swings forward in an arc.
 
     With the phase φ = k / samples and g = ``ground_fraction``, the foot moves backward at constant
     speed while φ < g, and then along the upper half of an ellipse at an angle uniform in time::
 
-        on the ground:   x = forward + length (1 - 2 φ / g)    z = -hip_height
-        in the air:      x = forward + length cos α            z = -hip_height + height sin α
+        on the ground:   s = length (1 - 2 φ / g)    z = -hip_height
+        in the air:      s = length cos α            z = -hip_height + height sin α
+        always:          x = forward + s cos η       y = sideways + s sin η
 
-    where α = π (1 - φ) / (1 - g) falls from π to 0. How much of it a leg can reach is the leg's
-    affair. The defaults are the front legs of UT Austin Villa's hand-tuned walk of 2003 (Kohl and
-    Stone, 2004) without its skew.
+    where α = π (1 - φ) / (1 - g) falls from π to 0 and η is the heading, 0 for straight on. How
+    much of it a leg can reach is the leg's affair. The defaults are the front legs of UT Austin
+    Villa's hand-tuned walk of 2003 (Kohl and Stone, 2004) without its skew.
 
     Args:
         samples: Number of points in the cycle, at least 4.
@@ -45,6 +47,7 @@ def half_ellipse(
         sideways: How far the path lies outside the hip [m].
         hip_height: How far the ground lies below the hip [m].
         ground_fraction: Fraction of the cycle that the foot is on the ground, between 0 and 1.
+        heading: Where the walk goes, from x towards y [rad]: π/2 along y, π backward.
 
     Returns:
         Foot positions [m], shape (samples, 3), read-only; hip frame with x forward, y outward,
@@ -60,14 +63,16 @@ def half_ellipse(
     sideways = _number("sideways", sideways)
     hip_height = _number("hip_height", hip_height)
     ground = _number("ground_fraction", ground_fraction, above=0.0, below=1.0)
+    heading = _number("heading", heading)
 
     phase = np.arange(count) / count
     on_ground = phase < ground
     on_way = np.minimum(phase, ground) / ground
     angle = np.pi * (1.0 - phase) / (1.0 - ground)  # of the ellipse; π where the foot lifts off
     path = np.empty((count, 3))
-    path[:, 0] = forward + length * np.where(on_ground, 1.0 - 2.0 * on_way, np.cos(angle))
-    path[:, 1] = sideways
+    along = length * np.where(on_ground, 1.0 - 2.0 * on_way, np.cos(angle))
+    path[:, 0] = forward + along * math.cos(heading)
+    path[:, 1] = sideways + along * math.sin(heading)
     path[:, 2] = -hip_height + height * np.where(on_ground, 0.0, np.sin(angle))
     path.setflags(write=False)
     return path

@@ -59,14 +59,15 @@ def stride(
     sideways: float | None = None,
     hip_height: float | None = None,
     ground_fraction: float = 0.5,
+    heading: float = 0.0,
 ) -> Stride:
     """A half ellipse (:func:`planner.half_ellipse`) sized for a leg, in the leg's base frame.
 
-    It lies in a plane of x and z around the place of the foot in the standing pose
-    (:func:`kinematics.standing.standing_pose`). What is given is kept; length and height that are
-    not are as large as the leg allows, up to a quarter and three twentieths of its own length: it
-    reaches every point without a jump between poses and stays at least 0.4 as dexterous as in the
-    standing pose.
+    It lies in a plane of z and the heading, straight on that of x, around the place of the foot in
+    the standing pose (:func:`kinematics.standing.standing_pose`). What is given is kept; length and
+    height that are not are as large as the leg allows, up to a quarter and three twentieths of its
+    own length: it reaches every point without a jump between poses and stays at least 0.4 as
+    dexterous as in the standing pose.
 
     Args:
         leg: A leg of three joints at most.
@@ -77,6 +78,7 @@ def stride(
         sideways: y of the path [m].
         hip_height: How far the ground lies below the base frame, -z [m].
         ground_fraction: Fraction of the cycle that the foot is on the ground.
+        heading: Where the walk goes, from x towards y [rad].
 
     Returns:
         The walk.
@@ -107,6 +109,7 @@ def stride(
             sideways=float(centre[1]),
             hip_height=-float(centre[2]),
             ground_fraction=ground_fraction,
+            heading=heading,
         )
         angles = started.joint_angles(foot)
         _check_seam(leg, angles)

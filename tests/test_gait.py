@@ -163,6 +163,25 @@ def test_the_cycle_starts_in_front_and_lifts_off_behind():
     np.testing.assert_allclose(path[6], [0.0, 0.0, 0.05], atol=SHAPE)
 
 
+@given(given_=parameters, heading=st.floats(-7.0, 7.0))
+@settings(deadline=None)
+def test_a_walk_with_a_heading_is_the_walk_straight_on_turned_about_the_middle_of_its_stroke(
+    given_, heading
+):
+    straight, turned = half_ellipse(**given_), half_ellipse(**given_, heading=heading)
+    middle = [given_["forward"], given_["sideways"], 0.0]
+    cos, sin = np.cos(heading), np.sin(heading)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(turned - middle, (straight - middle) @ turn.T, atol=4 * SHAPE)
+
+
+def test_a_walk_along_y_begins_far_along_y_and_one_without_heading_is_straight_on():
+    path = half_ellipse(samples=8, length=0.1, forward=0.2, sideways=0.03, heading=np.pi / 2)
+    np.testing.assert_allclose(path[0, :2], [0.2, 0.13], atol=SHAPE)
+    np.testing.assert_allclose(path[4, :2], [0.2, -0.07], atol=SHAPE)
+    np.testing.assert_array_equal(half_ellipse(heading=0.0), half_ellipse())
+
+
 def test_more_samples_refine_the_same_path():
     np.testing.assert_allclose(half_ellipse(samples=176)[::2], half_ellipse(), atol=SHAPE)
 
@@ -179,6 +198,7 @@ def test_more_samples_refine_the_same_path():
         ({"forward": float("inf")}, "forward: got inf, expected a finite number"),
         ({"sideways": "2.8"}, "sideways: got '2.8', expected a finite number"),
         ({"hip_height": None}, "hip_height: got None, expected a finite number"),
+        ({"heading": float("nan")}, "heading: got nan, expected a finite number"),
         ({"ground_fraction": 0.0}, "ground_fraction: got 0.0, .* above 0 and below 1"),
         ({"ground_fraction": 1.0}, "ground_fraction: got 1.0, .* above 0 and below 1"),
     ],

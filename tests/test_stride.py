@@ -54,6 +54,18 @@ def test_the_path_is_a_half_ellipse_that_its_angles_trace(leg):
     np.testing.assert_allclose(leg.foot_positions(made.angles), made.foot, atol=TRACED)
 
 
+@pytest.mark.parametrize("heading", [0.5 * np.pi, np.pi, -0.7])
+def test_a_stride_with_a_heading_goes_there_and_is_as_large_as_the_leg_allows(leg, heading):
+    made = stride(leg, heading=heading)
+    along = (made.foot - made.centre)[:, :2] @ [np.cos(heading), np.sin(heading)]
+    across = (made.foot - made.centre)[:, :2] @ [-np.sin(heading), np.cos(heading)]
+    assert np.ptp(along) == pytest.approx(2.0 * made.length)
+    np.testing.assert_allclose(across, 0.0, atol=TRACED)
+    np.testing.assert_allclose(leg.foot_positions(made.angles), made.foot, atol=TRACED)
+    least = DEXTEROUS * dexterity(leg.chain, made.pose[None])[0]
+    assert dexterity(leg.chain, made.angles).min() >= least
+
+
 @given(reach=st.floats(0.35, 1.0))
 def test_a_leg_with_less_room_gets_a_smaller_stride_that_it_traces_well(reach, tmp_path_factory):
     joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.15), Y)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +37,12 @@ SHORTEST, LONGEST = 1e-6, 1e3
 @click.option("--sideways", type=float, help="Outward of the hip [m].  [default: 0.028]")
 @click.option("--hip-height", type=float, help="Hip above ground [m].  [default: 0.077]")
 @click.option("--ground-fraction", default=0.5, show_default=True, help="Part on the ground.")
+@click.option(
+    "--heading-deg",
+    default=0.0,
+    show_default=True,
+    help="Where the walk goes, from x towards y: 90 is sideways along y, 180 backward.",
+)
 @legs.options
 @options.output
 @options.as_json
@@ -60,6 +67,7 @@ def gait(*, samples: int, period: float, output: str, as_json: bool, **choices: 
         )
     given = {name: choices[name] for name in SHAPE if choices[name] is not None}
     given |= {"samples": samples, "ground_fraction": choices["ground_fraction"]}
+    given |= {"heading": math.radians(choices["heading_deg"])}
     leg = legs.load_leg(choices)
     document: dict[str, Any] = {"period_s": period}
     said = f"a cycle of {samples} samples, {samples * period:g} s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -145,13 +146,14 @@ def _half_ellipse(settings: Settings, leg: Leg | None, models: Any, unreachable:
         for name, value in settings.values.items()
         if name.startswith(prefix)
     }
+    heading = math.radians(parameters.pop("heading_deg"))
     if parameters.pop("for_leg"):
         given = {key: value for key, value in parameters.items() if prefix + key in settings.given}
-        made = stride(leg, **given)
+        made = stride(leg, **given, heading=heading)
         positions = made.foot
         leg = leg if settings["leg.near"] else replace(leg, near=made.pose)
     else:
-        positions = half_ellipse(**parameters)
+        positions = half_ellipse(**parameters, heading=heading)
     return from_foot(FootPath(settings.file.path, positions, None), models, leg, unreachable)
 
 

@@ -189,6 +189,12 @@ PATHS = (
                 default=0.5,
             ),
             Key(
+                name="heading_deg",
+                kind=number(),
+                about="Where the walk goes, from x towards y [deg]: 90 along y, 180 backward.",
+                default=0.0,
+            ),
+            Key(
                 name="for_leg",
                 kind=flag(),
                 about="Whether to size and place it for the leg, in the frame of its base, as "

@@ -102,6 +102,17 @@ def test_options_of_a_gait_overrule_what_suits_the_leg(run, robot):
     assert document["centre_m"][2] == -0.1
 
 
+def test_a_gait_goes_where_its_heading_points(run, robot):
+    asked = ("--leg", robot, *FRONT, "--heading-deg", 90, "--json")
+    document = json.loads(run("gait", *asked).stdout)
+    assert np.ptp(document["y_m"]) == pytest.approx(2.0 * document["stride"]["length_m"])
+    assert np.ptp(document["x_m"]) == pytest.approx(0.0, abs=WRITTEN)
+    document = json.loads(run("gait", "--heading-deg", 180, "--json").stdout)
+    straight = json.loads(run("gait", "--json").stdout)
+    backward = 2.0 * 0.049 - np.array(straight["x_m"])
+    np.testing.assert_allclose(document["x_m"], backward, atol=WRITTEN)
+
+
 def test_a_gait_without_a_leg_is_the_papers(run):
     document = json.loads(run("gait", "--json").stdout)
     assert "stride" not in document

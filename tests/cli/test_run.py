@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.cli.run_file import read_run
 from planner.files.joint_path import read_joint_path
 from planner.model.joint import JointModel
 
@@ -313,3 +314,13 @@ def test_a_package_that_is_missing_is_told_before_anything_is_planned(
     result = run("export", desired, "--format", kind, "-o", "out")
     assert result.stderr == f"request-planner: {needs}"
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("for_leg", ["false", "true"])
+def test_a_walk_of_a_run_goes_where_its_heading_points(write, tmp_path, for_leg):
+    leg = '[leg]\nname = "reference"\nunreachable = "nearest"\n'
+    walk = f"[path.half_ellipse]\nheading_deg = 90\nfor_leg = {for_leg}\n"
+    foot = read_run(str(tmp_path / write(leg + walk))).wanted.foot
+    x, y, _ = (foot - foot.mean(axis=0)).T
+    assert np.ptp(y) > 0.05  # [m]; straight on it is 0
+    assert np.ptp(x) == pytest.approx(0.0, abs=SAME)

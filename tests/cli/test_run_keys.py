@@ -85,6 +85,7 @@ SAME = {
     "output.level": ("compare", "level"),
     "path.half_ellipse.samples": ("gait", "samples"),
     "path.half_ellipse.ground_fraction": ("gait", "ground_fraction"),
+    "path.half_ellipse.heading_deg": ("gait", "heading_deg"),
     **{f"export.{key}": ("export", key) for key in ("format", "cycles", "between", "unit")},
 }
 """Keys that are options too: command and option."""
@@ -107,6 +108,7 @@ def test_the_half_ellipse_has_the_parameters_of_the_library():
     keys = {k.name: k.default for t, k in DECLARED if t.name == ("path", "half_ellipse")}
     parameters = inspect.signature(planner.half_ellipse).parameters.values()
     assert keys.pop("for_leg") is False
+    keys["heading"] = keys.pop("heading_deg")  # 0 is 0 in either unit
     assert keys == {each.name: each.default for each in parameters}
 
 

@@ -199,6 +199,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "sideways": 0.03,
             "hip_height": 0.08,
             "ground_fraction": 0.5,
+            "heading": 0.3,
         },
     ),
     "identify": (
