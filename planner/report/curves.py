@@ -25,6 +25,8 @@ class Curve(NamedTuple):
         dots: Whether only the values themselves are drawn.
         held: Whether each value holds until the next.
         hidden: Whether an interactive plot shows it only when it is asked for.
+        filled: Opacity of dots that an interactive plot fills; rings without.
+        notes: What an interactive plot adds to each value under the pointer, n of them or none.
     """
 
     role: Role
@@ -34,11 +36,33 @@ class Curve(NamedTuple):
     dots: bool = False
     held: bool = False
     hidden: bool = False
+    filled: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """What legends call it."""
         return self.label or self.role.label
+
+
+class Span(NamedTuple):
+    """A span of time that an interactive plot shades in one panel.
+
+    Attributes:
+        start: Its beginning, in the curves' unit.
+        end: Its end, likewise.
+        role: Whose colour it has.
+        opacity: How much of that colour.
+        label: What it is, in a few words, if it is to be told.
+        label_side: Beside which end that stands, "left" or "right".
+    """
+
+    start: float
+    end: float
+    role: Role
+    opacity: float
+    label: str = ""
+    label_side: str = "right"
 
 
 class Panel(NamedTuple):
@@ -52,6 +76,8 @@ class Panel(NamedTuple):
         band: Half the height of a band about zero, or None.
         height: Height beside those of the other panels.
         floor: Whether zero is at the bottom.
+        spans: Spans of time to shade.
+        range: Least and largest value to show, where they are not to be chosen by the curves.
     """
 
     title: str
@@ -61,6 +87,8 @@ class Panel(NamedTuple):
     band: float | None = None
     height: float = 1.0
     floor: bool = False
+    spans: tuple[Span, ...] = ()
+    range: tuple[float, float] | None = None
 
 
 def cycle(angles: Array, role: Role, label: str = "", *, hidden: bool = False) -> Curve:

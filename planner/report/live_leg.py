@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.report.live_plot import BOLDER, dashes, variable
+from planner.report.live_words import BOLDER, dashes, variable
 from planner.report.style import Role
 
 if TYPE_CHECKING:

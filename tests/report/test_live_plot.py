@@ -14,7 +14,8 @@ import pytest
 from planner.report.curves import Curve, Panel, cycle, cycles
 from planner.report.live_leg import MOST_FRAMES, Motion, moving_leg
 from planner.report.live_page import live_scripts
-from planner.report.live_plot import packed, time_plot
+from planner.report.live_plot import time_plot
+from planner.report.live_words import packed
 from planner.report.style import DESIRED, DIRECT, REQUESTED, Role
 
 PACKED = 1e-6
