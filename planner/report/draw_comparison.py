@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.evaluation.differences import Interval, Reason
-from planner.report.comparison_text import REASON_WORDS, SHOWN
+from planner.evaluation.differences import Interval
+from planner.report.comparison_rows import REASON_WORDS, SHOWN
+from planner.report.comparison_tints import TINTS
 from planner.report.style import (
     CLOSED_FORM,
     DESIRED,
@@ -53,23 +55,6 @@ SMALL: Mapping[str, Any] = {"fontweight": "normal", "fontsize": 8.0}
 """How figures beside a title look."""
 
 
-class Tint(NamedTuple):
-    """How the background of a reason looks; the hatching tells it apart without colours."""
-
-    colour: str
-    hatch: str = ""
-
-
-TINTS: dict[Reason, Tint] = {
-    "saturated": Tint("#f8e3b4"),
-    "limit": Tint("#f4c4bd", "////"),
-    "corner": Tint("#cde2f4", "..."),
-    "after_end": Tint("#e3e6ea", "xxx"),
-    "free": Tint(SURFACE.light),
-}
-"""By reason."""
-
-
 def draw_comparison(check: CrossCheck) -> Figure:
     """Draw every joint, and below them the foot where there is one, all over the same time."""
     from matplotlib.figure import Figure
@@ -96,6 +81,38 @@ def draw_comparison(check: CrossCheck) -> Figure:
             _set_time([axes], check, named=True)
         figure.align_ylabels()
         _draw_legends(figure, check)
+    return figure
+
+
+def draw_joint(check: CrossCheck, joint: JointComparison) -> Figure:
+    """Draw one of the joints alone."""
+    from matplotlib.figure import Figure
+
+    one = replace(check, joints=(joint,), foot=None)
+    with applied():
+        figure = Figure(figsize=(WIDTH, sum(ROWS) + EXTRA), layout="constrained")
+        panels = list(figure.subplots(len(ROWS), 1, height_ratios=ROWS))
+        _draw_joint(panels, joint, named=True)
+        panels[0].set_title("")
+        _set_time(panels, one, named=True)
+        figure.align_ylabels()
+        _draw_legends(figure, one)
+    return figure
+
+
+def draw_foot(check: CrossCheck) -> Figure:
+    """Draw the foot's distances alone."""
+    from matplotlib.figure import Figure
+
+    assert check.foot is not None, "only a leg has a foot"
+    with applied():
+        figure = Figure(figsize=(WIDTH, 2.9), layout="constrained")
+        axes = figure.add_subplot()
+        _draw_foot(axes, check.foot, cyclic=check.cyclic)
+        axes.set_title("")
+        _set_time([axes], check, named=True)
+        handles, labels = axes.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
 
 
