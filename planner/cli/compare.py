@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 PICTURES = (".png", ".svg")
 """Endings of picture files."""
+
+PAGE = "report.html"
+"""The page in a folder of results."""
 
 
 @click.command(short_help="Closed form against optimised requests, with a verdict.")
@@ -47,10 +51,19 @@ PICTURES = (".png", ".svg")
 )
 @limits_option
 @click.option("--figure", metavar="FILE", help="Write the picture; .png or .svg.")
-@click.option("--out", metavar="DIR", help="Write JSON, requests (CSV) and pictures to a folder.")
+@click.option("--report", metavar="FILE", help="Write a page (HTML) about the comparison.")
+@click.option(
+    "--out", metavar="DIR", help="Write JSON, requests (CSV), pictures and the page to a folder."
+)
 @options.as_json
 def compare(
-    *, path: str, figure: str | None, out: str | None, as_json: bool, **choices: Any
+    *,
+    path: str,
+    figure: str | None,
+    report: str | None,
+    out: str | None,
+    as_json: bool,
+    **choices: Any,
 ) -> None:
     """Plan PATH by the closed form with both of its rules and by optimisation, and compare.
 
@@ -59,9 +72,9 @@ def compare(
     each other. Exit status 1 if they do not.
 
     \b
-    Example, a foot path, with a picture:
+    Example, a foot path, with a page about it:
         request-planner gait -o foot.csv
-        request-planner compare foot.csv --leg reference --unreachable clamp --figure compare.png
+        request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
     from planner.report.comparison_text import comparison_text, verdict_line
 
@@ -73,8 +86,14 @@ def compare(
     document = {**check.to_dict(), "unreachable_samples": wanted.moved}
     if figure is not None:
         write_picture(Path(figure), check)
+    page = partial(_page, path, choices, wanted, check)
     if out is not None:
-        _write_folder(out, check, document)
+        _write_folder(out, check, document, page)
+    if report is not None:
+        from planner.files.text import write_text
+
+        files = [] if out is None else [(file.stem, file) for file in sorted(Path(out).iterdir())]
+        write_text(report, page(report, [("picture", figure), *files]))
     if as_json:
         print_json(document)
     else:
@@ -143,11 +162,27 @@ def write_picture(file: Path, check: CrossCheck) -> None:
         write_bytes(file, to_png(drawn))
 
 
-def _write_folder(out: str, check: CrossCheck, document: dict[str, Any]) -> None:
+def _page(
+    path: str,
+    choices: Mapping[str, Any],
+    wanted: Wanted,
+    check: CrossCheck,
+    page: Path | str,
+    written: Sequence[tuple[str, Path | str | None]],
+) -> str:
+    """The page about a comparison, which will stand at ``page``."""
+    from planner.cli.compare_report import compare_report
+
+    return compare_report(page, path, choices, wanted, check, written=written)
+
+
+def _write_folder(
+    out: str, check: CrossCheck, document: dict[str, Any], page: Callable[..., str]
+) -> None:
     import numpy as np
 
     from planner.files.joint_path import write_joint_path
-    from planner.files.output_folder import list_files, output_folder
+    from planner.files.output_folder import MANIFEST, list_files, output_folder
     from planner.files.text import write_text
 
     names = [joint.name for joint in check.joints]
@@ -164,5 +199,7 @@ def _write_folder(out: str, check: CrossCheck, document: dict[str, Any]) -> None
             )
         for ending in PICTURES:
             write_picture(folder / f"comparison{ending}", check)
+        made = [(Path(name).stem, folder / name) for name in (*list_files(folder), MANIFEST)]
+        write_text(folder / PAGE, page(folder / PAGE, made))
         written = {**document, "files": list_files(folder)}
-        write_text(folder / "results.json", to_json(written))
+        write_text(folder / MANIFEST, to_json(written))

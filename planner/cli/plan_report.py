@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.cli import legs
 from planner.cli.models import FROM_URDF
 
 if TYPE_CHECKING:
+    from kinematics import Leg
     from planner.cli.limits import Limits
     from planner.cli.planning import Plan
     from planner.cli.wanted import Wanted
@@ -18,7 +20,7 @@ STANDING_IN = (
     "the joints before these requests are sent."
 )
 
-TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
+TOLD = ("model", "unreachable", "norm", "level", "weights", "segments", "rule", "lock", "near")
 """Choices that are told where they were made."""
 
 
@@ -30,6 +32,8 @@ def plan_report(
     *,
     limits: Limits,
     missed: Sequence[str],
+    page: Path | str = "",
+    written: Sequence[tuple[str, Path | str | None]] = (),
 ) -> str:
     """The page, as HTML.
 
@@ -40,8 +44,11 @@ def plan_report(
         made: The plan.
         limits: Limits of the requests.
         missed: Tolerances that the plan misses.
+        page: Where it will stand.
+        written: What else the run writes: what it is, and where.
     """
     from planner.evaluation.plan_outcome import PlanOutcome
+    from planner.report.linked_files import linked_files
     from planner.report.plan_page import plan_page
 
     leg = wanted.leg if wanted.leg and wanted.names == wanted.leg.joint_names else None
@@ -58,20 +65,33 @@ def plan_report(
         leg=leg,
         foot=None if leg is None else wanted.foot,
     )
-    origins = [("path", path)]
-    if leg is not None:
-        robot = choices.get("leg") or choices.get("urdf")
-        origins += [("leg", f"{robot}, from {leg.base} to {leg.foot}")]
-    for name in TOLD:
-        if choices.get(name):
-            value = choices[name]
-            origins.append((name, value if isinstance(value, str) else ", ".join(map(str, value))))
     return plan_page(
         outcome,
         title=legs.title(choices) or ", ".join(wanted.names),
         method=choices["method"],
-        origins=origins,
+        origins=origins_of(path, choices, leg),
+        files=linked_files(page, [*named_files(path, choices), *written]),
         unreachable=wanted.moved,
         missed=missed,
         notes=[STANDING_IN] if choices["model"] == FROM_URDF else [],
     )
+
+
+def origins_of(path: str, choices: Mapping[str, Any], leg: Leg | None) -> list[tuple[str, str]]:
+    """What a page tells of where its plans come from: pairs of what it is and which."""
+    origins = [("path", path)]
+    if leg is not None:
+        robot = choices.get("leg") or choices.get("urdf")
+        origins.append(("leg", f"{robot}, from {leg.base} to {leg.foot}"))
+    for name in TOLD:
+        if choices.get(name):
+            value = choices[name]
+            origins.append((name, value if isinstance(value, str) else ", ".join(map(str, value))))
+    return origins
+
+
+def named_files(path: str, choices: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The files that the options name: what each is, and where."""
+    named = [("path", path), ("model", choices.get("model"))]
+    named += [("robot", choices.get(key)) for key in ("leg", "urdf")]
+    return [(role, file) for role, file in named if file and Path(file).is_file()]

@@ -120,10 +120,12 @@ def seen(positions: Array) -> tuple[Array, Array]:
     return 100.0 * positions[:, 0], 100.0 * positions[:, 2]
 
 
-def draw_path(axes: Axes, positions: Array, role: Role, zorder: float = 4) -> None:
-    """A closed path of the foot [m], shape (n, 3)."""
-    closed = np.vstack([positions, positions[:1]])
-    axes.plot(*seen(closed), zorder=zorder, **role.line)
+def draw_path(
+    axes: Axes, positions: Array, role: Role, zorder: float = 4, *, closed: bool = True
+) -> None:
+    """A path of the foot [m], shape (n, 3), up to where it begins again if it is closed."""
+    path = np.vstack([positions, positions[:1]]) if closed else positions
+    axes.plot(*seen(path), zorder=zorder, **role.line)
 
 
 def _mark_direction(axes: Axes, positions: Array, sample: int, role: Role) -> None:

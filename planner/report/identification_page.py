@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from planner._version import __version__
 from planner.identification.identification import Identification
 from planner.identification.speed_cloud import speed_cloud
-from planner.report.figures import Picture
 from planner.report.identification_figures import IdentificationPictures, identification_pictures
 from planner.report.identification_parameters import Parameter, Units, parameters, units_of
 from planner.report.identification_words import Error, errors, known, telling_error, verdict
 from planner.report.live_page import live_head, live_scripts
-from planner.report.page import PARAMETERS, environment
-from planner.report.render import to_inline_svg
+from planner.report.page import PARAMETERS, drawn, environment
 from planner.report.results import versions
 from planner.report.style import ROLES
 
@@ -75,7 +73,7 @@ def identification_page(identifications: Mapping[str, Identification]) -> str:
         .get_template("identification.html")
         .render(
             joints=joints,
-            drawn=_drawn,
+            drawn=drawn,
             live_head=live_head(),
             live_scripts=live_scripts(live),
             roles=ROLES,
@@ -109,12 +107,3 @@ def _saturated(found: Identification) -> float:
     clouds = [speed_cloud(found.model, fit) for fit in found.fits]
     intervals = sum(len(cloud.errors) for cloud in clouds)
     return sum(int(np.sum(cloud.saturated)) for cloud in clouds) / max(1, intervals)
-
-
-def _drawn(picture: Picture) -> Any:
-    """The picture as an element of the page."""
-    from markupsafe import Markup
-
-    return Markup(  # its words are escaped where it is drawn
-        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
-    )

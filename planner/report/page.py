@@ -13,6 +13,7 @@ from planner.report.style import ROLES
 
 if TYPE_CHECKING:
     import jinja2
+    from markupsafe import Markup
 
 PARAMETERS = {
     "v_max": "top speed [rad/s]",
@@ -68,12 +69,6 @@ def experiment_page(
         featured: Names of the pictures after the key figures.
         more: What else the template needs.
     """
-    drawings = {
-        picture.name: to_inline_svg(
-            picture.figure, name=picture.name, description=picture.description
-        )
-        for picture in pictures
-    }
     live = {picture.name: picture.live for picture in pictures if picture.live is not None}
     return (
         environment()
@@ -83,7 +78,7 @@ def experiment_page(
             table2=table2_rows(results),
             foot=foot_rows(results),
             pictures=pictures,
-            drawings=drawings,
+            drawn=drawn,
             featured=[picture for picture in pictures if picture.name in featured],
             live_head=live_head(),
             live_scripts=live_scripts(live),
@@ -91,6 +86,15 @@ def experiment_page(
             roles=ROLES,
             **more,
         )
+    )
+
+
+def drawn(picture: Picture) -> Markup:
+    """The picture as an element of a page."""
+    from markupsafe import Markup
+
+    return Markup(  # its words are escaped where it is drawn
+        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
     )
 
 

@@ -44,7 +44,7 @@ def draw_view(outcome: PlanOutcome, role: Role, view: str) -> Figure:
     chosen = np.linspace(0, len(outcome.desired), POSES, endpoint=not outcome.cyclic)
     sketched = outcome.predicted[np.minimum(chosen.astype(int), len(outcome.desired) - 1)]
     for number, points in enumerate(outcome.leg.joint_positions(sketched)):
-        _draw_leg(axes, 100.0 * points[:, [across, 2]], first=number == 0)
+        draw_sketch(axes, 100.0 * points[:, [across, 2]], first=number == 0)
     for positions, looks in zip(outcome.feet.values(), (DESIRED, DIRECT, role), strict=True):
         seen = 100.0 * (np.vstack([positions, positions[:1]]) if outcome.cyclic else positions)
         axes.plot(seen[:, across], seen[:, 2], zorder=6 if looks is DESIRED else 4, **looks.line)
@@ -98,8 +98,8 @@ def draw_joint(outcome: PlanOutcome, role: Role, joint: int) -> Figure:
     return figure
 
 
-def _draw_leg(axes: Axes, points: Array, *, first: bool) -> None:
-    """Its links and joints; the first one stands out."""
+def draw_sketch(axes: Axes, points: Array, *, first: bool) -> None:
+    """Sketch a leg's links and joints [cm], shape (k, 2); the first of several stands out."""
     style: dict[str, Any] = {"solid_joinstyle": "round", "zorder": 1.5 if first else 1.0}
     axes.plot(*points.T, color=GRID.light, lw=8 if first else 2.5, **style)
     if first:

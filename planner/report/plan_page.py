@@ -10,12 +10,12 @@ import numpy as np
 
 from planner._version import __version__
 from planner.report.figures import Picture
+from planner.report.linked_files import LinkedFile
 from planner.report.live_page import live_head, live_scripts
-from planner.report.page import PARAMETERS, environment
+from planner.report.page import PARAMETERS, drawn, environment
 from planner.report.plan_draw import draw_distances, draw_joint, draw_view
 from planner.report.plan_live import live_distances, live_joint, live_leg
 from planner.report.plan_words import joint_rows, remarks, size, verdict
-from planner.report.render import to_inline_svg
 from planner.report.results import versions
 from planner.report.style import CLOSED_FORM, FOOT_OPTIMAL, OPTIMAL, ROLES, applied
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
 """How the plan of each method is drawn everywhere."""
 
-LIBRARIES = ("request-planner", "python", "numpy", "casadi", "pinocchio", "matplotlib")
+LIBRARIES = ("request-planner", "python", "numpy", "casadi", "pin", "matplotlib", "plotly")
 """Whose versions stand at the end of the page."""
 
 
@@ -35,6 +35,7 @@ def plan_page(
     title: str,
     method: str,
     origins: Sequence[tuple[str, str]] = (),
+    files: Sequence[LinkedFile] = (),
     unreachable: int = 0,
     missed: Sequence[str] = (),
     notes: Sequence[str] = (),
@@ -46,14 +47,15 @@ def plan_page(
         title: What was planned for.
         method: How, as the command line calls it.
         origins: What the plan was made from: pairs of what it is and which.
+        files: Files of the run to link to.
         unreachable: How many positions are out of the leg's reach.
         missed: Tolerances that the plan misses, in words.
         notes: What else should be known first.
     """
     head, tail = verdict(outcome)
     found = versions()
-    drawn = pictures(outcome, method)
-    live = {each.name: each.live for each in chain(*drawn.values()) if each.live is not None}
+    shown = pictures(outcome, method)
+    live = {each.name: each.live for each in chain(*shown.values()) if each.live is not None}
     said = [*remarks(outcome, unreachable=unreachable, missed=missed), *notes]
     return (
         environment()
@@ -69,12 +71,13 @@ def plan_page(
             feet={name: size(each, 100.0) for name, each in outcome.distances.items()},
             joints=joint_rows(outcome),
             requests_deg=np.degrees(outcome.requests).tolist(),
-            pictures=drawn,
+            pictures=shown,
             live_head=live_head(),
             live_scripts=live_scripts(live),
-            drawn=_drawn,
+            drawn=drawn,
             words=PARAMETERS,
             origins=origins,
+            files=files,
             roles=ROLES,
             made_by=f"request-planner {__version__} plan",
             versions={name: found[name] for name in LIBRARIES if name in found},
@@ -123,12 +126,3 @@ def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
             for j, name in enumerate(outcome.names)
         ]
     return {"foot": foot, "joints": joints}
-
-
-def _drawn(picture: Picture) -> object:
-    """The picture as an element of the page."""
-    from markupsafe import Markup
-
-    return Markup(  # its words are escaped where it is drawn
-        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
-    )

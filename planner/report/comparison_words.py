@@ -1,0 +1,154 @@
+"""What a comparison amounts to, in sentences and key figures."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from planner.evaluation.checks import AGREES
+from planner.report.comparison_rows import REASON_WORDS, SHOWN, notes
+from planner.report.text_table import percent
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from planner.evaluation.cross_check import CrossCheck
+    from planner.evaluation.differences import Reason
+
+OUTSIDE = 1e-9
+"""A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""
+
+
+class KeyFigure(NamedTuple):
+    """A figure to know first.
+
+    Attributes:
+        figure: The number.
+        unit: Its unit.
+        words: What it says.
+    """
+
+    figure: str
+    unit: str
+    words: str
+
+
+def verdict(check: CrossCheck) -> tuple[str, str]:
+    """The answer in a few words, and what it is worth."""
+    held = len(check.checks) - len(check.failures)
+    if check.passed:
+        head = f"The plans agree: all {held} checks hold"
+    else:
+        head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
+    said = (
+        f"The closed form comes within {_span_of_gaps(check, SHOWN)} of what no requests can beat, "
+        f"the optimised requests within {_span_of_gaps(check, 'optimal')}."
+    )
+    reasons = shares(check)
+    if reasons:
+        most = max(reasons, key=lambda reason: reasons[reason])
+        apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
+        said += f" Their requests differ by up to {apart:.3g} degrees all the same"
+        said += f": {100 * reasons[most]:.0f} % of that, squared, is {_because(most)}."
+    return head, said
+
+
+def shares(check: CrossCheck) -> dict[Reason, float]:
+    """The reasons' shares in the squared difference of all joints' requests, those that occur."""
+    squared = [joint.differences[SHOWN].rms ** 2 for joint in check.joints]
+    if not sum(squared) > 0.0:
+        return {}
+    found: dict[Reason, float] = {}
+    for joint, part in zip(check.joints, squared, strict=True):
+        for reason, share in joint.differences[SHOWN].shares.items():
+            found[reason] = found.get(reason, 0.0) + share * part / sum(squared)
+    return found
+
+
+def key_figures(check: CrossCheck) -> list[KeyFigure]:
+    """Agreement, gaps, difference, and the foot."""
+    norm = check.norm
+    agreement = max(each.value for each in check.checks if each.name == AGREES)
+    figures = [
+        KeyFigure(
+            f"{len(check.checks) - len(check.failures)} of {len(check.checks)}",
+            "",
+            "checks hold; the predicted angles are at most "
+            f"{agreement:.1g} rad from an independent simulation",
+        )
+    ]
+    for method, words in ((SHOWN, "closed form, the paper’s rule"), ("optimal", "optimised")):
+        figures.append(
+            KeyFigure(
+                _span_of_gaps(check, method), "", f"above what none can beat: {words}, {norm}"
+            )
+        )
+    if check.foot is not None:
+        before, after = (
+            100.0 * check.foot.plans[method].error(norm) for method in ("optimal", "foot_optimal")
+        )
+        figures.append(
+            KeyFigure(
+                f"{before:.2f} → {after:.2f}",
+                "cm",
+                f"the foot’s {norm} error, joints planned one by one and all at once for it",
+            )
+        )
+    else:
+        worst = max(check.joints, key=lambda joint: joint.plans["optimal"].error)
+        figures.append(
+            KeyFigure(
+                f"{math.degrees(worst.plans['optimal'].error):.3g}",
+                f"deg {norm}",
+                f"the joint that errs most when optimised, {worst.name}; bound "
+                f"{math.degrees(worst.bound):.3g} deg",
+            )
+        )
+    return figures
+
+
+def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
+    """What somebody who relies on these plans should know first."""
+    said = [
+        f"{each.subject}{f', {each.plan}' if each.plan else ''}: {each.name}: got "
+        f"{each.value:.3g} {each.unit}, tolerance {each.tolerance:.2g} {each.unit}."
+        for each in check.failures
+    ]
+    if unreachable:
+        said.append(f"{unreachable} of {len(check.joints[0].desired)} samples were out of reach.")
+    if beyond := _beyond_limits(check):
+        listed = ", ".join(f"{name} by {excess:.3g} degrees" for name, excess in beyond)
+        said.append(
+            "The closed form knows no limits: it requests more than the limits allow of "
+            f"{listed}. A robot that clips its requests would not track as well as told here."
+        )
+    return said + [f"{note[0].upper()}{note[1:]}." for note in notes(check.joints)]
+
+
+def _beyond_limits(check: CrossCheck) -> Sequence[tuple[str, float]]:
+    """Joints whose closed form leaves the limits that the optimised plan keeps, and how far."""
+    found = []
+    for joint in check.joints:
+        limits, requests = joint.plans["optimal"].limits, joint.plans[SHOWN].requests
+        if limits is None:
+            continue
+        excess = float(np.max(np.maximum(limits[0] - requests, requests - limits[1])))
+        if excess > OUTSIDE:
+            found.append((joint.name, math.degrees(excess)))
+    return found
+
+
+def _span_of_gaps(check: CrossCheck, method: str) -> str:
+    """The joints' gaps, from the smallest to the largest."""
+    least, most = (percent(f(joint.gap(method) for joint in check.joints)) for f in (min, max))
+    return least if least == most else f"{least.removesuffix(' %')} – {most}"
+
+
+def _because(reason: Reason) -> str:
+    if reason == "saturated":
+        return "where the joint is at its top speed whatever is requested"
+    if reason == "free":
+        return "elsewhere than at top speed, at limits and at corners"
+    return f"there: {REASON_WORDS[reason]}"
