@@ -1,0 +1,109 @@
+"""What is released: the files of wheel and sdist, and one version and date in every place that tells them."""
+
+from __future__ import annotations
+
+import re
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+import yaml
+
+from planner._version import __version__
+
+ROOT = Path(__file__).resolve().parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+PACKAGES = ("kinematics", "planner", "urdf")
+BESIDE = (
+    *(".ci", "docs", "examples", "scripts", "tests"),
+    *(".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "PKG-INFO"),
+    *("README.md", "pyproject.toml"),
+)
+KINDS = {
+    *("", ".cff", ".css", ".html", ".ipynb", ".js", ".json", ".md", ".py", ".svg", ".toml"),
+    *(".typed", ".urdf"),
+}
+
+
+def _sources():
+    """Every file of the packages, as it is to be in a wheel."""
+    return {
+        file.relative_to(ROOT).as_posix()
+        for package in PACKAGES
+        for file in (ROOT / package).rglob("*")
+        if file.is_file() and file.suffix != ".pyc"
+    }
+
+
+@pytest.fixture
+def build(tmp_path, monkeypatch):
+    """The build of the project, and the folder it is to go to; asks for no network."""
+    build = pytest.importorskip("hatchling.build", reason="needs hatchling, of the extra dev")
+    monkeypatch.chdir(ROOT)
+    return build, tmp_path
+
+
+def test_a_wheel_holds_every_file_of_the_packages_and_nothing_else(build):
+    hatchling, folder = build
+    with zipfile.ZipFile(folder / hatchling.build_wheel(str(folder))) as wheel:
+        names = set(wheel.namelist())
+    described = {name for name in names if ".dist-info/" in name}
+    assert names - described == _sources()
+    assert {"METADATA", "RECORD", "WHEEL", "entry_points.txt", "LICENSE"} == {
+        Path(name).name for name in described
+    }
+
+
+def test_the_packages_have_their_robots_templates_scripts_and_marks_of_types():
+    kinds = {Path(name).suffix for name in _sources()}
+    assert {".css", ".html", ".js", ".urdf"} <= kinds
+    assert {"kinematics/py.typed", "planner/py.typed"} <= _sources()
+
+
+def test_an_sdist_holds_the_packages_and_all_that_is_needed_to_test_them(build):
+    hatchling, folder = build
+    with tarfile.open(folder / hatchling.build_sdist(str(folder))) as sdist:
+        names = {name.partition("/")[2] for name in sdist.getnames()}
+    assert _sources() <= names
+    assert {name.partition("/")[0] for name in names} == {*PACKAGES, *BESIDE}
+    tests = {file.relative_to(ROOT).as_posix() for file in (ROOT / "tests").rglob("*.py")}
+    assert tests <= names
+    assert {Path(name).suffix for name in names if "/" in name} <= KINDS
+
+
+def test_changelog_and_citation_tell_the_version_and_its_date():
+    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.M)
+    released = next(heading for heading in headings if heading != "[Unreleased]")
+    assert released == f"[{CITATION['version']}] - {CITATION['date-released']}"
+    assert CITATION["version"] == __version__
+
+
+def test_citation_and_metadata_say_the_same():
+    assert CITATION["title"] == PROJECT["name"]
+    assert CITATION["license"] == PROJECT["license"]
+    assert CITATION["keywords"] == PROJECT["keywords"]
+    assert CITATION["abstract"] == PROJECT["description"] + "."
+    assert CITATION["authors"] == PROJECT["authors"]
+
+
+def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
+    named = [
+        found[1]
+        for line in PROJECT["classifiers"]
+        if (found := re.fullmatch(r"Programming Language :: Python :: (3\.\d+)", line))
+    ]
+    assert PROJECT["requires-python"] == f">={named[0]}"
+    scripts = (ROOT / "scripts" / "_venv").read_text(encoding="utf-8")
+    listed = re.search(r"^supported=\((.*)\)$", scripts, re.MULTILINE)
+    assert listed is not None
+    assert listed[1].split() == [f"python{version}" for version in reversed(named)]
+
+
+def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
+    extras = PROJECT["optional-dependencies"]
+    inside = {*extras["dev"]}
+    for extra in ("exact", "parquet", "bags", "mujoco", "meshcat", "yaml"):
+        assert set(extras[extra]) <= inside, extra
