@@ -43,7 +43,7 @@ def compare_report(
         check,
         title=legs.title(choices) or ", ".join(names),
         leg=leg,
-        origins=origins_of(path, choices, leg),
+        origins=[*origins_of(path, choices, leg), ("bounds up to", choices["level"])],
         files=linked_files(page, [*named_files(path, choices), *written]),
         unreachable=wanted.moved,
         notes=[STANDING_IN] if choices["model"] == FROM_URDF else [],

@@ -83,7 +83,8 @@ def identify(
         remarks=remarks(),
         about=model_comments(tables),
     )
-    page = nullcontext() if report is None else staged(report, _page(found).encode())
+    files = [*(("log", file) for file in logs), ("model", output)]
+    page = nullcontext() if report is None else staged(report, _page(found, report, files).encode())
     with page:
         deliver(
             _document(found, every=choices["joint"] == "all"),
@@ -187,10 +188,12 @@ def _identified(
     return found
 
 
-def _page(found: Mapping[str, Identification]) -> str:
+def _page(found: Mapping[str, Identification], page: str, files: Sequence[tuple[str, str]]) -> str:
+    """The page about what was found, which will stand at ``page`` and links to the files."""
     from planner.report.identification_page import identification_page
+    from planner.report.linked_files import linked_files
 
-    return identification_page(found)
+    return identification_page(found, files=linked_files(page, files))
 
 
 def _document(found: Mapping[str, Identification], *, every: bool) -> dict[str, Any]:

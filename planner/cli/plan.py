@@ -77,7 +77,16 @@ def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices
         from planner.cli.plan_report import plan_report
         from planner.files.text import write_text
 
-        page = plan_report(path, choices, wanted, made, limits=limits, missed=missed)
+        page = plan_report(
+            path,
+            choices,
+            wanted,
+            made,
+            limits=limits,
+            missed=missed,
+            page=report,
+            written=[("requests", output)],
+        )
         write_text(report, page)
     deliver(
         document(choices, wanted, made, missed),

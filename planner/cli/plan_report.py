@@ -20,7 +20,7 @@ STANDING_IN = (
     "the joints before these requests are sent."
 )
 
-TOLD = ("model", "unreachable", "norm", "level", "weights", "segments", "rule", "lock", "near")
+TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
 """Choices that are told where they were made."""
 
 
@@ -32,7 +32,7 @@ def plan_report(
     *,
     limits: Limits,
     missed: Sequence[str],
-    page: Path | str = "",
+    page: Path | str,
     written: Sequence[tuple[str, Path | str | None]] = (),
 ) -> str:
     """The page, as HTML.

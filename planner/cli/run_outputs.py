@@ -72,8 +72,34 @@ def write_report(folder: Path, run: Run, made: Plan, missed: list[str]) -> None:
     if file := _place(folder, run, "report"):
         path = run.settings["path.file"] or "a half ellipse"
         choices = {**run.choices, "model": run.settings["model.file"]}
-        page = plan_report(path, choices, run.wanted, made, limits=run.limits, missed=missed)
+        page = plan_report(
+            path,
+            choices,
+            run.wanted,
+            made,
+            limits=run.limits,
+            missed=missed,
+            page=file,
+            written=_files_of(folder, run),
+        )
         write_text(file, page)
+
+
+def _files_of(folder: Path, run: Run) -> list[tuple[str, Path]]:
+    """What the page of a run links to: what it reads, and what it writes beside the page."""
+    from planner.files.output_folder import MANIFEST, list_files
+
+    settings, beside = run.settings, Path(run.settings.file.path).parent
+    named = [("run", settings.file.path), ("path", settings["path.file"])]
+    named.append(("model", settings["model.file"]))
+    given = [(role, Path(name) if role == "run" else beside / name) for role, name in named if name]
+    names = [*list_files(folder), MANIFEST]
+    if settings["output.scene"]:  # written last
+        names.append(settings["output.scene"])
+    return [
+        *((role, file) for role, file in given if file.is_file()),
+        *((Path(name).stem, folder / name) for name in names),
+    ]
 
 
 def write_scene(folder: Path, run: Run, made: Plan) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from planner.identification.speed_cloud import speed_cloud
 from planner.report.identification_figures import IdentificationPictures, identification_pictures
 from planner.report.identification_parameters import Parameter, Units, parameters, units_of
 from planner.report.identification_words import Error, errors, known, telling_error, verdict
+from planner.report.linked_files import LinkedFile
 from planner.report.live_page import live_head, live_scripts
 from planner.report.page import PARAMETERS, drawn, environment
 from planner.report.results import versions
@@ -55,11 +56,14 @@ class Joint(NamedTuple):
     pictures: IdentificationPictures
 
 
-def identification_page(identifications: Mapping[str, Identification]) -> str:
+def identification_page(
+    identifications: Mapping[str, Identification], *, files: Sequence[LinkedFile] = ()
+) -> str:
     """The whole page: what holds and what does not first, where it comes from last.
 
     Args:
         identifications: By joint; "" for one without a name.
+        files: Files of the run to link to.
     """
     joints = [
         _joint(name, found, f"joint{k}_" if len(identifications) > 1 else "")
@@ -77,6 +81,8 @@ def identification_page(identifications: Mapping[str, Identification]) -> str:
             live_head=live_head(),
             live_scripts=live_scripts(live),
             roles=ROLES,
+            files=files,
+            origins=(),
             words=PARAMETERS,
             made_by=f"request-planner {__version__} identify",
             versions={name: found[name] for name in LIBRARIES},

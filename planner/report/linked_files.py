@@ -14,7 +14,7 @@ class LinkedFile(NamedTuple):
 
     Attributes:
         role: What it is, such as "requests".
-        name: Its path from the page, or as it was given where that leads out of the page's folder.
+        name: Its path from the page's folder.
         href: Where it is as seen from the page, as a browser takes it.
     """
 
@@ -39,8 +39,6 @@ def linked_files(
         if not file or str(file) == "-":
             continue
         name, href = _seen_from(folder, Path(file).resolve())
-        if name.startswith(".."):
-            name = str(file)
         found.setdefault(href, LinkedFile(role, name, href))
     return list(found.values())
 
