@@ -1,0 +1,158 @@
+"""The page about a comparison: its verdict, shades and tables, and what a browser makes of it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+import planner
+from planner.evaluation.checks import Check
+from planner.report.comparison_live import live_foot, live_joint
+from planner.report.comparison_page import comparison_page
+from planner.report.comparison_rows import SHOWN, differences_table, foot_table, plans_table
+from planner.report.comparison_text import comparison_text
+from planner.report.comparison_words import key_figures, remarks, shares, verdict
+from planner.report.linked_files import LinkedFile
+
+WHOLE = 1e-12
+"""Shares add up to one, but for rounding."""
+
+SINGLE = 1e-5
+"""Single precision, of requests of up to a hundred degrees [deg]."""
+
+WALK = planner.reference_walk()
+
+
+@pytest.fixture(scope="module")
+def check():
+    return planner.cross_check(planner.JointModel.ers210a(), WALK.desired, leg=WALK.leg)
+
+
+@pytest.fixture(scope="module")
+def page(check):
+    return comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15)
+
+
+@pytest.fixture
+def failed(check):
+    wrong = Check("knee", "optimised", "holds <always>", 2.0, 1.0, "rad", "rounding")
+    joint = replace(check.joints[2], checks=(*check.joints[2].checks, wrong))
+    return replace(check, joints=(*check.joints[:2], joint))
+
+
+def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, page):
+    head, tail = verdict(check)
+    assert head == f"The plans agree: all {len(check.checks)} checks hold"
+    gaps = [100.0 * joint.gap("optimal") for joint in check.joints]
+    assert f"{min(gaps):.2f} – {max(gaps):.2f} %" in tail
+    largest = max(np.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
+    assert f"up to {largest:.3g} degrees" in tail
+    assert page.index(head) < page.index("<table>")
+    figures = {each.figure for each in key_figures(check)}
+    assert f"{len(check.checks)} of {len(check.checks)}" in figures
+    foot = [100.0 * check.foot.plans[method].error("rms") for method in ("optimal", "foot_optimal")]
+    assert f"{foot[0]:.2f} → {foot[1]:.2f}" in figures
+
+
+def test_the_reasons_shares_are_those_of_all_joints_and_add_up(check):
+    found = shares(check)
+    assert sum(found.values()) == pytest.approx(1.0, abs=WHOLE)
+    joints = [joint.differences[SHOWN] for joint in check.joints]
+    whole = sum(each.rms**2 for each in joints)
+    saturated = sum(each.rms**2 * each.shares.get("saturated", 0.0) for each in joints)
+    assert found["saturated"] == pytest.approx(saturated / whole, abs=WHOLE)
+
+
+def test_what_does_not_hold_is_said_first(failed):
+    head, _ = verdict(failed)
+    assert head == f"1 of {len(failed.checks)} checks do not hold"
+    assert remarks(failed)[0].startswith("knee, optimised: holds <always>: got 2 rad")
+    page = comparison_page(failed)
+    assert 'class="verdict no"' in page
+    assert "holds &lt;always&gt;" in page
+    assert 'class="broken">NO</td>' in page
+
+
+def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
+    (said,) = [each for each in remarks(check) if "no limits" in each]
+    abductor = check.joints[1].plans
+    excess = np.max(abductor[SHOWN].requests - abductor["optimal"].limits[1])
+    assert f"abductor by {np.degrees(excess):.3g} degrees" in said
+
+
+def test_page_and_terminal_have_the_same_tables(check, page):
+    text = comparison_text(check)
+    for table in (
+        plans_table(check.joints),
+        foot_table(check.foot),
+        differences_table(check.joints),
+    ):
+        for row in table.rows:
+            cells = "".join(f"<td>{cell}</td>" for cell in row.cells)
+            assert cells in page
+            assert f"{row.subject}, {row.about}" in text
+
+
+def test_the_shades_cover_each_reason_and_its_name_is_told_under_the_pointer(check):
+    joint = check.joints[0]
+    plot = live_joint(check, joint)
+    samples = len(joint.desired)
+    told = next(trace for trace in plot["data"] if trace["name"] == "difference")
+    assert len(told["text"]) == samples + 1
+    values = np.frombuffer(base64.b64decode(told["y"]["bdata"]), dtype="<f4")[:-1]
+    apart = joint.plans[SHOWN].requests - joint.plans["optimal"].requests
+    np.testing.assert_allclose(values, np.degrees(apart), atol=SINGLE)
+    shaded = np.zeros(samples + 1)
+    period = 1000.0 * check.period
+    for shape in plot["layout"]["shapes"]:
+        if shape.get("yref") == "y2 domain":
+            at = np.arange(samples + 1.0) * period
+            shaded += (shape["x0"] < at) & (at < shape["x1"])
+    free = np.array([word == "none of these" for word in told["text"]])
+    np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])  # at the seam two shades may meet
+
+
+def test_plotly_knows_every_word(check):
+    for plot in (live_foot(check), *(live_joint(check, joint) for joint in check.joints)):
+        plain = json.loads(re.sub(r"var\(--[\w-]+\)", "#123456", json.dumps(plot)))
+        go.Figure(data=plain["data"], layout=plain["layout"])  # raises at any word not its own
+
+
+def test_names_are_escaped_and_the_page_needs_nothing_else(check, page):
+    assert "leg &lt;1&gt;" in page
+    assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page)
+    assert page == comparison_page(check, title="leg <1>", leg=WALK.leg, unreachable=15)
+    assert page.count('id="plotly"') == 1
+    linked = comparison_page(check, files=[LinkedFile("path", "a<b", "a%3Cb")])
+    assert '<dt>path</dt><dd><a href="a%3Cb">a&lt;b</a></dd>' in linked
+
+
+def test_joints_without_a_leg_or_a_cycle_have_a_page_too():
+    once = planner.cross_check(
+        planner.JointModel.ers210a(), WALK.desired[:, 2], cyclic=False, names=["knee"]
+    )
+    page = comparison_page(once)
+    assert "<h1>knee</h1>" in page
+    assert '"leg"' not in page
+    assert "deg rms" in page
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
+def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path, width, dark):
+    file = tmp_path / "compare.html"
+    file.write_text(page, encoding="utf-8")
+    browser.open(file, width=width, dark=dark)
+    figures = browser.ask("Object.keys(live.figures)")
+    assert figures == ["leg", "foot_distances", "joint_0", "joint_1", "joint_2"]
+    for name in figures:
+        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
+    assert browser.ask("document.documentElement.scrollWidth") <= width
+    assert browser.complaints == []
+    assert browser.ask("live.errors") == []
+    assert browser.requests == [file.as_uri()]
