@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -40,8 +41,9 @@ SETTLING = 1.0
 CYCLES = 20
 """Cycles of each walk, as in the paper."""
 
-STEADY = 2
-"""Change from cycle to cycle, rms, up to which a walk is steady [counts of the sensor]."""
+STEADY = 3.0
+"""Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
+make of two equal cycles. The noise of the supply is the rest."""
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""
@@ -169,7 +171,7 @@ def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:
                 angle_distance(now, before).rms
                 for now, before in zip(sensed.T, last.T, strict=True)
             )
-        if change <= STEADY * robot.constants.count:
+        if change <= STEADY * math.sqrt(2.0) * robot.constants.sensor_error:
             played = [robot.play(requests) for _ in range(cycles)]
             return Run(
                 requests=requests,

@@ -79,6 +79,11 @@ class Constants:
         return self.sensor_range / float(2**self.sensor_bits)
 
     @property
+    def sensor_error(self) -> float:
+        """Standard deviation of what the sensor says [rad]: its noise and its rounding."""
+        return math.hypot(self.sensor_noise, self.count / math.sqrt(12.0))
+
+    @property
     def armature(self) -> float:
         """Rotor inertia as the joint feels it [kg m^2]: times the gear ratio squared."""
         return self.rotor_inertia * self.gear_ratio**2

@@ -19,6 +19,7 @@ from planner.files.joint_model import read_models
 from planner.files.joint_path import read_joint_path
 from planner.files.output_folder import list_files
 from planner.files.table import read_table
+from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
 
 METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
@@ -199,3 +200,42 @@ def test_the_readme_and_its_page_state_the_figures_of_the_foot(results):
         assert stated is not None, method
         assert float(stated[1]) == pytest.approx(results["foot"][method]["L2"], abs=0.05)
         assert f"| {stated[1]} ±" in page
+
+
+FAST = Constants(
+    battery_voltage=8.4,
+    gear_ratio=180.0,
+    rotor_inertia=4e-8,
+    coulomb_friction=0.05,
+    viscous_friction=0.005,
+    transport_delay=0.012,
+    proportional_gain=12.0,
+    derivative_gain=0.02,
+    sensor_bits=12,
+)
+"""A servo half as fast again as the Aibo's, with a finer sensor and a third of its delay."""
+
+FIDELITY = 1.0
+"""What a model identified from step tests leaves of a walk it never saw [deg]."""
+
+
+def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well():
+    outcome = virtual_experiment.play_experiment(constants=FAST, cycles=4)
+    unseen = outcome.unseen_rms
+    for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True):
+        assert found.accepted
+        assert found.model.v_max == pytest.approx(FAST.top_speed, rel=0.03)
+        assert math.degrees(unseen[joint.name]) < FIDELITY
+        done = outcome.table2[joint.name]["Des,Opt"].mean.rms
+        # Error of the plan and error of the model add as independent errors would, or less.
+        assert done < 1.1 * math.degrees(math.hypot(joint.optimal.rms, unseen[joint.name]))
+    foot = {method: distances.mean.rms for method, distances in outcome.foot_table.items()}
+    assert foot["foot_optimal"] < 0.5 * min(foot["closed_form_plain"], foot["closed_form"])
+    assert foot["closed_form"] < foot["shift"] < foot["direct"]
+
+
+def test_what_counts_as_steady_follows_the_sensor():
+    fine, coarse = replace(FAST, sensor_noise=0.0), replace(FAST, sensor_noise=0.0, sensor_bits=10)
+    assert coarse.sensor_error == pytest.approx(4.0 * fine.sensor_error)
+    noisy = replace(FAST, sensor_noise=math.radians(0.1))
+    assert noisy.sensor_error > math.radians(0.1)
