@@ -30,12 +30,10 @@ class KinematicsError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
 
     def __str__(self) -> str:
-        message = super().__str__()
-        if len(message) > LONGEST:
-            message = f"{message[: LONGEST - 300]} … {message[-300:]}"
+        message = _shortened(super().__str__())
         if message.isprintable():
             return message
-        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+        return _shortened("".join(c if c.isprintable() else repr(c)[1:-1] for c in message))
 
 
 class InvalidInput(KinematicsError, ValueError):
@@ -132,3 +130,7 @@ class UnreachableFoot(InvalidInput):
             f"{distances[worst]:.3g} m (index {indices[worst]}); indices: {listed}{more}; move "
             "them (are they in metres, in the base frame?), or ask for unreachable='nearest'"
         )
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"

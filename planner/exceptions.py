@@ -30,7 +30,7 @@ class PlannerError(Exception):
     """The root of the tree; its message is one line, whatever the caller's names hold."""
 
     def __str__(self) -> str:
-        return _printable(super().__str__())
+        return printable(super().__str__())
 
 
 class InvalidInput(PlannerError, ValueError):
@@ -121,10 +121,14 @@ class OutsideEquation13(UserWarning):
     """The paper's rule for lines is used for a joint that breaks Equation 13."""
 
 
-def _printable(text: str) -> str:
-    """Text on one line and of bounded length, whatever a file put into it."""
-    if len(text) > LONGEST:
-        text = f"{text[: LONGEST - 300]} … {text[-300:]}"
+def printable(text: str) -> str:
+    """Text on one line and of bounded length, whatever a file or an argument put into it."""
+    text = _shortened(text)
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return _shortened("".join(escaped))
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 300]} … {text[-300:]}"

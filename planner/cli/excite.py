@@ -23,6 +23,10 @@ UNNAMED = "requested"
 """The joint of a signal for nobody in particular, whose column is requested_deg."""
 
 
+FINEST = 1e-9
+"""Finest step of a sensor [deg]: a turn of it then has 38 bits, more than any sensor."""
+
+
 @click.command(short_help="Write requests that make a joint show its parameters.")
 @click.option(
     "--kind",
@@ -175,6 +179,11 @@ def _check(choices: dict[str, Any]) -> None:
         if choices[name] not in (None, ()) and kind not in kinds:
             option = f"--{name.replace('_', '-')}"
             raise click.UsageError(f"{option} has no effect with --kind {kind}.")
+    step = choices["resolution_deg"]
+    if 0.0 < step < FINEST:
+        raise click.UsageError(
+            f"--resolution-deg: got {step:g}, expected 0 for none, or at least {FINEST:g}."
+        )
     rate = choices["rate_hz"]
     if rate is not None and not 0.0 < rate < math.inf:
         raise click.UsageError(f"--rate-hz: got {rate:g}, expected more than 0.")

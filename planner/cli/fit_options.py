@@ -147,6 +147,8 @@ def weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
 def _samples(time: float, period: float) -> float:
     """Time in samples; whole where the seconds were a multiple of the period but for rounding."""
     count = time / period
+    if not math.isfinite(count):
+        return count  # which the fit refuses
     return float(round(count)) if abs(count - round(count)) < 1e-6 else count
 
 

@@ -12,7 +12,7 @@ import click
 
 from planner.cli.manner import coloured, manner
 from planner.cli.progress import Progress
-from planner.exceptions import PlannerError
+from planner.exceptions import PlannerError, printable
 
 __all__ = [
     "Progress",
@@ -50,7 +50,8 @@ def summarise(text: str) -> None:
 
 def complain(message: str) -> None:
     """Say in one line on standard error why there is no answer, or none to be trusted."""
-    _say(f"{click.style('request-planner:', fg='red', bold=True)} {' '.join(message.split())}")
+    line = printable(" ".join(message.split()))
+    _say(f"{click.style('request-planner:', fg='red', bold=True)} {line}")
 
 
 def warn(message: str) -> None:

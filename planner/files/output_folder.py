@@ -13,6 +13,7 @@ from pathlib import Path
 from planner.exceptions import InvalidFile
 from planner.files.aside import prefix, sweep
 from planner.files.exchange import exchange
+from planner.files.text import read_text
 
 MANIFEST = "results.json"
 """The file of a run that lists, under ``files``, every file of that run."""
@@ -33,7 +34,10 @@ def output_folder(path: Path | str) -> Iterator[Path]:
         InvalidFile: ``path`` is a file, holds something else, or cannot be written.
     """
     path = str(path) or "."
-    target = Path(path).resolve()
+    try:
+        target = Path(path).resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # a link to itself, or a null byte
+        raise InvalidFile(path, "is no name of a folder; choose another one") from error
     _check_replaceable(path, target)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -103,8 +107,13 @@ def _check_replaceable(path: Path | str, target: Path) -> None:
 
 
 def _made_by_a_run(target: Path) -> set[str]:
+    """What the manifest lists; nothing where there is none that a run could have written."""
+    manifest = target / MANIFEST
     try:
-        files = json.loads((target / MANIFEST).read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
+        content = json.loads(read_text(manifest)) if manifest.is_file() else None
+    except (OSError, ValueError, RecursionError):  # InvalidFile is a ValueError
+        return set()
+    files = content.get("files") if isinstance(content, dict) else None
+    if not isinstance(files, list):
         return set()
     return {MANIFEST, *(name for name in files if isinstance(name, str))}

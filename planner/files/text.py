@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -41,8 +43,8 @@ def read_text(path: Path | str) -> str:
                 content = stream.read(MOST_BYTES + 1)
     except FileNotFoundError as error:
         raise InvalidFile(path, "no such file; check the name and the folder") from error
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+    except (OSError, ValueError) as error:  # a name with a null byte is no name
+        reason = _reason(error)
         raise InvalidFile(path, f"cannot be read ({reason}); expected a text file") from error
     if len(content) > MOST_BYTES:
         raise InvalidFile(path, f"longer than {MOST_BYTES >> 20} MiB; is it the right file?")
@@ -90,7 +92,7 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         InvalidFile: As :func:`write_text` does.
     """
     target = Path(path)
-    if target.exists() and not target.is_file():  # a device or a named pipe takes what it is given
+    if _takes_what_it_is_given(path):
         yield
         _write_through(target, content)
         return
@@ -136,6 +138,24 @@ def _write_through(target: Path, content: bytes) -> None:
         raise _cannot_write(target, error) from error
 
 
+def _takes_what_it_is_given(path: Path | str) -> bool:
+    """Whether it is a device or a named pipe, rather than a file or nothing yet.
+
+    Raises:
+        InvalidFile: It is a folder, or no file can have this name.
+    """
+    target = Path(path)
+    try:
+        mode = target.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError) as error:  # a link to itself, too, or a null byte
+        raise _cannot_write(target, error) from error
+    return not stat.S_ISREG(mode)
+
+
 def _permissions(target: Path) -> int:
     """Those of the file that is replaced, or those that any new file would get."""
     if target.exists():
@@ -145,6 +165,11 @@ def _permissions(target: Path) -> int:
     return 0o666 & ~mask
 
 
-def _cannot_write(path: Path | str, error: OSError) -> InvalidFile:
-    reason = (error.strerror or str(error)).lower()
-    return InvalidFile(path, f"cannot be written ({reason}); choose another place for the output")
+def _cannot_write(path: Path | str, error: OSError | ValueError) -> InvalidFile:
+    return InvalidFile(
+        path, f"cannot be written ({_reason(error)}); choose another place for the output"
+    )
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return (getattr(error, "strerror", None) or str(error)).lower()

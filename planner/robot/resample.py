@@ -29,7 +29,8 @@ def repeated(schedule: Schedule, cycles: int) -> Schedule:
         InvalidInput: Not a positive whole number, or more than :data:`MOST_ROWS` rows.
     """
     check_cycles(cycles)
-    _check_length(len(schedule.requests) * cycles, f"{cycles} cycles", "fewer cycles")
+    many = f"{cycles}" if cycles < 10**18 else "so many"
+    _check_length(len(schedule.requests) * cycles, f"{many} cycles", "fewer cycles")
     return Schedule(schedule.names, np.tile(schedule.requests, (cycles, 1)), schedule.period)
 
 
@@ -88,6 +89,7 @@ def _places(schedule: Schedule, rate: float) -> Array:
 
 def _check_length(rows: float, what: str, advice: str) -> None:
     if rows > MOST_ROWS:
+        many = f"{rows:.0f}" if rows < 1e18 else "too many"
         raise InvalidInput(
-            f"{what} make {rows:.0f} rows, expected at most {MOST_ROWS}; ask for {advice}"
+            f"{what} make {many} rows, expected at most {MOST_ROWS}; ask for {advice}"
         )

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.exceptions import InvalidFile
+from kinematics import KinematicsError
+from planner.exceptions import InvalidFile, PlannerError
 from planner.files.foot_path import read_foot_path
 from planner.files.joint_model import read_models
 from planner.files.joint_path import read_joint_path
@@ -72,3 +73,19 @@ def test_any_bytes_are_a_foot_path_or_bad_input(file, content):
 def test_any_bytes_are_models_or_bad_input(file, content):
     models = _read(read_models, file, content)
     assert models is None or models.common is not None or models.by_joint
+
+
+@pytest.mark.parametrize("character", ["\0", "\u202e", "\U000e0001"])
+def test_a_name_without_end_of_what_cannot_be_printed_is_told_in_one_short_line(file, character):
+    file.write_text(f"knee_deg,{character * 9999}_deg,ankle{character * 9999}\n1,2,x\n")
+    with pytest.raises(InvalidFile) as caught:
+        read_joint_path(file)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 2000
+
+
+@pytest.mark.parametrize("error", [PlannerError, KinematicsError])
+def test_a_message_is_short_after_it_is_made_printable(error):
+    message = str(error("\0" * 10**5))
+    assert message.isprintable()
+    assert len(message) < 2000

@@ -16,7 +16,7 @@ from planner.files import output_folder as output_folder_module
 from planner.files import text
 from planner.files.exchange import exchange
 from planner.files.output_folder import list_files, output_folder
-from planner.files.text import write_text
+from planner.files.text import read_text, staged, write_text
 
 
 def _run(folder, name="a.csv", content="1"):
@@ -90,6 +90,32 @@ def test_a_device_takes_what_it_is_given():
     write_text(os.devnull, "anything")
 
 
+def test_a_name_that_no_file_can_have_is_bad_input(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    for name, reason in (
+        (loop, r"too many levels of symbolic links"),
+        (tmp_path, "is a directory"),
+        (tmp_path / "a\0b", "embedded null byte"),
+        (tmp_path / ("x" * 300), "file name too long"),
+    ):
+        with pytest.raises(InvalidFile, match=rf"cannot be written \({reason}\); choose another"):
+            write_text(name, "text")
+    assert list(tmp_path.iterdir()) == [loop]
+    with pytest.raises(InvalidFile, match=r"cannot be read \(embedded null byte\)"):
+        read_text(tmp_path / "a\0b")
+    for name in (loop, tmp_path / "a\0b"):
+        with pytest.raises(InvalidFile, match="choose another"), output_folder(name):
+            pass
+    assert list(tmp_path.iterdir()) == [loop]
+
+
+def test_several_files_appear_or_none_where_one_cannot(tmp_path):
+    with pytest.raises(InvalidFile, match="is a directory"), staged(tmp_path, b"text"):
+        write_text(tmp_path / "other", "text")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_does_not_exist_is_bad_input(tmp_path):
     with pytest.raises(InvalidFile, match=r"cannot be written \(no such file or directory\)"):
         write_text(tmp_path / "missing" / "plan.csv", "text")
@@ -128,6 +154,30 @@ def test_a_folder_with_a_users_files_is_never_replaced(tmp_path):
         "or an earlier run's; choose another folder or move them away"
     )
     assert (out / "notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "content",
+    ['{"files": 3}', '{"files": "a"}', '{"files": {"a": 1}}', "3", "[" * 10**5, "\0", '{"files": '],
+)
+def test_what_only_looks_like_the_results_of_a_run_is_the_users(tmp_path, content):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "results.json").write_text(content)
+    (out / "a").touch()
+    with pytest.raises(InvalidFile, match="no earlier run made"):
+        _run(out)
+    assert (out / "results.json").read_text() == content
+
+
+def test_results_that_are_a_pipe_or_without_end_are_the_users(tmp_path):
+    os.mkfifo(tmp_path / "results.json")
+    with pytest.raises(InvalidFile, match=r"no earlier run made \(results\.json\)"):
+        _run(tmp_path)
+    (tmp_path / "results.json").unlink()
+    (tmp_path / "results.json").symlink_to("/dev/zero")
+    with pytest.raises(InvalidFile, match=r"no earlier run made \(results\.json\)"):
+        _run(tmp_path)
 
 
 def test_files_that_appear_during_a_run_are_kept(tmp_path):

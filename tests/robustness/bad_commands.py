@@ -401,4 +401,45 @@ BAD = {
         ["view", "no.csv", "--leg", "reference"],
         "no.csv: no such file; check the name and the folder",
     ),
+    "a knot at no time": (
+        ["fit", "d.csv", "--knot-s", "nan"],
+        "hip: knots: 1 of 1 samples are not finite, the first at index 0 (nan); remove or "
+        "interpolate them first",
+    ),
+    "a knot at the end of time": (
+        ["fit", "d.csv", "--knot-s", "1e400"],
+        "hip: knots: 1 of 1 samples are not finite, the first at index 0 (inf); remove or "
+        "interpolate them first",
+    ),
+    "cycles beyond counting": (
+        ["export", "d.csv", "--format", "csv", "--cycles", "1" + "0" * 400],
+        "so many cycles make too many rows, expected at most 1000000; ask for fewer cycles",
+    ),
+    "ticks beyond counting": (
+        ["export", "d.csv", "--format", "csv", "--unit", "ticks", "--ticks-per-turn", "1" * 400],
+        "ticks per turn: got a very large number, expected 2 to 2147483648",
+    ),
+    "a sensor finer than atoms": (
+        ["excite", "--limits-deg", "-9", "9", "--resolution-deg", "1e-320"],
+        "--resolution-deg: got 9.99989e-321, expected 0 for none, or at least 1e-09. See "
+        "'request-planner excite --help'.",
+    ),
+    "a word that colours the terminal": (
+        ["plan", "d.csv", "--method", "\x1b[31mred"],
+        "Invalid value for '--method': '\\x1b[31mred' is not one of 'closed-form', 'optimal', "
+        "'foot-optimal'. See 'request-planner plan --help'.",
+    ),
+    "a command that writes from right to left": (
+        ["\u202enalp"],
+        "No such command '\\u202enalp'. See 'request-planner --help'.",
+    ),
+    "a word without end": (
+        ["plan", "d.csv", "--norm", "x" * 5000],
+        f"Invalid value for '--norm': '{'x' * 1171} … {'x' * 236}' is not one of 'rms', 'max'. See "
+        "'request-planner plan --help'.",
+    ),
+    "a log into a folder": (
+        ["excite", "--limits-deg", "-9", "9", "--expected-log", "folder"],
+        "folder: cannot be written (is a directory); choose another place for the output",
+    ),
 }

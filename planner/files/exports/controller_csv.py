@@ -17,10 +17,14 @@ from planner.files.clock import TIME
 from planner.files.table import DECIMALS, write_table
 from planner.files.text import write_text
 from planner.files.units import ANGLES
+from planner.given import shown
 from planner.robot.schedule import Schedule
 
 UNITS = (*ANGLES, "ticks")
 """Units of the columns, which are also the ends of their names."""
+
+MOST_TICKS = 2**31
+"""Most ticks of a turn: what counts them has 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,10 @@ class Ticks:
     zeros: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if self.per_turn < 2:
-            raise InvalidInput(f"ticks per turn: got {self.per_turn}, expected at least 2")
+        if not 2 <= self.per_turn <= MOST_TICKS:
+            raise InvalidInput(
+                f"ticks per turn: got {shown(self.per_turn)}, expected 2 to {MOST_TICKS}"
+            )
 
 
 def write_controller_csv(
