@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.identification.speed_cloud import SpeedCloud, speed_cloud
+from planner.report.identification_cloud import MOST_POINTS, cloud_view
 from planner.report.identification_parameters import estimate, parameters, unit_of, units_of
 from planner.report.identification_words import errors
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, WIDTH
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 STRIP = 0.52
 """Height of one parameter's strip [inch]."""
-
-MOST_POINTS = 1500
-"""Points of a cloud that are drawn, evenly chosen: enough to see its shape, and a light page."""
 
 SHORT = {
     "v_max": "$v_\\mathrm{max}$",
@@ -108,9 +105,7 @@ def draw_speed_cloud(identification: Identification) -> Figure:
     from planner.model.joint import saturation
 
     model, units = identification.model, units_of(identification)
-    clouds = [speed_cloud(model, fit) for fit in identification.fits]
-    cloud = SpeedCloud(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
-    reach = _reach(cloud, model.theta_0)
+    cloud, reach, highest = cloud_view(identification)
     figure = Figure(figsize=(WIDTH, 3.3), layout="constrained")
     axes = figure.add_subplot()
     axes.axhline(0.0, color=MUTED.light, lw=0.8)
@@ -141,12 +136,7 @@ def draw_speed_cloud(identification: Identification) -> Figure:
     )
     _mark_corner(axes, identification, units.factor, reach)
     axes.set_xlim(-units.factor * reach, units.factor * reach)
-    highest = (
-        1.15
-        * units.factor
-        * float(max(np.max(np.abs(speeds)), np.quantile(np.abs(cloud.speeds[drawn]), 0.995)))
-    )
-    axes.set_ylim(-highest, highest)
+    axes.set_ylim(-units.factor * highest, units.factor * highest)
     axes.set_xlabel(f"request minus angle, mean over the window [{units.angle}]")
     axes.set_ylabel(f"speed [{units.speed}]")
     handles, labels = axes.get_legend_handles_labels()
@@ -166,14 +156,6 @@ def _mark_corner(axes: Axes, identification: Identification, factor: float, reac
     axes.annotate(SHORT["v_max"], (-factor * reach, top), xytext=(4, 0),
                   textcoords="offset points", va="center", color=INK.light)  # fmt: skip
     axes.plot([-0.8 * factor * reach, corner], [top, top], color=MUTED.light, lw=0.9, ls=":")
-
-
-def _reach(cloud: SpeedCloud, theta_0: float) -> float:
-    """How far to draw: nearly all errors, and a little beyond theta_0 where the data gets there."""
-    if not len(cloud.errors):
-        return 2.0 * theta_0
-    most = 1.1 * float(np.quantile(np.abs(cloud.errors), 0.99))
-    return max(most, 1e-9) if most < theta_0 else max(1.3 * theta_0, min(most, 5.0 * theta_0))
 
 
 def _span(identification: Identification, name: str, value: float) -> tuple[float, float]:

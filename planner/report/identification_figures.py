@@ -9,6 +9,7 @@ from planner.identification.identification import Identification, LogFit
 from planner.report import identification_draw as draw
 from planner.report import identification_draw_log as draw_log
 from planner.report.figures import Picture
+from planner.report.identification_cloud import cloud_plot
 from planner.report.identification_live import log_plot
 from planner.report.identification_parameters import units_of
 from planner.report.style import applied
@@ -84,6 +85,7 @@ def _cloud(identification: Identification, prefix: str) -> Picture:
         "A cloud of measured speeds over request errors, along a line through the origin that "
         "turns level at the top speed.",
         draw.draw_speed_cloud(identification),
+        cloud_plot(identification),
     )
 
 

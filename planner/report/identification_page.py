@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -69,8 +70,12 @@ def identification_page(
         _joint(name, found, f"joint{k}_" if len(identifications) > 1 else "")
         for k, (name, found) in enumerate(identifications.items(), 1)
     ]
-    logs = [picture for joint in joints for log in joint.pictures.logs for picture in log]
-    live = {picture.name: picture.live for picture in logs if picture.live is not None}
+    shown = [
+        picture
+        for joint in joints
+        for picture in (joint.pictures.cloud, *chain(*joint.pictures.logs))
+    ]
+    live = {picture.name: picture.live for picture in shown if picture.live is not None}
     found = versions()
     return (
         environment()

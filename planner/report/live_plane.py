@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from planner.report.curves import Curve
 from planner.report.live_words import lines, trace
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array
 
 HEIGHT = 330
 """Of a plot, unless it is told [px]."""
@@ -16,6 +21,10 @@ ABOVE, BELOW = 30, 46
 
 LEFT = 58
 """Margin for numbers [px]; names need more, and take it."""
+
+
+ROOM = 0.06
+"""Beside the values, as a share of what they span."""
 
 
 class Axis(NamedTuple):
@@ -86,6 +95,14 @@ def plane_plot(
         "clock": None,
         "views": {},
     }
+
+
+def around(*values: Array) -> tuple[float, float]:
+    """The ends of an axis on which all values lie, with room on both sides."""
+    low = min(float(np.min(each)) for each in values)
+    high = max(float(np.max(each)) for each in values)
+    room = ROOM * (high - low)
+    return low - room, high + room
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:

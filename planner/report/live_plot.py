@@ -148,5 +148,5 @@ def _span_label(span: Span, scale: float, yref: str) -> dict[str, Any]:
     """What a span is, beside its upper end: on that side where there is room."""
     left = span.label_side == "left"
     x = scale * (span.start if left else span.end)
-    side = {"xanchor": "right" if left else "left", "yanchor": "top", "align": "left"}
-    return label(span.label, x, 1.0, yref=yref, **side)
+    anchor = "right" if left else "left"
+    return label(span.label, x, 1.0, yref=yref, xanchor=anchor, yanchor="top")

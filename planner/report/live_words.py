@@ -74,7 +74,11 @@ def trace(curve: Curve, *, hover: str, scale: float = 1.0) -> dict[str, Any]:
             "line": {"color": colour, "width": 1.6},
         }
         if curve.filled:
-            marker |= {"color": colour, "size": SMALL, "opacity": curve.filled}
+            marker |= {
+                "color": colour,
+                "size": SMALL if curve.filled < 1.0 else 7,
+                "opacity": curve.filled,
+            }
             marker["line"]["width"] = 0
         looks = {"mode": "markers", "marker": marker}
     if curve.notes:
@@ -115,10 +119,12 @@ def heading(text: str, top: float) -> dict[str, Any]:
     }
 
 
-def label(text: str, x: float, y: float, *, yref: str = "y", **more: Any) -> dict[str, Any]:
+def label(
+    text: str, x: float, y: float, *, yref: str = "y", bold: bool = False, **more: Any
+) -> dict[str, Any]:
     """Words in a panel, at a place in its units."""
     return {
-        "text": escaped(text),
+        "text": f"<b>{escaped(text)}</b>" if bold else escaped(text),
         "x": x,
         "y": y,
         "xref": "x",

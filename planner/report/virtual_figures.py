@@ -12,6 +12,7 @@ from planner.report.draw_joints import joint_plot, joint_rows
 from planner.report.figures import Picture
 from planner.report.live_figures import HIDDEN, distance_plot, walking_leg
 from planner.report.style import applied
+from planner.report.virtual_live import promises_plot, steps_plot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,6 +36,8 @@ def _live_figures(outcome: VirtualOutcome) -> Mapping[str, Mapping[str, Any]]:
     legs = {method: outcome.legs[method][0] for method in ROLES}
     return {
         "foot_paths": walking_leg(planned, legs),
+        "step_tests": steps_plot(outcome),
+        "promises": promises_plot(outcome),
         "joints_direct": joint_plot(planned, joints.unseen_curves(outcome)),
         "trajectories": joint_plot(planned, joints.tracking_curves(outcome)),
         "foot_optimised_trajectories": joint_plot(planned, joints.foot_tracking_curves(outcome)),

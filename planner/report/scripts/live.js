@@ -46,10 +46,10 @@ const live = {
   },
 
   // An entry of a legend: a button that hides and shows what it names.
-  entry({ name, colour, width, dashes, hidden }, toggle) {
+  entry({ name, colour, width, dashes, hidden, filled }, toggle) {
     const dots = dashes === "dots";
     const looks = `stroke: ${colour}; stroke-width: ${Math.max(width + 0.6, 1.8)}; stroke-dasharray: ${dots ? "none" : dashes}`;
-    const mark = dots ? live.svg("circle", { cx: 13, cy: 5, r: 3.6, fill: "none", style: looks })
+    const mark = dots ? live.svg("circle", { cx: 13, cy: 5, r: 3.6, fill: filled ? colour : "none", style: looks })
       : live.svg("line", { x1: 0, x2: 26, y1: 5, y2: 5, style: looks });
     const button = live.element("button", { type: "button", className: "entry", ariaPressed: String(!hidden) },
       live.svg("svg", { viewBox: "0 0 26 10", "aria-hidden": "true" }, mark), live.element("span", { textContent: name }));

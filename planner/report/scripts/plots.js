@@ -21,7 +21,7 @@ live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
     const rows = [...data.keys()].filter((k) => data[k].name === name);
     const { line, marker, visible } = data[rows[0]];
     const looks = line ? { colour: line.color, width: line.width, dashes: line.dash.replaceAll("px", "").replace("solid", "none") }
-      : { colour: marker.line.color, width: 1, dashes: "dots" };
+      : { colour: marker.line.color, width: 1, dashes: "dots", filled: marker.line.width === 0 };
     return live.entry({ name, ...looks, hidden: visible !== true }, (shown) => {
       for (const k of rows) data[k].visible = shown; // for when the colours change
       Plotly.restyle(place, { visible: shown }, rows);
