@@ -13,11 +13,13 @@ from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.called import with_shown_speed
 from planner.identification.clock import clock_of
+from planner.identification.direction import opposite
 from planner.identification.fitting import fitted
 from planner.identification.identification import Alternative, Identification, Interval, LogFit
 from planner.identification.intervals import Bounds, bounds_of
 from planner.identification.log import Log, as_logs
 from planner.identification.spread import Spread, spread_of
+from planner.identification.turns import continued
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, verdict_on
 from planner.trajectory import Array
@@ -48,6 +50,7 @@ def identify(
     hold_out = as_flag("hold_out", hold_out)
     logs = as_logs(logs)
     _check_alike(logs)
+    logs, jumps = zip(*map(continued, logs), strict=True)
     clock = clock_of(logs, tick=tick, hold=hold)
     fit = with_shown_speed(fitted(logs, clock, choose_tick=tick is None and hold is None))
     clock = clock.ticking(fit.grid.tick)
@@ -58,9 +61,15 @@ def identify(
     errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal = _signal(fit)
     verdict = verdict_on(
-        fit, bounds, held, errors, signal=signal, unit="" if logs[0].unit == "1" else logs[0].unit
+        fit,
+        bounds,
+        held,
+        errors,
+        against=opposite(fit.grid),
+        signal=signal,
+        unit="" if logs[0].unit == "1" else logs[0].unit,
     )
-    notes = notes_on(logs, clock)
+    notes = notes_on(logs, clock, jumps)
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
     return Identification(

@@ -11,6 +11,7 @@ import numpy as np
 from planner.identification.adjusted import Adjusted
 from planner.identification.called import peak_call
 from planner.identification.clock import Clock
+from planner.identification.direction import Opposite
 from planner.identification.intervals import Bounds
 from planner.identification.log import Log
 from planner.identification.loss import sound_rms
@@ -32,6 +33,14 @@ NO_BETTER = 0.9
 POOR = 0.2
 """Share of the motion's standard deviation from which a model has to prove its worth."""
 
+LITTLE = 0.2
+"""A joint that spans less than this [rad, or share of its range] in a log that is refused hardly
+moves: eleven degrees."""
+
+SPANS = 30.0
+"""Times its error that a motion should span: one that comes and goes evenly has a standard
+deviation of a third of its span, of which an error of a tenth is no reason for doubt."""
+
 LOOSE = 0.5
 """A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
 
@@ -52,6 +61,7 @@ def verdict_on(
     held: HeldOut | None,
     simple: dict[str, float],
     *,
+    against: Opposite | None,
     signal: float,
     unit: str,
 ) -> Verdict:
@@ -65,6 +75,7 @@ def verdict_on(
         bounds: Its intervals.
         held: What held-out rows say, if any were.
         simple: Error of the simpler descriptions on the same rows [rad].
+        against: What speaks for a joint that moves against its requests, if anything does.
         signal: Standard deviation of the motion [rad].
         unit: Unit of the angles in words; empty for shares of a range.
     """
@@ -82,20 +93,28 @@ def verdict_on(
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
     useless = missed > POOR and fit.rms > NO_BETTER * mere
-    accepted = missed <= REFUSED and not useless
+    fits = missed <= REFUSED and not useless
     said = f"{missed:.0%} of the motion's standard deviation{where} (rms {_said(error, unit)})"
     if useless:
         warnings.append(
             f"the model does not fit: it misses {said}, and a mere delay hardly more "
             f"({_said(mere, unit)} in place of {_said(fit.rms, unit)}); {REASONS}"
         )
-    elif not accepted:
+    elif not fits:
         warnings.append(
             f"the model does not fit: it misses {said}; more than {REFUSED:.0%} is not accepted; "
             f"{REASONS}"
         )
     elif missed > SUSPECT:
         warnings.append(f"the model misses {said}; {REASONS}")
+    if not fits and (span := float(np.ptp(fit.grid.angles))) < LITTLE:
+        warnings.append(
+            f"the joint hardly moves in this log, by {_said(span, unit)} in all: record requests "
+            f"that span {_said(_rounded(SPANS * error), unit)} or more, of which friction, play "
+            "and the sensor's steps are a smaller part"
+        )
+    if against is not None:
+        warnings.insert(0, against.words)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     if ours > SIMPLER_WINS * others[name] and (fair or held is None):
@@ -103,7 +122,7 @@ def verdict_on(
             f"{WORDS[name]} predicts better than the model (rms {_said(others[name], unit)} "
             f"against {_said(ours, unit)}): the log is too short or too gentle for more"
         )
-    return Verdict(accepted, (*warnings, *_undetermined(fit, bounds, unit)))
+    return Verdict(fits and against is None, (*warnings, *_undetermined(fit, bounds, unit)))
 
 
 WORDS = {
@@ -155,8 +174,14 @@ def _undetermined(fit: Adjusted, bounds: Bounds, unit: str) -> list[str]:
     return found
 
 
-def notes_on(logs: Sequence[Log], clock: Clock) -> list[str]:
-    """What is odd about the logs themselves."""
+def notes_on(logs: Sequence[Log], clock: Clock, jumps: Sequence[int]) -> list[str]:
+    """What is odd about the logs themselves.
+
+    Args:
+        logs: The logs.
+        clock: Their ticks.
+        jumps: For each log, how often its angles started again after a turn.
+    """
     found = []
     periods = [log.period for log in logs]
     if max(periods) > (1.0 + UNEQUAL) * min(periods):
@@ -164,7 +189,13 @@ def notes_on(logs: Sequence[Log], clock: Clock) -> list[str]:
             f"the logs have periods from {1e3 * min(periods):.3g} to {1e3 * max(periods):.3g} ms; "
             f"the model's is their median, {1e3 * clock.period:.3g} ms"
         )
-    for log in logs:
+    for log, often in zip(logs, jumps, strict=True):
+        if often:
+            times = "once" if often == 1 else f"{often} times"
+            found.append(
+                f"{log.name}: the actual angle jumps by a whole turn {times}, as encoders do that "
+                "start again; it is taken to go on"
+            )
         if not log.torque_on.all():
             off = 1.0 - float(np.mean(log.torque_on))
             found.append(f"{log.name}: torque is off in {off:.0%} of the rows, which are left out")

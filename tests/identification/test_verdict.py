@@ -100,3 +100,14 @@ def test_a_joint_that_jumps_is_none_even_if_it_mostly_rests():
     times = 0.02 * np.arange(len(requests))
     found = planner.identify((times, requests, requests))  # there at once: faster than any lag
     assert not found.accepted
+
+
+def test_a_joint_that_hardly_moves_is_told_how_far_to_move():
+    log = rich_log(amplitude=0.01, noise=NOISE)
+    found = planner.identify(log)
+    assert not found.accepted
+    said = next(text for text in found.warnings if "hardly moves" in text)
+    assert "record requests that span 0.1 rad or more" in said
+    enough = planner.identify(rich_log(amplitude=0.05, noise=NOISE))
+    assert enough.accepted
+    assert not any("hardly moves" in text for text in enough.warnings)

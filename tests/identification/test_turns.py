@@ -1,0 +1,65 @@
+"""Encoders that start again after a turn are read on; whatever only looks like it is left alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import planner
+from planner.identification.turns import TURN, continued
+from tests.identification.made import AIBO, NOISE, changed, rich_log
+
+SAME = 1e-12
+"""Turns are added and taken to rounding [rad]."""
+
+
+def wrapped(angles):
+    return np.mod(angles + np.pi, TURN) - np.pi
+
+
+def test_an_encoder_that_starts_again_gives_the_model_of_one_that_does_not():
+    log = rich_log(noise=NOISE)
+    high = changed(log, requests=log.requests + 3.1, angles=log.angles + 3.1)
+    found = planner.identify(changed(high, angles=wrapped(high.angles)))
+    assert found.accepted
+    assert any("jumps by a whole turn" in text for text in found.warnings)
+    expected = planner.identify(high).model
+    assert np.isclose(found.model.v_max, expected.v_max, rtol=1e-6)
+    assert np.isclose(found.model.offset, expected.offset, atol=1e-6)
+    assert np.max(np.abs(found.fits[0].log.angles - high.angles)) <= SAME
+
+
+def test_requests_that_start_again_too_go_on_as_well():
+    log = rich_log(noise=NOISE)
+    both = changed(log, requests=wrapped(log.requests + 3.1), angles=wrapped(log.angles + 3.1))
+    read, jumps = continued(both)
+    assert jumps > 0
+    assert np.max(np.abs(np.diff(read.angles))) < 1.0
+    assert np.max(np.abs(read.angles - read.requests - log.angles + log.requests)) <= SAME
+
+
+def test_a_request_for_a_whole_turn_stays_one():
+    requests = np.repeat([0.0, TURN, 0.0, TURN, 0.0], 150)
+    angles = planner.simulate(replace(AIBO, v_max=12.0, theta_0=0.27), requests, cyclic=False)
+    log = planner.Log(
+        times=AIBO.period * np.arange(len(requests)), requests=requests, angles=angles
+    )
+    assert continued(log) == (log, 0)
+    read, jumps = continued(changed(log, angles=wrapped(angles)))
+    assert jumps > 0
+    assert np.array_equal(read.requests, requests)
+    assert np.max(np.abs(read.angles - angles)) <= SAME
+
+
+def test_glitches_shares_and_slow_logs_are_left_alone():
+    log = rich_log(noise=NOISE)
+    angles = log.angles.copy()
+    angles[[50, 120, 121]] += 6.0
+    glitched = changed(log, angles=angles)
+    assert continued(glitched) == (glitched, 0)
+    high = changed(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
+    share = replace(high, unit="1")
+    assert continued(share) == (share, 0)
+    slow = replace(high, times=0.2 * np.arange(len(high.times)))
+    assert continued(slow) == (slow, 0)
