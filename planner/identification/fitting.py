@@ -25,6 +25,10 @@ WORTH_COARSER = 0.005
 """Share of the loss that ticks of a whole period have to save over shorter ones; where the log does
 not tell which ticks the joint has, the two agree to a tenth of that."""
 
+SEARCH_TICK = 0.004
+"""The search walks logs that have more rows on ticks of so many whole periods as fit into this [s]:
+where to look for the best fit does not depend on it."""
+
 LEAST_MOTION = 1e-12
 """Angles and requests that span less do not change [rad]: that is rounding."""
 
@@ -45,7 +49,8 @@ def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> A
     """
     delay, _ = best_delay(moving(gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
     burn_in = min(2.0 * delay + 2.0 * clock.period, clock.reach)
-    coarse = moving(gridded(logs, tick=clock.period, reach=clock.reach, burn_in=burn_in))
+    stride = clock.period * max(1, int(SEARCH_TICK / clock.period * (1.0 + 1e-9)))
+    coarse = moving(gridded(logs, tick=stride, reach=clock.reach, burn_in=burn_in))
     found = searched(coarse)
     fine = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in)
     fits = [
