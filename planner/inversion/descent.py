@@ -54,6 +54,18 @@ SEARCH = (
 """The stages of a search. A pull keeps the first ones out of the plains where saturated requests no
 longer count, and the last ones from jumping where nothing is gained by it."""
 
+WIDE_SEARCH = (
+    Stage(2.0, 1e-3),
+    Stage(1.0, 1e-3),
+    Stage(0.5, 1e-4),
+    Stage(0.2, 1e-4),
+    Stage(0.08, 1e-4),
+    Stage(0.02, 1e-5),
+    Stage(0.008, 1e-8),
+)
+"""The stages of a search that leaves the place where it begins: under corners so wide every request
+counts. Hardly a pull is left at the end, which matters where next to no error is."""
+
 
 TOWARDS_THE_LARGEST = tuple(
     Stage(smoothing, 1e-5, power=power, steps=8)

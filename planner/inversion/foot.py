@@ -15,10 +15,10 @@ from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.given import as_flag, as_reals, shown
-from planner.inversion.descent import SEARCH, improve
+from planner.inversion.descent import SEARCH, WIDE_SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
-from planner.inversion.iterate import Stage, State
+from planner.inversion.iterate import State
 from planner.inversion.leg_joints import checked_leg, each_limit, one_for_each
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
@@ -33,20 +33,8 @@ RIDGE = 1e-4
 UNMOVED = 1e-9
 """Movement of the foot per radian, relative to the last link's length, that is none."""
 
-SEARCHES = (
-    tuple(
-        Stage(smoothing, pull, steps=16)
-        for smoothing, pull in (
-            (2.0, 1e-3),
-            (1.0, 1e-3),
-            (0.5, 1e-4),
-            (0.2, 1e-4),
-            (0.08, 1e-4),
-            (0.02, 1e-5),
-            (0.008, 1e-8),
-        )
-    ),
-    tuple(stage._replace(steps=16) for stage in SEARCH),
+SEARCHES = tuple(
+    tuple(stage._replace(steps=16) for stage in search) for search in (WIDE_SEARCH, SEARCH)
 )
 """Two searches, of which the better one is kept. The joints must leave the plans that were best for
 each alone, which wide corners let them; the second is for paths that the joints can follow. Where

@@ -20,6 +20,7 @@ from planner.model.sensitivity import sensitivities
 from tests.independent import from_rest, next_cycle
 from tests.instances import (
     REFERENCE_JOINTS,
+    TICK,
     answered,
     attainable,
     random_model,
@@ -82,6 +83,22 @@ def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
         angles = simulate(model, requests, cyclic=cyclic, start=other.start)
         closed_form_rms = float(np.sqrt(np.mean((angles - desired) ** 2)))
         assert plan.rms <= closed_form_rms + NO_WORSE
+
+
+@pytest.mark.parametrize("seed", [107, 137, 178])
+def test_no_closed_form_does_better_where_a_slow_joint_stays_far_from_the_ideal(seed):
+    rng = np.random.default_rng(seed)
+    model = JointModel(
+        v_max=math.radians(rng.uniform(1.0, 3.0)) / TICK,
+        theta_0=math.radians(rng.uniform(3.0, 8.0)),
+        lag=rng.uniform(5.0, 7.0) * TICK,
+        acceleration_time=rng.uniform(7.0, 9.0) * TICK,
+        tick=TICK,
+    )
+    desired = saturating(rng, model, samples=60)
+    plan = invert_optimal(model, desired)
+    for rule in RULES:
+        assert plan.rms <= invert_closed_form(model, desired, rule=rule).rms + NO_WORSE
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -149,6 +166,13 @@ def test_what_the_joint_can_do_is_reached_to_a_hundredth_of_a_degree(seed, hold)
     rng = np.random.default_rng(seed)
     model = random_model(rng, whole=seed % 2 == 0, hold=hold, offset=seed > 2)
     assert invert_optimal(model, attainable(rng, model)).rms <= ATTAINED
+
+
+@pytest.mark.parametrize(("seed", "samples"), [(1, 25), (20, 20), (35, 30), (44, 20)])
+def test_short_cycles_that_the_joint_can_do_are_reached_to_a_hundredth_of_a_degree(seed, samples):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    assert invert_optimal(model, attainable(rng, model, samples=samples)).rms <= ATTAINED
 
 
 @pytest.mark.parametrize("seed", range(6))
