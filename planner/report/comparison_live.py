@@ -12,7 +12,7 @@ from planner.report.comparison_tints import TINTS
 from planner.report.curves import Curve, Panel, Span
 from planner.report.live_leg import Motion, moving_leg
 from planner.report.live_plot import time_plot
-from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, MUTED, OPTIMAL, Role
+from planner.report.style import CLOSED_FORM, DESIRED, FOOT_OPTIMAL, INK, LIMIT, OPTIMAL, Role
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIMAL}
 """The plans whose feet are drawn."""
 
-LIMIT = MUTED._replace(label="limit", width=1.0, dashes=(0, (1.5, 2.0)))
 NEAR = 0.1
 """A limit is drawn within this share of the requests' range beyond them."""
 

@@ -34,7 +34,7 @@ def step_plot(reproduction: Reproduction, amplitude: float) -> dict[str, Any]:
     speed = math.degrees(response.v_max) * period
     requests = cycle(response.requests, REQUESTED)._replace(held=True)
     panel = Panel(
-        f"top speed {speed:.3g} deg per sample",
+        f"v_max = {speed:.3g} deg/sample",
         "angle",
         "deg",
         (requests, cycle(response.angles, CLOSED_FORM, "actual")),

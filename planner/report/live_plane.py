@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.report.curves import Curve
-from planner.report.live_words import lines, trace
+from planner.report.live_words import escaped, lines, trace
 
 if TYPE_CHECKING:
     from planner.trajectory import Array
@@ -106,10 +106,11 @@ def around(*values: Array) -> tuple[float, float]:
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
-    made: dict[str, Any] = {**lines(), "title": {"text": axis.title, "standoff": standoff}}
+    made: dict[str, Any] = {**lines(), "title": {"text": escaped(axis.title), "standoff": standoff}}
     if axis.range is not None:
         made["range"] = list(axis.range)
     if axis.names is not None:
-        made |= {"tickvals": list(axis.names), "ticktext": list(axis.names.values())}
+        words = [escaped(name) for name in axis.names.values()]
+        made |= {"tickvals": list(axis.names), "ticktext": words}
         made |= {"automargin": True, "showgrid": False}
     return made

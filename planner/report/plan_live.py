@@ -9,8 +9,10 @@ import numpy as np
 
 from planner.report.curves import Curve, Panel
 from planner.report.live_leg import Motion, moving_leg
+from planner.report.live_plane import Axis, around, plane_plot
 from planner.report.live_plot import time_plot
-from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED, Role
+from planner.report.plan_draw import VIEWS
+from planner.report.style import DESIRED, DIRECT, LIMIT, REQUESTED, Role
 
 if TYPE_CHECKING:
     from planner.evaluation.plan_outcome import PlanOutcome
@@ -36,6 +38,26 @@ def live_leg(outcome: PlanOutcome, role: Role) -> dict[str, Any]:
     return moving_leg(motions, period=outcome.period, cyclic=outcome.cyclic)
 
 
+def live_view(outcome: PlanOutcome, role: Role, view: str) -> dict[str, Any]:
+    """The paths of the foot from the side or from the front, with the moments along them."""
+    assert outcome.leg is not None, "only a leg has a foot"
+    column, name = VIEWS[view]
+    curves = []
+    for positions, looks in zip(outcome.feet.values(), (DESIRED, DIRECT, role), strict=True):
+        seen = 100.0 * (np.vstack([positions, positions[:1]]) if outcome.cyclic else positions)
+        moments = tuple(f"{1000.0 * outcome.period * k:g} ms" for k in range(len(seen)))
+        curves.append(Curve(looks, seen[:, column], seen[:, 2], notes=moments))
+    across, up = (
+        around(*each) for each in zip(*((c.times, c.values) for c in curves), strict=True)
+    )
+    return plane_plot(
+        curves,
+        Axis(f"{name} in the frame {outcome.leg.base} [cm]", "cm", across),
+        Axis("z [cm]", "cm", up),
+        equal=True,
+    )
+
+
 def live_distances(outcome: PlanOutcome, role: Role) -> dict[str, Any]:
     """How far the foot is from where it should be."""
     curves = [
@@ -58,7 +80,7 @@ def live_joint(outcome: PlanOutcome, role: Role, joint: int) -> dict[str, Any]:
     )
     low, high = float(np.nanmin(requests.values)), float(np.nanmax(requests.values))
     limits = [
-        Curve(MUTED, requests.times[[0, -1]], np.full(2, math.degrees(limit)), "limit")
+        Curve(LIMIT, requests.times[[0, -1]], np.full(2, math.degrees(limit)))
         for limit in outcome.limits.get(outcome.names[joint], ())
         if low - NEAR * (high - low) <= math.degrees(limit) <= high + NEAR * (high - low)
     ]
@@ -78,6 +100,6 @@ def _curve(outcome: PlanOutcome, values: Array, role: Role) -> Curve:
 
 
 def _plot(outcome: PlanOutcome, panels: list[Panel]) -> dict[str, Any]:
-    """The panels in milliseconds; they follow the moving leg, where there is one."""
-    clock = 1000.0 if outcome.feet else None
+    """The panels in milliseconds; they follow the moving leg and one another."""
+    clock = 1000.0 if outcome.feet or len(outcome.names) > 1 else None
     return time_plot(panels, unit="ms", scale=1000.0 * outcome.period, decimals=1, clock=clock)

@@ -14,7 +14,7 @@ from planner.report.linked_files import LinkedFile
 from planner.report.live_page import live_head, live_scripts
 from planner.report.page import PARAMETERS, drawn, environment
 from planner.report.plan_draw import draw_distances, draw_joint, draw_view
-from planner.report.plan_live import live_distances, live_joint, live_leg
+from planner.report.plan_live import live_distances, live_joint, live_leg, live_view
 from planner.report.plan_words import joint_rows, remarks, size, verdict
 from planner.report.results import versions
 from planner.report.style import CLOSED_FORM, FOOT_OPTIMAL, OPTIMAL, ROLES, applied
@@ -27,6 +27,14 @@ METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_
 
 LIBRARIES = ("request-planner", "python", "numpy", "casadi", "pin", "matplotlib", "plotly")
 """Whose versions stand at the end of the page."""
+
+
+CAPTIONS = {
+    "side": "Move the slider and the leg follows, drag it and it turns. On paper it stands at the "
+    "beginning of the planned motion; thin lines are later moments.",
+    "front": "The same paths from the front.",
+}
+"""Under the views of the foot."""
 
 
 def plan_page(
@@ -95,11 +103,10 @@ def pictures(outcome: PlanOutcome, method: str) -> dict[str, list[Picture]]:
                 Picture(
                     f"foot_{view}",
                     f"The foot from the {view}",
-                    "Sketched, the leg stands at the beginning of the planned motion; thin lines "
-                    "are later moments.",
+                    CAPTIONS[view],
                     f"Paths of the foot seen from the {view}: desired, direct and planned.",
                     draw_view(outcome, role, view),
-                    live_leg(outcome, role) if view == "side" else None,
+                    live_leg(outcome, role) if view == "side" else live_view(outcome, role, view),
                 )
                 for view in ("side", "front")
             ]

@@ -61,9 +61,9 @@ _PICTURES: tuple[_Entry, ...] = (
     (
         "step_tests",
         "The step tests (Figures 3 and 4)",
-        "Rings: what each joint's sensor recorded in the last cycle of each test, around the "
+        "Dots: what each joint's sensor recorded in the last cycle of each test, around the "
         "middle of the joint's range in the walk. Lines: the one model that was identified from "
-        "all of them. On the right, what it leaves unexplained.",
+        "all of them. Beside or below, what it leaves unexplained.",
         "For each joint three square-wave responses of growing height as rings, with the lines of "
         "the model's predictions running through them, and beside them the small differences.",
         draw.draw_steps,

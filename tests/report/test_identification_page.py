@@ -11,9 +11,13 @@ import pytest
 
 from planner.identification.identification import PARAMETERS, Interval
 from planner.report.identification_page import identification_page
+from planner.report.linked_files import LinkedFile
 from planner.report.style import ROLES
 from tests.report.made_up import made_up, made_up_log, never_saturated
 from tests.report.test_page import Page
+
+PHONE = 390
+"""Width of a phone's screen [px]."""
 
 WIDTH, HEIGHT = 420, 900
 """Of the screenshot [pixels]: a phone's."""
@@ -118,11 +122,12 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     page.write_text(several)
     browser.open(page, width=WIDTH, height=HEIGHT, dark=True)
     figures = browser.ask("Object.keys(live.figures)")
-    assert len(figures) == 3
+    assert len(figures) == 6  # three clouds and three logs
     for name in figures:
         browser.ask(f"document.getElementById('{name}').scrollIntoView()")
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
-    plot = f"document.querySelector('[id=\"{figures[0]}\"] .canvas')"
+    log = next(name for name in figures if "log" in name)
+    plot = f"document.querySelector('[id=\"{log}\"] .canvas')"
     measured = f"{plot}.data.find((trace) => trace.name === 'measured')"
     assert browser.ask(f"atob({measured}.y.bdata).length") == 4 * 1000  # bytes of every row
     assert browser.ask(f"{plot}.data.map((trace) => trace.yaxis).join()").endswith("y,y2,y2")
@@ -133,3 +138,16 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     picture = browser.screenshot()
     assert struct.unpack(">II", picture[16:24]) == (WIDTH, HEIGHT)
     assert len(picture) > 20_000  # an empty page of this size takes a few thousand bytes
+
+
+def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tmp_path):
+    long = f"{'../' * 5}{'folder_' * 9}/log.csv"
+    page = tmp_path / "report.html"
+    page.write_text(
+        identification_page({"": made_up()}, files=[LinkedFile("log", long, long)]),
+        encoding="utf-8",
+    )
+    browser.open(page, width=PHONE)
+    assert browser.ask(f"document.querySelector('a[href=\"{long}\"]').textContent") == long
+    assert browser.ask("document.documentElement.scrollWidth") <= PHONE
+    assert browser.complaints == []

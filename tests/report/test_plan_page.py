@@ -118,7 +118,7 @@ def test_every_figure_comes_to_life_and_fits_the_screen(outcome, browser, tmp_pa
     file.write_text(page_of(outcome), encoding="utf-8")
     browser.open(file, width=width, dark=dark)
     figures = browser.ask("Object.keys(live.figures)")
-    assert figures == ["foot_side", "foot_distances", "joint_0", "joint_1", "joint_2"]
+    assert figures == ["foot_side", "foot_front", "foot_distances", "joint_0", "joint_1", "joint_2"]
     for name in figures:
         browser.ask(f"document.getElementById('{name}').scrollIntoView()")
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
