@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,23 +14,21 @@ from planner.evaluation.checks import Check
 from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.given_joints import (
+    COLUMNS,
     Limits,
     check_columns,
     checked_names,
     columns_of,
-    model_of_each,
-    range_of_each,
 )
 from planner.evaluation.joint_comparison import JointComparison, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.given import as_flag, is_one_of, shown
-from planner.inversion.bound import LEVELS
+from planner.given import as_flag, shown
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.leg_joints import checked_leg
+from planner.inversion.leg_joints import checked_leg, model_of_each, range_of_each
 from planner.inversion.line import RULES
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.reachable import Level
+from planner.inversion.reachable import LEVELS, Level, check_level
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -141,28 +140,35 @@ def cross_check(
     count = len(columns)
     if leg is not None:
         check_columns(checked_leg(leg), count)
-    models = model_of_each(model, count)
+    models = model_of_each(model, count, given_as="model", joints=COLUMNS)
     called = checked_names(names, leg, count)
     given = leg.limits if limits is None and leg is not None else limits
-    ranges = None if given is None else range_of_each(given, count)
+    ranges = None if given is None else range_of_each(given, count, joints=COLUMNS)
     joints = []
     for j, name in enumerate(called):
         progress(name)
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
-        try:
+        with _about(name if count > 1 else None):
             plans = _plans(
                 models[j], columns[j], within, cyclic=cyclic, segments=segments, norm=norm
             )
-        except (Infeasible, InvalidTrajectory) as error:
-            if count == 1:
-                raise
-            raise type(error)(f"{name}: {error}") from error
         joints.append(compare_joint(name, plans, levels=levels))
     foot = None
     if leg is not None and ranges is not None:
         progress("foot")
         foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=ranges)
     return CrossCheck(joints=tuple(joints), foot=foot, cyclic=cyclic, norm=norm)
+
+
+@contextmanager
+def _about(name: str | None) -> Iterator[None]:
+    """Let errors say which of several joints they are about."""
+    try:
+        yield
+    except (Infeasible, InvalidTrajectory) as error:
+        if name is None:
+            raise
+        raise type(error)(f"{name}: {error}") from error
 
 
 def _plans(
@@ -187,8 +193,5 @@ def _plans(
 
 def _levels_up_to(level: Level) -> tuple[Level, ...]:
     """The bounds to compute, from the coarsest on."""
-    if not is_one_of(level, LEVELS):
-        raise InvalidInput(
-            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
-        )
+    check_level(level)
     return LEVELS[: LEVELS.index(level) + 1]

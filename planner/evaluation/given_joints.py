@@ -1,4 +1,4 @@
-"""What a cross-check is given: joints' angles, models, names and limits, made to fit each other."""
+"""What a cross-check is given: joints' angles and names, made to fit each other."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.given import as_reals, shown
-from planner.model.joint import JointModel
+from planner.given import shown
 from planner.trajectory import Array
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
+
+COLUMNS = "columns of desired"
+"""What has a joint each."""
 
 
 def columns_of(desired: npt.ArrayLike) -> list[Array]:
@@ -33,25 +35,6 @@ def columns_of(desired: npt.ArrayLike) -> list[Array]:
     return list(angles.T)
 
 
-def model_of_each(model: JointModel | Sequence[JointModel], count: int) -> tuple[JointModel, ...]:
-    """A model for each joint; raise InvalidInput where they are not as many, or of one rate."""
-    try:
-        models = (model,) * count if isinstance(model, JointModel) else tuple(model)
-    except TypeError:
-        models = ()
-    if len(models) != count or not all(isinstance(each, JointModel) for each in models):
-        raise InvalidInput(
-            f"model: got {len(models)} of them for {count} joints, expected one JointModel, or one "
-            "for each column of desired"
-        )
-    if len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            "model: the joints are requested at different rates, expected one; compare them one "
-            "by one"
-        )
-    return models
-
-
 def checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
     """What to call the joints; by default what the leg calls them."""
     if names is None:
@@ -63,18 +46,6 @@ def checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> t
     if len(listed) != count or len(texts) != count:
         raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
     return tuple(names)
-
-
-def range_of_each(limits: Limits, count: int) -> tuple[Array, Array]:
-    """Smallest and largest request of each joint [rad], each of shape (k,)."""
-    try:
-        lower, upper = (np.broadcast_to(as_reals(each), count).copy() for each in limits)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, "
-            "expected (lower, upper) [rad], each a number or one per joint"
-        ) from error
-    return lower, upper
 
 
 def check_columns(leg: Leg, count: int) -> None:

@@ -20,12 +20,11 @@ from planner.inversion.branching import searched_bound
 from planner.inversion.exact import TIME_LIMIT, exact_bound
 from planner.inversion.limits import positive
 from planner.inversion.norm import Norm, check_norm
-from planner.inversion.reachable import Level, Reachable, reachable_set
+from planner.inversion.question import Question
+from planner.inversion.reachable import Level, Reachable, check_level, reachable_set
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
-
-LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 Proof = Literal["search", "scip"]
 """How the exact level is proved: by our own branch and bound, or by SCIP on condition 4 alone."""
@@ -120,10 +119,7 @@ def certify(
     time_limit = positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
-    if not is_one_of(level, LEVELS):
-        raise InvalidInput(
-            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
-        )
+    check_level(level)
     if not is_one_of(proof, ("search", "scip")):
         raise InvalidInput(f"proof: got {shown(proof)}, expected 'search' or 'scip'")
     start = checked_start(start, cyclic=cyclic)
@@ -136,9 +132,8 @@ def certify(
     gap = 0.0
     if level == "exact":
         prove = exact_bound if proof == "scip" else searched_bound
-        proved, known = prove(
-            model, desired, cyclic=cyclic, norm=norm, start=start, time_limit=time_limit
-        )
+        question = Question(model, desired, cyclic, norm, start)
+        proved, known = prove(question, time_limit=time_limit)
         bound = max(bound, proved)
         gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
     return Certificate(bound, norm, level, gap, perf_counter() - began)

@@ -16,12 +16,10 @@ import numpy as np
 
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.inversion.calls import ANYWHERE, Place, nearest_request
-from planner.inversion.norm import Norm
+from planner.inversion.question import Question
 from planner.inversion.relaxation import Cut, Proof, nearest, violated
 from planner.inversion.task import Ranges, Task
 from planner.inversion.tightening import tighten
-from planner.model.joint import JointModel
-from planner.trajectory import Array
 
 CLOSED = 5e-4
 """Relative gap to the known error at which the search stops; quiet plans give away 2e-4 of it."""
@@ -63,31 +61,19 @@ class Node(NamedTuple):
     proof: Proof
 
 
-def searched_bound(
-    model: JointModel,
-    desired: Array,
-    *,
-    cyclic: bool,
-    norm: Norm,
-    start: float | None,
-    time_limit: float,
-) -> tuple[float, float]:
+def searched_bound(question: Question, *, time_limit: float) -> tuple[float, float]:
     """What the search proves, and the error of a plan that is known [rad]."""
     until = perf_counter() + time_limit
-    known = planned_error(model, desired, cyclic=cyclic, norm=norm, start=start)
+    known = planned_error(question)
     time_left = max(until - perf_counter(), 0.0)
-    proved = bound_up_to(
-        known, model, desired, cyclic=cyclic, norm=norm, start=start, time_limit=time_left
-    )
-    return proved, known
+    return bound_up_to(known, question, time_limit=time_left), known
 
 
-def planned_error(
-    model: JointModel, desired: Array, *, cyclic: bool, norm: Norm, start: float | None
-) -> float:
+def planned_error(question: Question) -> float:
     """The error of a plan, be it that of the desired angles as requests [rad]."""
     from planner.inversion.optimal import invert_optimal  # whose results carry bounds themselves
 
+    model, desired, cyclic, norm, start = question
     try:
         return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error
     except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
@@ -96,30 +82,17 @@ def planned_error(
         return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
 
 
-def bound_up_to(
-    known: float,
-    model: JointModel,
-    desired: Array,
-    *,
-    cyclic: bool,
-    norm: Norm,
-    start: float | None,
-    time_limit: float,
-) -> float:
+def bound_up_to(known: float, question: Question, *, time_limit: float) -> float:
     """An error that no requests go below, at most ``known`` [rad].
 
     Args:
         known: Any error, best that of a good plan [rad]; the answer is valid whatever it is, as
             all conclusions are about responses that are better.
-        model: The joint.
-        desired: Wanted angles [rad], shape (n,).
-        cyclic: Whether the trajectory repeats for ever.
-        norm: Which error.
-        start: From rest: where the joint rests before [rad].
+        question: The joint, and what is wanted of it.
         time_limit: When to stop [s].
     """
     until = perf_counter() + time_limit
-    task = Task(model, desired, known, cyclic=cyclic, norm=norm, start=start)
+    task = Task(question, known)
     root = _root(task, perf_counter() + SHARE * time_limit)
     order = count()
     nodes = [(root.bound, next(order), root)]

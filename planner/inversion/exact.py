@@ -22,6 +22,7 @@ from scipy import sparse
 
 from planner.exceptions import MissingExtra, SolverFailed
 from planner.inversion.norm import Norm
+from planner.inversion.question import Question
 from planner.inversion.reachable import setting_off
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -52,15 +53,7 @@ class Contributions(NamedTuple):
     following: npt.NDArray[np.int_]
 
 
-def exact_bound(
-    model: JointModel,
-    desired: Array,
-    *,
-    cyclic: bool,
-    norm: Norm,
-    start: float | None,
-    time_limit: float,
-) -> tuple[float, float]:
+def exact_bound(question: Question, *, time_limit: float) -> tuple[float, float]:
     """What SCIP proves, and the best error that it knows of [rad]; inf if it knows none.
 
     Raises:
@@ -73,6 +66,7 @@ def exact_bound(
         raise MissingExtra("proof='scip'", "exact") from error
     import cvxpy
 
+    model, desired, cyclic, norm, start = question
     unit, middle = model.v_max_per_tick, float(np.mean(desired))
     desired = desired - middle
     stride = model.hold

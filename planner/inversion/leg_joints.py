@@ -1,4 +1,4 @@
-"""What is said about every joint of a leg: its models and the limits of their requests."""
+"""What is said about every joint of several: its model and the limits of its requests."""
 
 from __future__ import annotations
 
@@ -22,39 +22,64 @@ def checked_leg(leg: object) -> Leg:
     return leg
 
 
-def one_for_each(models: JointModel | Sequence[JointModel], leg: Leg) -> tuple[JointModel, ...]:
-    """The models of the leg's joints; raise InvalidInput where they do not fit."""
-    count = len(leg.joint_names)
+def model_of_each(
+    models: JointModel | Sequence[JointModel], count: int, *, given_as: str, joints: str
+) -> tuple[JointModel, ...]:
+    """A model for every joint; raise InvalidInput where they do not fit.
+
+    Args:
+        models: One for all of them, or one for each.
+        count: How many joints there are.
+        given_as: What the caller calls the models.
+        joints: What has a joint each, in words.
+    """
     try:
-        joints = (models,) * count if isinstance(models, JointModel) else tuple(models)
+        each = (models,) * count if isinstance(models, JointModel) else tuple(models)
     except TypeError:
-        joints = ()
-    if len(joints) != count or not all(isinstance(model, JointModel) for model in joints):
+        each = ()
+    if len(each) != count or not all(isinstance(model, JointModel) for model in each):
         raise InvalidInput(
-            f"models: got {len(joints)} of them, expected one JointModel, or one for each of the "
-            f"leg's joints ({', '.join(leg.joint_names)})"
+            f"{given_as}: got {len(each)} of them for {count} joints, expected one JointModel, or "
+            f"one for each of the {joints}"
         )
-    periods = sorted({model.period for model in joints})
+    periods = sorted({model.period for model in each})
     if len(periods) > 1:
         raise InvalidInput(
-            f"models: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
-            "period: the requests of a leg are sent together"
+            f"{given_as}: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
+            "period: joints that are requested at different rates are not planned together"
         )
-    return joints
+    return each
 
 
-def each_limit(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:
-    """Smallest and largest request of every joint [rad], each of shape (k,)."""
-    names = leg.joint_names
-    given = leg.limits if limits is None else limits
+def range_of_each(
+    limits: tuple[npt.ArrayLike, npt.ArrayLike], count: int, *, joints: str
+) -> tuple[Array, Array]:
+    """Smallest and largest request of every joint [rad], each of shape (count,), not yet compared.
+
+    Raises:
+        InvalidInput: They are no pair of numbers, or of as many as there are joints.
+    """
     try:
-        lower, upper = (np.broadcast_to(as_reals(limit), len(names)) for limit in given)
-    except (TypeError, ValueError):
+        lower, upper = (np.broadcast_to(as_reals(limit), count).copy() for limit in limits)
+    except (TypeError, ValueError) as error:
         raise InvalidInput(
             f"limits: got {shown(limits)}, "
-            "expected (lower, upper) [rad], each a number or one for each "
-            f"of the leg's joints ({', '.join(names)})"
-        ) from None
-    for name, *pair in zip(names, lower, upper, strict=True):
-        checked_limits((pair[0], pair[1]), of=f"limits of {name}")
-    return lower.copy(), upper.copy()
+            f"expected (lower, upper) [rad], each a number or one for each of the {joints}"
+        ) from error
+    return lower, upper
+
+
+def limits_of(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:
+    """Smallest and largest request of a leg's joints [rad], each of shape (k,); else its own."""
+    names = leg.joint_names
+    lower, upper = range_of_each(
+        leg.limits if limits is None else limits, len(names), joints=joints_of(leg)
+    )
+    for name, low, high in zip(names, lower, upper, strict=True):
+        checked_limits((low, high), of=f"limits of {name}")
+    return lower, upper
+
+
+def joints_of(leg: Leg) -> str:
+    """The joints of a leg, in words."""
+    return f"leg's joints ({', '.join(leg.joint_names)})"

@@ -8,10 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from planner.exceptions import InvalidInput
+from planner.given import is_one_of, shown
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 Level = Literal["slope", "envelope", "exact"]
+
+LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
 class Reachable(NamedTuple):
@@ -111,3 +115,11 @@ def setting_off(model: JointModel, ticks: int, level: Level) -> Array:
         return resting[:: model.hold][:ticks]
     changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
     return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]
+
+
+def check_level(level: str) -> None:
+    """Raise InvalidInput unless ``level`` is the name of a level."""
+    if not is_one_of(level, LEVELS):
+        raise InvalidInput(
+            f"level: got {shown(level)}, expected one of {', '.join(map(repr, LEVELS))}"
+        )

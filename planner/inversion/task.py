@@ -10,9 +10,8 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.inversion.exact import contributions
-from planner.inversion.norm import Norm
+from planner.inversion.question import Question
 from planner.inversion.reachable import setting_off
-from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 Indices = npt.NDArray[np.int_]
@@ -51,17 +50,9 @@ class Task:
         pinned: Requests that are known, as from rest the first.
     """
 
-    def __init__(
-        self,
-        model: JointModel,
-        desired: Array,
-        known: float,
-        *,
-        cyclic: bool,
-        norm: Norm,
-        start: float | None,
-    ) -> None:
+    def __init__(self, question: Question, known: float) -> None:
         """Scale the problem: one is what the joint can move in a tick."""
+        model, desired, cyclic, norm, start = question
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.gain = unit / model.theta_0

@@ -14,6 +14,7 @@ from planner import invert_optimal
 from planner.inversion.bound import certify, lower_bound
 from planner.inversion.branching import Node, bound_up_to, branches, planned_error, strengthen
 from planner.inversion.norm import NORMS
+from planner.inversion.question import Question
 from planner.inversion.relaxation import nearest, rows
 from planner.inversion.task import Task
 from planner.inversion.tightening import tighten
@@ -77,7 +78,7 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
     known = 1.0001 * error(angles, desired, norm)
-    task = Task(model, desired, known, cyclic=cyclic, norm=norm, start=start)
+    task = Task(Question(model, desired, cyclic, norm, start), known)
     point, scaled = unknowns(
         task, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
@@ -107,7 +108,7 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = bound_up_to(known, model, desired, cyclic=True, norm=norm, start=None, time_limit=1.0)
+    bound = bound_up_to(known, Question(model, desired, True, norm, None), time_limit=1.0)
     assert bound <= min(known, best)
 
 
@@ -117,7 +118,7 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=24)
     known = 0.5 * lower_bound(model, desired)
-    bound = bound_up_to(known, model, desired, cyclic=True, norm="rms", start=None, time_limit=5.0)
+    bound = bound_up_to(known, Question(model, desired, True, "rms", None), time_limit=5.0)
     assert bound == pytest.approx(known, rel=1e-3)
 
 
@@ -135,9 +136,8 @@ def test_plans_of_the_reference_walk_are_within_a_thousandth_of_the_best(joint):
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_two_angles_are_bounded_too(cyclic):
     model = random_model(np.random.default_rng(0), whole=False)
-    options = {"cyclic": cyclic, "norm": "rms", "start": None}
     desired = np.array([0.0, 1.0])
-    known = planned_error(model, desired, **options)
+    known = planned_error(Question(model, desired, cyclic, "rms", None))
     assert known == pytest.approx(0.5)
     bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=3.0)
     assert lower_bound(model, desired, cyclic=cyclic) <= bound <= known
