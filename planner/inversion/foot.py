@@ -19,7 +19,7 @@ from planner.inversion.descent import SEARCH, WIDE_SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.iterate import State
-from planner.inversion.leg_joints import checked_leg, each_limit, one_for_each
+from planner.inversion.leg_joints import checked_leg, joints_of, limits_of, model_of_each
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.quiet import quieten
@@ -108,9 +108,11 @@ def invert_foot(
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
     leg = checked_leg(leg)
-    joints = one_for_each(models, leg)
+    joints = model_of_each(
+        models, len(leg.joint_names), given_as="models", joints=joints_of(leg)
+    )
     importance = _checked_weights(weights)
-    lower, upper = each_limit(limits, leg)
+    lower, upper = limits_of(limits, leg)
     solution = leg.inverse(foot, unreachable=unreachable)
     wanted = _long_enough(foot)
     offsets = np.array([model.offset for model in joints])
