@@ -14,7 +14,7 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.given import as_flag, as_reals, shown
+from planner.given import as_flag, as_reals, freeze, shown
 from planner.inversion.descent import SEARCH, WIDE_SEARCH, improve
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.goal import Errors
@@ -23,6 +23,7 @@ from planner.inversion.leg_joints import checked_leg, joints_of, limits_of, mode
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.quiet import quieten
+from planner.inversion.still import without_idle_motion
 from planner.inversion.tracking import Tracking
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -39,6 +40,10 @@ SEARCHES = tuple(
 """Two searches, of which the better one is kept. The joints must leave the plans that were best for
 each alone, which wide corners let them; the second is for paths that the joints can follow. Where
 joints can stand in for one another, it takes many steps until they have settled it."""
+
+
+CALMING_ROUNDS = 3
+"""Rounds of calming: their cost is small beside that of the searches."""
 
 
 class FollowFoot:
@@ -108,28 +113,23 @@ def invert_foot(
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
     leg = checked_leg(leg)
-    joints = model_of_each(
-        models, len(leg.joint_names), given_as="models", joints=joints_of(leg)
-    )
+    joints = model_of_each(models, len(leg.joint_names), given_as="models", joints=joints_of(leg))
     importance = _checked_weights(weights)
     lower, upper = limits_of(limits, leg)
     solution = leg.inverse(foot, unreachable=unreachable)
     wanted = _long_enough(foot)
-    offsets = np.array([model.offset for model in joints])
-    nearest = np.clip(solution.angles, lower + offsets, upper + offsets)
-    goal = FollowFoot(leg, wanted, _scale(importance, leg.jacobians(nearest), leg))
-    problem = Tracking(
+    problem = _problem(
         joints,
-        goal,
-        nearest - offsets,
+        leg,
+        wanted,
+        solution.angles,
+        weights=importance,
+        limits=(lower, upper),
         cyclic=cyclic,
         norm=norm,
-        limits=(lower, upper),
-        start=None if cyclic else nearest[0].copy(),
-        ridge=RIDGE,
     )
-    requests = _search(problem, nearest)
-    _freeze(requests, wanted, lower, upper, problem.start)
+    requests = _search(problem)
+    freeze(requests, wanted, lower, upper, problem.start)
     return FootInversion(
         models=joints,
         leg=leg,
@@ -152,14 +152,36 @@ def _long_enough(foot: npt.ArrayLike) -> Array:
     return wanted
 
 
-def _freeze(*arrays: Array | None) -> None:
-    for array in arrays:
-        if array is not None:
-            array.setflags(write=False)
+def _problem(
+    joints: tuple[JointModel, ...],
+    leg: Leg,
+    wanted: Array,
+    angles: Array,
+    *,
+    weights: Array,
+    limits: tuple[Array, Array],
+    cyclic: bool,
+    norm: Norm,
+) -> Tracking:
+    """What the joints should do together, if these angles (n, k) bring the foot nearest [rad]."""
+    lower, upper = limits
+    offsets = np.array([model.offset for model in joints])
+    nearest = np.clip(angles, lower + offsets, upper + offsets)
+    return Tracking(
+        joints,
+        FollowFoot(leg, wanted, _scale(weights, leg.jacobians(nearest), leg)),
+        nearest - offsets,
+        cyclic=cyclic,
+        norm=norm,
+        limits=limits,
+        start=None if cyclic else nearest[0].copy(),
+        ridge=RIDGE,
+    )
 
 
-def _search(problem: Tracking, nearest: Array) -> Array:
+def _search(problem: Tracking) -> Array:
     """The best requests found for the foot, from the plans for its joints one by one: (n, k)."""
+    nearest = problem.resting + problem.offsets
     singly = [
         invert_optimal(model, column, cyclic=problem.cyclic, limits=(low, high)).requests
         for model, column, low, high in zip(
@@ -169,12 +191,14 @@ def _search(problem: Tracking, nearest: Array) -> Array:
     first = problem.admissible(np.stack(singly, axis=1))
     angles = problem.exact_angles(first)
     state = State(first, nearest if angles is None else angles)
+    at_most = problem.exact_error(first)
     answers = [improve(problem, state, search) for search in SEARCHES]
     best, least = min(answers, key=itemgetter(1))
     logging.getLogger(__name__).debug("foot: %d searches, best cost %.4g", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    return quieten(problem, best.requests)
+    problem, best = without_idle_motion(problem, best, nearest, at_most=at_most)
+    return quieten(problem, best.requests, at_most=at_most, rounds=CALMING_ROUNDS)
 
 
 def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:

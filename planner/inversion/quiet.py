@@ -22,6 +22,9 @@ CALMING = tuple(
 of these cost as much as the error that may be added. Wide corners first: where they are sharp the
 requests hardly leave the place where they are. The first plan that the error bears is taken."""
 
+STRONGER = 4.0
+"""How much stronger the pull becomes from one round of stages to the next."""
+
 UNCHANGED = 1e-24
 """Sum of squared changes that is none [rad^2]."""
 
@@ -36,7 +39,12 @@ ROUNDING = 1e-13
 
 
 def quieten(
-    problem: Tracking, requests: Array, *, at_most: float = math.inf, seam: Array | None = None
+    problem: Tracking,
+    requests: Array,
+    *,
+    at_most: float = math.inf,
+    seam: Array | None = None,
+    rounds: int = 1,
 ) -> Array:
     """Requests that track as well as the given ones, to 2 parts in 10,000, but change less.
 
@@ -49,6 +57,7 @@ def quieten(
         requests: A good plan [rad], shape (n, joints).
         at_most: Error that is not to be passed in any case.
         seam: Angles near which a cycle's seam is sought [rad], shape (joints,).
+        rounds: How often at most a pull is tried, each time a stronger one.
 
     Returns:
         The quieter requests, or the given ones.
@@ -56,7 +65,9 @@ def quieten(
     angles = problem.exact_angles(requests, seam)
     if angles is None:
         return requests
-    calmer = _calmed(problem, State(requests, angles), at_most)
+    given = State(requests, angles)
+    most = min(problem.error(angles) * (1.0 + AS_WELL), at_most)
+    calmer = _calmed(problem, given, most, rounds)
     return with_idle_smoothed(problem, calmer.requests, calmer.angles)
 
 
@@ -76,26 +87,40 @@ def with_idle_smoothed(problem: Tracking, requests: Array, angles: Array) -> Arr
     return quieter if same else requests
 
 
-def _calmed(problem: Tracking, given: State, at_most: float) -> State:
-    """The first calmer requests that the error bears, and their angles, or the given ones."""
+def _calmed(problem: Tracking, given: State, most: float, rounds: int) -> State:
+    """The calmest requests of all rounds that the error bears, with their angles, or the given."""
     error, power = problem.error(given.angles), stages(problem, SEARCH)[-1].power
     errors, unit = problem.goal.errors(given.angles), max(error, np.finfo(np.float64).tiny)
     # What the cost rises by when every error rises by the share of it that may be added.
     allowed = power * AS_WELL * quadratic(errors, power=power, unit=unit, ridge=0.0).value
-    state, least = given, restlessness(given.requests, cyclic=problem.cyclic)
-    restless = least
+    calmest = state = given
+    for number in range(rounds):
+        strength = STRONGER**number * allowed
+        calmer, state = _one_round(problem, calmest, state, most, strength, power)
+        if calmer is None:
+            break
+        calmest = calmer
+    return calmest
+
+
+def _one_round(
+    problem: Tracking, calmest: State, state: State, most: float, strength: float, power: float
+) -> tuple[State | None, State]:
+    """The first calmer requests that the error bears, None if there are none, and the last met."""
+    restless = restlessness(state.requests, cyclic=problem.cyclic)
+    least = restlessness(calmest.requests, cyclic=problem.cyclic)
     for stage in CALMING:
         if restless <= UNCHANGED:
             break
-        pull = stage.pull * allowed / restless
+        pull = stage.pull * strength / restless
         state = descend(problem, state, stage._replace(pull=pull, power=power))
         restless = restlessness(state.requests, cyclic=problem.cyclic)
         if stage.smoothing >= JUDGED or restless >= least:
             continue
         angles = problem.exact_angles(state.requests, state.angles[-1])
-        if angles is not None and problem.error(angles) <= min(error * (1.0 + AS_WELL), at_most):
-            return State(state.requests, angles)
-    return given
+        if angles is not None and problem.error(angles) <= most:
+            return State(state.requests, angles), state
+    return None, state
 
 
 def idle_between(problem: Tracking, requests: Array, angles: Array) -> tuple[Array, Array]:

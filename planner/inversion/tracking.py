@@ -77,15 +77,24 @@ class Tracking:
         """Whether any request has a limit."""
         return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
 
-    def leaning(self, toward: Array) -> Tracking:
-        """The same problem, leaning towards other requests where nothing else decides."""
+    def within(self, limits: tuple[Array, Array]) -> Tracking:
+        """The same problem with other limits."""
+        return self._but(goal=self.goal, norm=self.norm, limits=limits)
+
+    def toward(self, goal: Goal) -> Tracking:
+        """The same problem with another goal, in the rms norm."""
+        return self._but(goal=goal, norm="rms")
+
+    def _but(
+        self, *, goal: Goal, norm: Norm, limits: tuple[Array, Array] | None = None
+    ) -> Tracking:
         return Tracking(
             self.models,
-            self.goal,
-            toward,
+            goal,
+            self.resting,
             cyclic=self.cyclic,
-            norm=self.norm,
-            limits=(self.lower, self.upper),
+            norm=norm,
+            limits=(self.lower, self.upper) if limits is None else limits,
             start=self.start,
             ridge=self.ridge,
         )
@@ -99,18 +108,6 @@ class Tracking:
     def stencil(self) -> Stencil:
         """Where requests act."""
         return stencil(self.reach, *self.resting.shape, cyclic=self.cyclic)
-
-    def toward(self, goal: Goal) -> Tracking:
-        """The same problem with another goal, in the rms norm."""
-        return Tracking(
-            self.models,
-            goal,
-            self.resting,
-            cyclic=self.cyclic,
-            limits=(self.lower, self.upper),
-            start=self.start,
-            ridge=self.ridge,
-        )
 
     def admissible(self, requests: Array) -> Array:
         """The nearest requests within the limits, from rest with those that hold the start."""
