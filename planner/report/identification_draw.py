@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.report.identification_cloud import MOST_POINTS, cloud_view
+from planner.report.identification_cloud import cloud_view
 from planner.report.identification_parameters import estimate, parameters, unit_of, units_of
 from planner.report.identification_words import errors
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, WIDTH
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 STRIP = 0.52
 """Height of one parameter's strip [inch]."""
+
+MOST_POINTS = 500
+"""Points of each kind that are drawn, evenly chosen; each is a hundred bytes of SVG."""
 
 SHORT = {
     "v_max": "$v_\\mathrm{max}$",
