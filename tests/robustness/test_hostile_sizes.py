@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import gzip
 import json
 import os
@@ -119,6 +120,30 @@ def _mcap_chunk(folder):
     (folder / "chunk.mcap").write_bytes(
         b"\x89MCAP0\r\n\x01" + struct.pack("<QII", 8, 0, 0) + record + b"\x89MCAP0\r\n"
     )
+
+
+def _mcap_bomb(folder):
+    pytest.importorskip("rosbags")
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    zeros, compressor = b"\0" * 2**24, zstd.ZstdCompressor()
+    inside = b"".join(compressor.compress(zeros) for _ in range(64)) + compressor.flush()
+    body = struct.pack("<QQQI", 0, 1, 2**30, 0) + struct.pack("<I", 4) + b"zstd"
+    body += struct.pack("<Q", len(inside)) + inside
+    start = b"\x89MCAP0\r\n\x01" + struct.pack("<QII", 8, 0, 0)
+    (folder / "bomb.mcap").write_bytes(start + b"\x06" + struct.pack("<Q", len(body)) + body)
+
+
+def _ros1_bomb(folder):
+    pytest.importorskip("rosbags")
+    compressor, zeros = bz2.BZ2Compressor(), b"\0" * 2**24
+    inside = b"".join(compressor.compress(zeros) for _ in range(20)) + compressor.flush()
+    fields = (b"op=\x05", b"compression=bz2", b"size=" + struct.pack("<I", 20 * 2**24))
+    header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
+    record = struct.pack("<I", len(header)) + header + struct.pack("<I", len(inside)) + inside
+    (folder / "bomb.bag").write_bytes(b"#ROSBAG V2.0\n" + record)
 
 
 def _json_bomb(folder):
@@ -243,6 +268,13 @@ HOSTILE = {
     "Parquet that unfolds": (_parquet_bomb, ("identify", "bomb.parquet"), "bomb.parquet"),
     "Parquet with a long footer": (_parquet_claim, ("identify", "claim.parquet"), "claim.parquet"),
     "MCAP with a long record": (_mcap_claim, ("identify", "claim.mcap"), "claim.mcap"),
+    "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfold to more than 256 MiB"),
+    "a bag that unfolds": (_ros1_bomb, ("identify", "bomb.bag"), "unfold to more than 256 MiB"),
+    "a bag without a line": (
+        lambda folder: _sparse(folder, "x.bag", b"#ROSBAG V2.0", 2**42),
+        ("identify", "x.bag"),
+        "x.bag: not a bag that can be read (File magic is invalid.)",
+    ),
     "MCAP with a chunk that unfolds": (_mcap_chunk, ("identify", "chunk.mcap"), "chunk.mcap"),
     "JSON nested deeply": (_json_bomb, ("identify", "log.json"), "nested too deeply"),
     "JSON of a long number": (_json_number, ("identify", "log.json"), "a number is too long"),

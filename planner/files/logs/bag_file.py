@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from planner.exceptions import InvalidFile, MissingExtra
 from planner.files.logs.controller_state import CONTROLLER_STATE, LAYOUTS
+from planner.files.logs.unfolding import check_unfolding
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -120,13 +121,15 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     if not place.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
     with _damage_told(path):
+        check_unfolding(path)
         reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
         reader.open()
     try:
         topics = {found.topic: found.msgtype for found in reader.connections}
         yield Bag(place, topics, reader, ros1)
     finally:
-        reader.close()
+        with _damage_told(path):
+            reader.close()
 
 
 @contextmanager

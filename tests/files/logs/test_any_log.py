@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from contextlib import suppress
 
 import numpy as np
@@ -157,3 +158,8 @@ def test_any_bytes_are_the_description_of_a_bag_or_bad_input(folder):
             with pytest.raises(InvalidInput) as caught:
                 read_logs(run, options=LogOptions(joint="all"))
             assert "\n" not in str(caught.value)
+    no_list = re.sub(rb"(?m)^  files:.*\n(  ?-.*\n|    .*\n)*", b"  files: a\n", whole)
+    assert no_list != whole
+    (run / "metadata.yaml").write_bytes(no_list)
+    with pytest.raises(InvalidInput, match="not a bag that can be read"):
+        read_logs(run, options=LogOptions(joint="all"))
