@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -11,8 +12,9 @@ from kinematics.dexterity import dexterity
 from kinematics.exceptions import UnreachableFoot
 from kinematics.leg import Leg
 from kinematics.standing import standing_pose
-from planner.exceptions import Infeasible
+from planner.exceptions import Infeasible, InvalidInput
 from planner.gait import half_ellipse
+from planner.given import as_number, shown
 from planner.trajectory import Array
 
 LONGEST = 0.25
@@ -89,10 +91,12 @@ def stride(
         UnreachableFoot: Length and height are given and points are out of reach.
         UnsupportedLeg: The leg has more than three joints, or one of them never moves the foot.
     """
+    if not isinstance(leg, Leg):
+        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
     pose = standing_pose(leg)
-    stands = leg.foot_positions(pose[None])[0]
-    given = (forward, sideways, None if hip_height is None else -hip_height)
-    centre = np.array([here if at is None else at for here, at in zip(stands, given, strict=True)])
+    x, y, z = leg.foot_positions(pose[None])[0]
+    hip = _metres("hip_height", hip_height, -z)
+    centre = np.array([_metres("forward", forward, x), _metres("sideways", sideways, y), -hip])
     centre.setflags(write=False)
     started = replace(leg, near=pose)
     least = DEXTEROUS * float(dexterity(leg.chain, pose[None])[0])
@@ -118,6 +122,14 @@ def stride(
         return Stride(foot, long, high, centre, pose, angles)
 
     return made(1.0) if fixed else _largest(made)
+
+
+def _metres(name: str, given: float | None, otherwise: float) -> float:
+    """A length that may be left out [m]."""
+    number = float(otherwise) if given is None else as_number(given)
+    if not math.isfinite(number):
+        raise InvalidInput(f"{name}: got {shown(given)}, expected a finite number")
+    return number
 
 
 def _largest(made: Callable[[float], Stride]) -> Stride:

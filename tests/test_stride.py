@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics import Limits, UnreachableFoot
+from kinematics import KinematicsError, Limits, UnreachableFoot
 from kinematics.dexterity import dexterity
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.gait import half_ellipse
 from planner.stride import DEXTEROUS, HIGHEST, LONGEST, stride
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
+from tests.robustness.hostile import ARRAYS, NUMBERS, OTHERS
 
 TRACED = 1e-9
 """The inverse promises this [m]."""
@@ -124,3 +126,11 @@ def test_a_stride_that_is_none_is_refused(leg):
         stride(leg, length=-0.1)
     with pytest.raises(InvalidInput, match="samples: got 3"):
         stride(reference_leg(), samples=3)
+
+
+@pytest.mark.parametrize("place", ["leg", "samples", "length", "forward", "hip_height", "heading"])
+@pytest.mark.parametrize("value", [*NUMBERS, *OTHERS, *ARRAYS], ids=lambda value: repr(value)[:20])
+def test_whatever_is_given_is_answered_or_refused(leg, place, value):
+    good = {"leg": leg, "samples": 4, "length": 0.02, "height": 0.01}
+    with suppress(PlannerError, KinematicsError):
+        assert np.isfinite(stride(**{**good, place: value}).angles).all()
