@@ -133,8 +133,8 @@ def _foot_pictures(check: CrossCheck, leg: Leg | None) -> list[Picture]:
     moving = Picture(
         "leg",
         "The leg under the plans",
-        "Move the slider and the leg follows, drag it and it turns; the numbers are distances of the "
-        "foot from its path. On paper: the paths of the foot from the side.",
+        "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
+        "the foot from its path. On paper: the paths of the foot from the side.",
         "Paths of the foot seen from the side: desired, closed form, optimised joint by joint, and "
         "optimised for the foot, which lies closest to the desired one.",
         draw_foot_paths(check, leg),
