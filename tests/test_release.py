@@ -1,4 +1,4 @@
-"""What is released: the files of wheel and sdist, and one version and date in every place that tells them."""
+"""What is released: the files of wheel and sdist, and one version and date wherever they stand."""
 
 from __future__ import annotations
 

@@ -41,8 +41,8 @@ def assert_found(model, expected):
     assert abs(model.acceleration_time - expected.acceleration_time) <= 2 * QUARTER * expected.tick
 
 
-# More than two ticks of acceleration: over two only the ratio of their weights tells the angles, and
-# other lags with other acceleration times have the same ratio.
+# More than two ticks of acceleration: over two only the ratio of their weights is told, and other
+# lags with other acceleration times have the same ratio.
 @pytest.mark.parametrize("model", [AIBO, SERVO, replace(AIBO, lag=0.0, acceleration_time=0.0184)])
 def test_a_log_without_noise_gives_the_model_back(model):
     found = planner.identify(rich_log(model, amplitude=1.0))
