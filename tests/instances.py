@@ -41,9 +41,9 @@ class ReferenceJoint(NamedTuple):
 
 
 REFERENCE_JOINTS = (
-    ReferenceJoint("rotator", 0, (-117.0, 117.0), 32.80, 8.6936, 8.7112, 8.728, 8.95),
-    ReferenceJoint("abductor", 1, (-11.0, 89.0), 28.86, 8.6424, 8.6739, 8.696, 8.95),
-    ReferenceJoint("knee", 2, (-27.0, 147.0), 23.84, 6.0130, 6.0382, 6.055, 6.25),
+    ReferenceJoint("rotator", 0, (-117.0, 117.0), 32.80, 8.6936, 8.7112, 8.739, 8.95),
+    ReferenceJoint("abductor", 1, (-11.0, 89.0), 28.86, 8.6424, 8.6739, 8.715, 8.95),
+    ReferenceJoint("knee", 2, (-27.0, 147.0), 23.84, 6.0130, 6.0382, 6.071, 6.25),
 )
 
 

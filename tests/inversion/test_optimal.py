@@ -31,7 +31,10 @@ from tests.instances import (
 ERS210A = JointModel.ers210a()
 
 GAP = 0.005
-"""Most by which a plan may exceed the exact bound on the reference walk, or a general solver."""
+"""Most by which a plan may exceed that of a general solver."""
+
+GAP_ON_THE_WALK = 0.002
+"""Most by which a plan may exceed the exact bound on the reference walk."""
 
 ATTAINED = math.radians(0.01)
 """Largest rms error on what the joint can do [rad]."""
@@ -46,9 +49,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquat
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
-def test_the_gap_on_the_reference_walk_is_at_most_half_a_percent(joint):
+def test_the_gap_on_the_reference_walk_is_at_most_a_fifth_of_a_percent(joint):
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    assert math.degrees(plan.rms) <= (1.0 + GAP) * joint.exact_bound_deg
+    assert math.degrees(plan.rms) <= (1.0 + GAP_ON_THE_WALK) * joint.exact_bound_deg
     assert math.degrees(plan.rms) >= joint.exact_bound_deg - 1e-3
     lower, upper = joint.limits
     assert np.all((plan.requests >= lower) & (plan.requests <= upper))
