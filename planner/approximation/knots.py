@@ -85,9 +85,7 @@ class KnotProposals:
             table = prices(sides[1], sums, start, end, step=problem.step, price=price)
             table[~possible] = np.inf
             # By end and start, as the least of a row is found faster than that of a column.
-            self._tables[price] = (
-                _begun_at(table, self._starts) if problem.cyclic else table[None]
-            )
+            self._tables[price] = _begun_at(table, self._starts) if problem.cyclic else table[None]
             costs = np.full((self._starts.size, count + 1), np.inf)
             costs[:, 0] = 0.0
             self._costs[price] = [costs]

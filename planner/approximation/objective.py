@@ -47,6 +47,11 @@ class Problem:
         """Number of samples n."""
         return self.desired.size
 
+    @property
+    def anywhere(self) -> bool:
+        """Whether knots may lie anywhere, a sample or more apart."""
+        return not self.whole and self.shortest <= 1.0 and not self.required.size
+
 
 class Candidate(NamedTuple):
     """A curve that is being considered, and its squared error."""
