@@ -1,0 +1,48 @@
+"""Means that stand for many samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.approximation.objective import Problem
+from planner.approximation.thinned import FEW, in_full, thinned
+
+SAMPLES = 5000
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_means_keep_weights_a_constant_and_the_slope_per_time(cyclic):
+    weights = np.random.default_rng(0).uniform(0.5, 1.5, size=SAMPLES)
+    problem = Problem(desired=np.full(SAMPLES, 0.7), step=0.01, cyclic=cyclic, weights=weights)
+    few = thinned(problem)
+    np.testing.assert_allclose(few.desired, 0.7, rtol=1e-12)
+    assert few.samples == FEW
+    assert np.mean(few.weights) == pytest.approx(1.0)
+    lasts = (FEW, SAMPLES) if cyclic else (FEW - 1, SAMPLES - 1)
+    assert few.step * lasts[0] == pytest.approx(problem.step * lasts[1])
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_every_sample_is_in_the_mean_nearest_to_it(cyclic):
+    turns = np.arange(SAMPLES) / SAMPLES
+    desired = np.sin(2.0 * np.pi * turns)
+    few = thinned(Problem(desired=desired, step=1.0, cyclic=cyclic))
+    at = np.arange(FEW) * (SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0))
+    expected = np.interp(at, np.arange(SAMPLES), desired)
+    # Of a sine half a spacing's slope apart at the ends of a path, whose means are one-sided.
+    assert np.max(np.abs(few.desired - expected)) <= 2.0 * np.pi / FEW
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_curve_through_the_means_goes_through_all_samples(cyclic):
+    corners = np.array([0.0, 1200.0, 3400.0, SAMPLES if cyclic else SAMPLES - 1.0])
+    values = np.array([0.0, 1.0, -1.0, 0.0])
+    problem = Problem(
+        desired=np.interp(np.arange(SAMPLES), corners, values), step=1.0, cyclic=cyclic
+    )
+    spacing = SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0)
+    few = slice(None, -1) if cyclic else slice(None)
+    curve = in_full(problem, corners[few] / spacing, values[few])
+    assert curve.error <= 1e-20 * SAMPLES
+    np.testing.assert_allclose(curve.knots, corners[few], rtol=1e-12)
