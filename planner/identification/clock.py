@@ -12,6 +12,7 @@ from planner.exceptions import InvalidInput
 from planner.given import as_number, as_whole, shown
 from planner.identification.log import Log
 from planner.model.joint import MOST_HOLD
+from planner.trajectory import Array
 
 SLOWEST_OWN_TICK = 0.008
 """Logs of this period and less are modelled with one tick a row [s]: the paper's robot."""
@@ -28,10 +29,16 @@ SLACK = 1.05
 """A tick may exceed these by this factor: periods of 20.06 and 20.55 ms are 4 ticks, not 5."""
 
 AGREEMENT = 1e-3
-"""A given tick and hold must agree with the log's period to this."""
+"""A given tick and hold must agree with the log's period to this share of it."""
+
+SURE = 3.0
+"""And to so many standard deviations of the period where pauses between rows differ, to 3 %."""
 
 DIGITS = 9
 """Decimals of a period [s]: differences of the times that a log counts up are no better."""
+
+UNEQUAL = 0.05
+"""Logs whose periods differ by more than this share are of several clocks."""
 
 LONGEST_REACH = 50
 """Periods that lag and acceleration time may span together."""
@@ -43,11 +50,21 @@ SHARE_OF_LOG = 0.25
 """Share of the longest log that they may span together."""
 
 
+NEAR_WHOLE = 0.4
+"""Pauses within this share of a period of whole periods tell how long it is."""
+
+MOST_DROPPED = 10.0
+"""Longer pauses, in periods, do not."""
+
+ROUNDS = 3
+"""Estimates of a period, each of which says anew which pauses tell it."""
+
+
 class Clock(NamedTuple):
     """Ticks and periods.
 
     Attributes:
-        period: Median time between the rows of all logs [s].
+        period: Time between the rows of all logs [s].
         tick: Time step of the model [s].
         hold: Ticks in a period.
         reach: Longest lag plus acceleration time that is looked for [s].
@@ -70,7 +87,9 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
     Raises:
         InvalidInput: Tick and hold do not make the log's period.
     """
-    period = float(np.median(np.concatenate([np.diff(log.times) for log in logs])))
+    pauses = np.concatenate([np.diff(log.times) for log in logs])
+    period = _period(pauses)
+    unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
     period = round(period, DIGITS) or period
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(
@@ -80,12 +99,33 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
         hold = _default_hold(period) if tick is None else _ticks(period, _positive(tick))
     hold = _count(hold)
     made = period / hold if tick is None else _positive(tick)
-    if abs(made * hold - period) > AGREEMENT * period:
+    if abs(made * hold - period) > AGREEMENT * period + unsure:
         raise InvalidInput(
-            f"tick, hold: got {hold} ticks of {made:g} s, expected the log's median period of "
+            f"tick, hold: got {hold} ticks of {made:g} s, expected the log's period of "
             f"{period:g} s; give one of the two, or neither"
         )
     return Clock(made * hold, made, hold, reach)
+
+
+def unequal(logs: Sequence[Log]) -> bool:
+    """Whether logs are of several clocks."""
+    periods = [log.period for log in logs]
+    return max(periods) > (1.0 + UNEQUAL) * min(periods)
+
+
+def _period(pauses: Array) -> float:
+    """Time between rows [s]: the mean of pauses that are about whole numbers of their median.
+
+    Where times jitter, or are rounded to milliseconds, the median alone is off.
+    """
+    period = float(np.median(pauses))
+    for _ in range(ROUNDS):
+        whole = np.round(pauses / period)
+        near = (whole >= 1.0) & (whole <= MOST_DROPPED)
+        near &= np.abs(pauses - whole * period) <= NEAR_WHOLE * period
+        if near.any():
+            period = float(np.sum(pauses[near]) / np.sum(whole[near]))
+    return period
 
 
 def _ticks(period: float, tick: float) -> int:

@@ -12,8 +12,9 @@ from planner.given import as_flag
 from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.called import with_shown_speed
-from planner.identification.clock import clock_of
+from planner.identification.clock import Clock, clock_of
 from planner.identification.direction import opposite
+from planner.identification.even_rows import with_even_rows
 from planner.identification.fitting import fitted
 from planner.identification.identification import Alternative, Identification, Interval, LogFit
 from planner.identification.intervals import Bounds, bounds_of
@@ -51,8 +52,7 @@ def identify(
     logs = as_logs(logs)
     _check_alike(logs)
     logs, jumps = zip(*map(continued, logs), strict=True)
-    clock = clock_of(logs, tick=tick, hold=hold)
-    fit = with_shown_speed(fitted(logs, clock, choose_tick=tick is None and hold is None))
+    logs, clock, fit, evened = _fitted(logs, tick=tick, hold=hold)
     clock = clock.ticking(fit.grid.tick)
     spread = spread_of(fit)
     bounds = bounds_of(fit, spread)
@@ -70,6 +70,11 @@ def identify(
         unit="" if logs[0].unit == "1" else logs[0].unit,
     )
     notes = notes_on(logs, clock, jumps)
+    if evened:
+        notes.append(
+            f"the times of the rows jitter: rows every {1e3 * clock.period:.3g} ms fit better, and "
+            "are taken"
+        )
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
     return Identification(
@@ -94,6 +99,20 @@ def identify(
         warnings=(*verdict.warnings, *notes),
         accepted=verdict.accepted,
     )
+
+
+def _fitted(
+    logs: Sequence[Log], *, tick: float | None, hold: int | None
+) -> tuple[Sequence[Log], Clock, Adjusted, bool]:
+    """The logs, on even times where these fit better, their ticks and the joint that fits best."""
+    choose_tick = tick is None and hold is None
+    clock = clock_of(logs, tick=tick, hold=hold)
+    fit = fitted(logs, clock, choose_tick=choose_tick)
+    even = with_even_rows(logs, clock, fit)
+    if even is not None:
+        logs, clock = even, clock_of(even, tick=tick, hold=hold)
+        fit = fitted(logs, clock, choose_tick=choose_tick)
+    return logs, clock, with_shown_speed(fit), even is not None
 
 
 def _check_alike(logs: Sequence[Log]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.identification.adjusted import Adjusted
 from planner.identification.called import peak_call
-from planner.identification.clock import Clock
+from planner.identification.clock import Clock, unequal
 from planner.identification.direction import Opposite
 from planner.identification.intervals import Bounds
 from planner.identification.log import Log
@@ -43,9 +43,6 @@ deviation of a third of its span, of which an error of a tenth is no reason for 
 
 LOOSE = 0.5
 """A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
-
-UNEQUAL = 0.05
-"""Logs whose periods differ by more than this share are pointed out."""
 
 
 class Verdict(NamedTuple):
@@ -184,10 +181,10 @@ def notes_on(logs: Sequence[Log], clock: Clock, jumps: Sequence[int]) -> list[st
     """
     found = []
     periods = [log.period for log in logs]
-    if max(periods) > (1.0 + UNEQUAL) * min(periods):
+    if unequal(logs):
         found.append(
             f"the logs have periods from {1e3 * min(periods):.3g} to {1e3 * max(periods):.3g} ms; "
-            f"the model's is their median, {1e3 * clock.period:.3g} ms"
+            f"the model's is {1e3 * clock.period:.3g} ms"
         )
     for log, often in zip(logs, jumps, strict=True):
         if often:

@@ -140,7 +140,7 @@ def test_a_log_without_torque_is_refused():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"tick": 0.003, "hold": 2}, "expected the log's median period"),
+        ({"tick": 0.003, "hold": 2}, "expected the log's period"),
         ({"tick": -1.0}, "more than 0 s"),
         ({"hold": 0}, "1 or more"),
     ],

@@ -1,0 +1,84 @@
+"""Times that jitter are told from rows that are uneven, by which of them the joint agrees with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import planner
+from planner.identification.even_rows import evened
+from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+
+JITTER = 1e-3
+"""Standard deviation of the noted times [s], an eighth of a period."""
+
+WHITE = 1.3
+"""A good fit leaves little more than the noise and the resolution, by this factor."""
+
+LEFT = 1e-4
+"""What is left of a jitter of 1 ms by the line through 400 rows, and more than that [s]."""
+
+WIDER = 1.1
+"""Times to a tenth of a millisecond widen no interval by more than this factor."""
+
+
+def jittered(log, seed=0):
+    rng = np.random.default_rng(seed)
+    times = np.sort(log.times + rng.normal(scale=JITTER, size=len(log.times)))
+    return changed(log, times=times + 1e-9 * np.arange(len(times)))
+
+
+def test_times_that_jitter_are_made_even_and_leave_no_more_than_the_noise():
+    log = rich_log(noise=NOISE)
+    found = planner.identify(jittered(log))
+    assert any("the times of the rows jitter" in text for text in found.warnings)
+    assert found.held_out_rms <= WHITE * NOISE
+    assert np.std(found.fits[0].log.times - log.times) <= LEFT
+
+
+def test_intervals_of_times_that_jitter_are_as_narrow_as_those_of_even_ones_and_as_true():
+    logs = step_logs()
+    even = planner.identify(logs, hold_out=False)
+    found = planner.identify(
+        [jittered(log, seed) for seed, log in enumerate(logs)], tick=AIBO.tick, hold_out=False
+    )
+    for name, (lower, upper) in found.intervals.items():
+        low, high = even.intervals[name]
+        assert upper - lower <= WIDER * (high - low), name
+        assert lower <= getattr(AIBO, name) <= upper, name
+
+
+def test_rows_that_are_uneven_keep_their_times():
+    rng = np.random.default_rng(3)
+    fine = rich_log(rows=1200, amplitude=1.0)
+    rows = np.cumsum(rng.integers(3, 6, size=290))
+    times, rows = fine.times[rows], np.append(rows, len(fine.times))
+    requests = np.repeat(fine.requests[rows[:-1]], np.diff(rows))
+    before = np.full(rows[0], requests[0])
+    angles = planner.simulate(AIBO, np.concatenate([before, requests]), cyclic=False)
+    log = planner.Log(
+        times=times, requests=fine.requests[rows[:-1]], angles=measured(angles[rows[:-1]], rng)
+    )
+    found = planner.identify(log, hold_out=False)
+    assert np.array_equal(found.fits[0].log.times, times)
+    assert not any("jitter" in text for text in found.warnings)
+
+
+def test_dropped_rows_and_gaps_keep_their_places():
+    log = rich_log()
+    kept = np.ones(400, dtype=bool)
+    kept[[50, 51, 130]] = kept[200:260] = False
+    true = log.times[kept]
+    rng = np.random.default_rng(1)
+    times = true + rng.uniform(-0.1, 0.1, size=len(true)) * AIBO.period
+    sparse = planner.Log(times=times, requests=log.requests[kept], angles=log.angles[kept])
+    (even,), off = evened([sparse], AIBO.period)
+    assert 0.02 * AIBO.period <= off <= 0.1 * AIBO.period
+    for part in (slice(0, 197), slice(197, None)):
+        assert np.std((even.times - true)[part]) <= 1e-3 * AIBO.period
+
+
+def test_a_period_is_the_mean_of_times_that_are_rounded_to_milliseconds():
+    log = rich_log(rows=400, noise=NOISE)
+    times = np.round(np.arange(400) / 120.0, 3)
+    model = planner.identify(changed(log, times=times), hold_out=False).model
+    assert abs(model.period - 1.0 / 120.0) <= 1e-5  # the median would be 8 ms
