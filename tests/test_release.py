@@ -29,12 +29,13 @@ KINDS = {
 
 
 def _sources():
-    """Every file of the packages, as it is to be in a wheel."""
+    """Every file of the packages that is to be in a wheel: all but what tools left there."""
     return {
         file.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for file in (ROOT / package).rglob("*")
         if file.is_file() and file.suffix != ".pyc"
+        if not any(part.startswith(".") for part in file.relative_to(ROOT).parts)
     }
 
 
