@@ -3,12 +3,13 @@
 The values are those of least squares at the knots, a convex QP
 (:mod:`planner.approximation.values`). The knots are sought, not proved best: shortest paths over
 grids of knots and of knots with values propose them, Newton's method moves both, and then single
-knots are moved across samples. Where the ideal of slopes within ±v_max is 0.5 % better at most, the
-search ends. Up to 15 segments a curve of one less is sought too where it could be better, and then
-begun from, so more are not worse; of over 2000 samples, means stand for them there. Beyond 32,
-knots come from merging. Time: O(n) for every number up to 16,
-O(n log n) beyond; memory O(n). At n = 88, 5 to 50 ms. The same samples shifted, mirrored, reversed
-or scaled give the same curve.
+knots are moved across samples; of up to 200 samples, two or three segments are sought among every
+set of knots on a grid. On a path whose slopes are free, knots of six segments or more are exchanged
+one by one. Where the ideal of slopes within ±v_max is 0.5 % better at most, the search ends. Up to
+15 segments a curve of one less is sought too where it could be better, and then begun from, so more
+are not worse; of over 2000 samples, means stand for them there. Beyond 32, knots come from merging.
+Time: O(n) for every number up to 16, O(n log n) beyond; memory O(n). At n = 88, 3 to 50 ms. The
+same samples shifted, mirrored, reversed or scaled give the same curve.
 
 With ``exact`` the answer is proved best of all with knots on samples, up to a part in a million of
 its squared error (:mod:`planner.approximation.exact`). That is branch and bound: exponential at

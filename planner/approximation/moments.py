@@ -50,8 +50,10 @@ def running(desired: Array, weights: Array) -> list[Array]:
     return [np.cumsum(each, axis=-1) for each in products]
 
 
-def between(start: npt.NDArray[np.intp], begun: Sequence[Array], ended: Sequence[Array]) -> Moments:
-    """Sums about ``start``, from those of :func:`running` there and where the stretches end."""
+def between(
+    start: npt.NDArray[np.intp] | Array, begun: Sequence[Array], ended: Sequence[Array]
+) -> Moments:
+    """Sums about ``start``, whole or not, from those of :func:`running` there and where the stretches end."""
     # In C order, as sliding views would otherwise leave theirs to all that is made of them.
     w0, w1, w2, d0, d1, d2 = (
         np.subtract(after, before, order="C") for before, after in zip(begun, ended, strict=True)

@@ -30,8 +30,9 @@ def test_every_sample_is_in_the_mean_nearest_to_it(cyclic):
     few = thinned(Problem(desired=desired, step=1.0, cyclic=cyclic))
     at = np.arange(FEW) * (SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0))
     expected = np.interp(at, np.arange(SAMPLES), desired)
-    # Of a sine half a spacing's slope apart at the ends of a path, whose means are one-sided.
-    assert np.max(np.abs(few.desired - expected)) <= 2.0 * np.pi / FEW
+    # Half a sample's slope, by which the middle of a stretch may be off; a path's ends are one-sided.
+    inner = slice(1, -1)
+    assert np.max(np.abs(few.desired - expected)[inner]) <= 1.1 * np.pi / SAMPLES
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
