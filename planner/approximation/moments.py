@@ -53,7 +53,7 @@ def running(desired: Array, weights: Array) -> list[Array]:
 def between(
     start: npt.NDArray[np.intp] | Array, begun: Sequence[Array], ended: Sequence[Array]
 ) -> Moments:
-    """Sums about ``start``, whole or not, from those of :func:`running` there and where the stretches end."""
+    """Sums about ``start``, whole or not, from those of :func:`running` there and at the ends."""
     # In C order, as sliding views would otherwise leave theirs to all that is made of them.
     w0, w1, w2, d0, d1, d2 = (
         np.subtract(after, before, order="C") for before, after in zip(begun, ended, strict=True)

@@ -30,7 +30,7 @@ def test_every_sample_is_in_the_mean_nearest_to_it(cyclic):
     few = thinned(Problem(desired=desired, step=1.0, cyclic=cyclic))
     at = np.arange(FEW) * (SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0))
     expected = np.interp(at, np.arange(SAMPLES), desired)
-    # Half a sample's slope, by which the middle of a stretch may be off; a path's ends are one-sided.
+    # Half a sample's slope, as far as a stretch's middle may be off; a path's ends are one-sided.
     inner = slice(1, -1)
     assert np.max(np.abs(few.desired - expected)[inner]) <= 1.1 * np.pi / SAMPLES
 
