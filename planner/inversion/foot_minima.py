@@ -1,0 +1,201 @@
+"""Proved minima of a foot's squared distance plus a linear pull on the joints, sample by sample.
+
+A branch and bound in the angles of a leg: a box of angles is cut into cells, and a cell is halved
+along every joint as long as it may hold less than the least value found (``docs/math.md``, (9d)).
+All samples are searched at once, a block of them at a time.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from kinematics.chain import Chain
+from planner.trajectory import Array
+
+WIDEST_CELL = np.radians(15.0)
+"""Width of the first cells [rad], where the foot's path over one is bent by a few per cent."""
+
+SAMPLES_AT_ONCE = 64
+MOST_CELLS = 400_000
+"""Cells that a block may be about to have open; beyond it their bounds stand as they are. So many
+are seen only where angles far apart are equally good, and take some 100 MB."""
+
+MOST_HALVINGS = 40
+"""Cells are then 1e-12 of the first ones wide: as small as rounding."""
+
+RIDGE = 1e-9
+"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again."""
+
+
+class Distance(NamedTuple):
+    """The squared distance of a leg's foot from where it should be, every axis on a scale.
+
+    Attributes:
+        chain: The leg.
+        lower: Least angles at each sample [rad], shape (n, k).
+        upper: Greatest angles [rad], shape (n, k).
+        wanted: Where the foot should be [m], shape (n, 3).
+        scale: What a metre along each axis counts [1/m], shape (3,).
+    """
+
+    chain: Chain
+    lower: Array
+    upper: Array
+    wanted: Array
+    scale: Array
+
+    def errors(self, angles: Array) -> tuple[Array, Array]:
+        """Scaled positions of the foot, (m, 3), and their derivatives [1/rad], (m, 3, k)."""
+        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        jacobians: Array = np.stack(columns, axis=-1).transpose(1, 0, 2)
+        return foot.T * self.scale, jacobians * self.scale[:, np.newaxis]
+
+    def squared(self, angles: Array) -> Array:
+        """Scaled squared distances at one row of angles per sample, shape (n,)."""
+        positions, _ = self.errors(angles)
+        squared: Array = np.sum((positions - self.wanted * self.scale) ** 2, axis=1)
+        return squared
+
+
+class Minima(NamedTuple):
+    """What no angles go below, and angles that come close to it.
+
+    Attributes:
+        proved: Lower bounds, shape (n,).
+        angles: Where the least values were found [rad], shape (n, k).
+    """
+
+    proved: Array
+    angles: Array
+
+
+def minima(
+    distance: Distance, shares: Array, pulls: Array, guesses: Array, *, tolerance: float
+) -> Minima:
+    """The least of ``share * squared distance + pull @ angles`` over the box, for every sample.
+
+    Args:
+        distance: The foot's, and the box of angles.
+        shares: Weights of the samples, 0 or more, shape (n,).
+        pulls: Linear terms [1/rad], shape (n, k).
+        guesses: Angles in the box that may be good [rad], shape (n, k).
+        tolerance: How far below the least value found a bound may stay.
+
+    Returns:
+        The bounds, valid however early the search has to stop.
+    """
+    blocks = [
+        _block(
+            distance._replace(
+                lower=distance.lower[part],
+                upper=distance.upper[part],
+                wanted=distance.wanted[part],
+            ),
+            shares[part],
+            pulls[part],
+            guesses[part],
+            tolerance,
+        )
+        for part in (
+            slice(first, first + SAMPLES_AT_ONCE)
+            for first in range(0, len(shares), SAMPLES_AT_ONCE)
+        )
+    ]
+    proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
+    return Minima(proved, angles)
+
+
+def _block(
+    distance: Distance, shares: Array, pulls: Array, guesses: Array, tolerance: float
+) -> Minima:
+    target = distance.wanted * distance.scale
+    owner, half, centres = _first_cells(distance)
+    angles = guesses.copy()
+    least = shares * distance.squared(angles) + np.sum(pulls * angles, axis=1)
+    halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
+    for _ in range(MOST_HALVINGS):
+        positions, jacobians = distance.errors(centres)
+        errors = positions - target[owner]
+        values = shares[owner] * np.sum(errors**2, axis=1) + np.sum(pulls[owner] * centres, axis=1)
+        _note_least(owner, values, centres, least, angles)
+        depths = _depth(
+            errors,
+            jacobians,
+            shares[owner],
+            pulls[owner],
+            half[owner],
+            _bend(distance, half)[owner],
+        )
+        bounds = values - depths
+        is_open = bounds < least[owner] - tolerance
+        proved = least - tolerance
+        np.minimum.at(proved, owner[is_open], bounds[is_open])
+        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
+            break
+        half = half / 2.0
+        owner = np.repeat(owner[is_open], len(halves))
+        centres = np.repeat(centres[is_open], len(halves), axis=0)
+        centres += np.tile(halves, (len(owner) // len(halves), 1)) * half[owner]
+    return Minima(proved, angles)
+
+
+def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array]:
+    """Whose each cell is, (m,), half the width of each sample's [rad], (n, k), the centres, (m, k).
+
+    The samples' boxes are cut alike.
+    """
+    width = distance.upper - distance.lower
+    count = np.maximum(np.ceil(np.max(width, axis=0) / WIDEST_CELL), 1.0).astype(int)
+    half = width / count / 2.0
+    odd = np.stack(
+        np.meshgrid(*(2.0 * np.arange(number) + 1.0 for number in count), indexing="ij"), axis=-1
+    ).reshape(-1, len(count))
+    centres = distance.lower[:, np.newaxis] + odd * half[:, np.newaxis]
+    owner = np.repeat(np.arange(len(width)), len(odd))
+    return owner, half, centres.reshape(-1, len(count))
+
+
+def _note_least(
+    owner: npt.NDArray[np.intp], values: Array, centres: Array, least: Array, angles: Array
+) -> None:
+    """Write down, for every sample that has cells, the least value if it is a new one."""
+    firsts = np.flatnonzero(np.diff(owner, prepend=-1))  # the cells of a sample stand together
+    found = np.minimum.reduceat(values, firsts)
+    better = found < least[owner[firsts]]
+    reached = np.flatnonzero(values == np.repeat(found, np.diff(firsts, append=len(owner))))
+    winners = reached[np.searchsorted(reached, firsts)][better]
+    least[owner[winners]], angles[owner[winners]] = values[winners], centres[winners]
+
+
+def _bend(distance: Distance, half: Array) -> Array:
+    """How far the foot can be, within a cell, from where its derivatives say, scaled: (n,)."""
+    beyond = np.linalg.norm(
+        np.vstack([distance.chain.translations[1:], distance.chain.tip]), axis=1
+    )
+    reach = np.cumsum(beyond[::-1])[::-1]  # of the foot from each joint
+    outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
+    bend: Array = np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale)
+    return bend
+
+
+def _depth(
+    errors: Array, jacobians: Array, shares: Array, pulls: Array, half: Array, bend: Array
+) -> Array:
+    """How far below the value at its centre the least value in a cell can be: (9d)."""
+    slopes = 2.0 * shares[:, np.newaxis] * np.einsum("mik,mi->mk", jacobians, errors) + pulls
+    along = np.sum(np.abs(slopes) * half, axis=1)
+    hessians = shares[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)
+    steepness = np.trace(hessians, axis1=1, axis2=2) + along
+    ridge = np.maximum(RIDGE * steepness, np.finfo(float).tiny)
+    hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(half.shape[1])
+    newton = np.linalg.solve(hessians, slopes[..., np.newaxis])[..., 0]
+    bowl = np.sum(slopes * newton, axis=1) / 4.0 + ridge * np.sum(half**2, axis=1)
+    farthest = np.linalg.norm(errors, axis=1) + np.sum(
+        np.linalg.norm(jacobians, axis=1) * half, axis=1
+    )
+    depth: Array = np.minimum(along, bowl) + 2.0 * shares * farthest * bend
+    return depth
