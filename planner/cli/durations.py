@@ -6,6 +6,7 @@ _PLANS = {
     "the walk": 0.1,
     "the baselines": 0.02,
     "the optimised requests for the foot": 0.5,
+    "the lower bound for the foot": 2.0,
     "the closed form for the rotator": 0.6,
     "the optimised requests for the rotator": 0.04,
     "the lower bound for the rotator": 0.9,

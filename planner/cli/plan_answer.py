@@ -33,6 +33,9 @@ def document(
     if wanted.foot is not None:
         foot = {
             **_errors(100.0 * made.foot_distances(wanted), "cm"),
+            "norm": made.together and made.together.norm,
+            "lower_bound_cm": None if made.foot_bound is None else 100.0 * made.foot_bound,
+            "gap": None if made.foot_bound is None else made.together and made.together.gap,
             "predicted_m": made.foot_positions(wanted).tolist(),
         }
     return {
@@ -64,9 +67,24 @@ def summary(wanted: Wanted, made: Plan) -> str:
     if wanted.foot is not None:
         rms, largest = _errors(100.0 * made.foot_distances(wanted), "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
+        text += _bounded_foot(made)
     if wanted.moved:
         text += f"\n{wanted.moved} samples were out of the leg's reach"
     return text
+
+
+def _bounded_foot(made: Plan) -> str:
+    """What is proved about the foot, if anything is."""
+    from planner.report.text_table import percent
+
+    if made.together is None or not made.foot_bound:
+        return ""
+    weighted = "" if len(set(made.together.weights)) == 1 else " as weighted"
+    norm = {"rms": "rms", "max": "at most"}[made.together.norm]
+    return (
+        f"\nno requests within the limits bring it below {100.0 * made.foot_bound:.3f} cm {norm}"
+        f"{weighted}: the plan is {percent(made.together.gap)} above that"
+    )
 
 
 def _errors(errors: Any, unit: str) -> dict[str, float]:

@@ -64,6 +64,8 @@ def plan_report(
         norm=choices["norm"] or "rms",
         leg=leg,
         foot=None if leg is None else wanted.foot,
+        foot_bound=made.foot_bound,
+        foot_gap=made.together.gap if made.together and made.foot_bound else None,
     )
     return plan_page(
         outcome,

@@ -14,6 +14,7 @@ from planner.cli.say import naming
 
 if TYPE_CHECKING:
     from planner.cli.wanted import Wanted
+    from planner.inversion.foot_result import FootInversion
     from planner.inversion.line import Rule
     from planner.inversion.norm import Norm
     from planner.inversion.result import Inversion
@@ -36,11 +37,22 @@ class Plan:
         requests: What to send to the joints [rad], shape (n, k).
         predicted: What the joints then do [rad], shape (n, k).
         inversions: The plan of every joint, where they were planned one by one.
+        together: The plan for the foot, where they were planned all at once.
     """
 
     requests: Array
     predicted: Array
     inversions: Mapping[str, Inversion]
+    together: FootInversion | None = None
+
+    @property
+    def foot_bound(self) -> float | None:
+        """What no requests bring the foot's error below [m]; None where it would take minutes."""
+        from planner.inversion.foot_bound import LONGEST
+
+        if self.together is None or len(self.requests) > LONGEST:
+            return None
+        return self.together.lower_bound
 
     def foot_positions(self, wanted: Wanted) -> Array:
         """Where the foot then is [m], shape (n, 3)."""
@@ -98,6 +110,8 @@ def make_plan(
     if choices["method"] == "foot-optimal":
         progress("the foot")
         plan = _for_the_foot(choices, wanted, limits)
+        progress("what no requests can beat")
+        _ = plan.foot_bound
     else:
         inversions = {}
         for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
@@ -134,7 +148,7 @@ def _for_the_foot(choices: Mapping[str, Any], wanted: Wanted, limits: Limits) ->
         norm=choices["norm"] or "rms",
         weights=choices["weights"] or (1.0, 1.0, 1.0),
     )
-    return Plan(requests=plan.requests, predicted=plan.predicted, inversions={})
+    return Plan(plan.requests, plan.predicted, inversions={}, together=plan)
 
 
 def _for_a_joint(

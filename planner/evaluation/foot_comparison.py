@@ -11,6 +11,8 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.evaluation.checks import (
+    ABOVE,
+    FOOT_ABOVE_BOUND,
     FOOT_NO_WORSE,
     INSIDE,
     WITHIN_LIMITS,
@@ -26,6 +28,7 @@ from planner.evaluation.joint_comparison import METHODS, JointComparison
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.foot import invert_foot
+from planner.inversion.foot_bound import LONGEST
 from planner.inversion.foot_result import FootInversion
 from planner.inversion.norm import Norm
 from planner.inversion.result import Inversion
@@ -63,13 +66,27 @@ class FootComparison:
         desired: Where the desired angles bring the foot [m], shape (n, 3).
         plans: Plan by method, one more than for a joint.
         differences: How far each method's requests are from those for the foot, all joints [rad].
+        norm: The error that the plan for the foot minimises, and that the bound is about.
+        limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+        bound: What no requests within the limits bring the foot's error below [m]; None where a
+            path is too long for it.
         checks: Every claim about the foot, held against its tolerance.
     """
 
     desired: Array
     plans: Mapping[str, FootPlan]
     differences: Mapping[str, Distance]
+    norm: Norm
+    limits: tuple[Array, Array]
+    bound: float | None
     checks: tuple[Check, ...]
+
+    def gap(self, method: str) -> float | None:
+        """How far above the bound a plan is; None where it is beyond the limits, or no bound is."""
+        plan = self.plans[method]
+        if not self.bound or beyond_limits(plan.requests, self.limits) > WITHIN_LIMITS.value:
+            return None
+        return plan.error(self.norm) / self.bound - 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""
@@ -77,8 +94,11 @@ class FootComparison:
         return {
             "desired_cm": (100.0 * self.desired).tolist(),
             "requests_deg": np.degrees(best.requests).tolist(),
+            "norm": self.norm,
+            "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
             "methods": {
                 method: {
+                    "gap": self.gap(method),
                     "rms_cm": 100.0 * plan.outcome.distance.rms,
                     "max_cm": 100.0 * plan.outcome.distance.max,
                     "request_difference_rms_deg": math.degrees(self.differences[method].rms),
@@ -128,19 +148,27 @@ def judge_foot(
     best = FootPlan(
         together.requests, together.predicted, _outcome(leg, desired, together.predicted)
     )
+    bound = together.lower_bound if len(desired) <= LONGEST else None
     return FootComparison(
+        norm=together.norm,
+        limits=together.limits,
+        bound=bound,
         desired=desired,
         plans={**plans, "foot_optimal": best},
         differences={
             method: angle_distance(plan.requests.ravel(), best.requests.ravel())
             for method, plan in {**plans, "foot_optimal": best}.items()
         },
-        checks=tuple(_checks(leg, joints, together, best)),
+        checks=tuple(_checks(leg, joints, together, best, bound)),
     )
 
 
 def _checks(
-    leg: Leg, joints: Sequence[JointComparison], together: FootInversion, best: FootPlan
+    leg: Leg,
+    joints: Sequence[JointComparison],
+    together: FootInversion,
+    best: FootPlan,
+    bound: float | None,
 ) -> list[Check]:
     label = METHODS["foot_optimal"]
     norm, cyclic = together.norm, together.cyclic
@@ -156,6 +184,8 @@ def _checks(
         found += answer_checks(joint.name, label, answer, cyclic=cyclic)
     excess = beyond_limits(together.requests, together.limits)
     found.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    if bound is not None:
+        found.append(check(FOOT, label, ABOVE, bound - best.error(norm), FOOT_ABOVE_BOUND))
     others = {}
     for method in joints[0].plans:
         kept = [

@@ -30,6 +30,8 @@ class PlanOutcome:
         norm: The error that these bounds are about, "rms" or "max".
         leg: The leg whose joints these are, in its order; or None.
         foot: Where its foot should be [m], shape (n, 3), for a foot path.
+        foot_bound: What the foot's error, in the same norm, cannot go below [m], if that is known.
+        foot_gap: How far the plan is above that.
     """
 
     names: tuple[str, ...]
@@ -43,6 +45,8 @@ class PlanOutcome:
     norm: str = "rms"
     leg: Leg | None = None
     foot: Array | None = None
+    foot_bound: float | None = None
+    foot_gap: float | None = None
 
     @property
     def period(self) -> float:

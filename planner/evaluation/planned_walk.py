@@ -44,6 +44,8 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     shift = best_time_shift(models, walk.desired, lambda each: foot_outcome(walk, each).distance)
     clock.start("foot_optimal", "the optimised requests for the foot")
     foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
+    clock.start("foot_bound", "the lower bound for the foot")
+    _ = foot_plan.lower_bound
     joints = tuple(
         _plan_joint(j, walk, direct_angles, foot_plan, segments=segments, clock=clock)
         for j in range(len(models))

@@ -1,4 +1,4 @@
-"""How close to its path could a foot come? A lower bound for a whole leg (``docs/math.md``, (9c)).
+"""How close to its path could a foot come? A lower bound for a whole leg (``docs/math.md``, (13a)).
 
 The joints move through the sets that bound each of them alone, and the foot's distance is not
 convex in their angles; but once multipliers have taken the place of the sets' conditions, the
@@ -31,8 +31,12 @@ from planner.inversion.reachable import reachable_set
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
-ROUNDS = 12
-"""Most sets of multipliers that are tried; three or four usually use up what there is to gain."""
+LEAST_ROUNDS, ROUNDS = 3, 12
+"""Sets of multipliers that are tried on long paths, and at most; three or four usually use up what
+there is to gain."""
+
+LONGEST = 1000
+"""Samples of a path up to which a bound takes seconds, not minutes."""
 
 LONGER, SHORTER, TRUSTED = 2.0, 0.5, 0.5
 """How much farther, or less far, the next multipliers may be from the best ones, and from which
@@ -139,7 +143,8 @@ def _searched(task: Pulled, away: Array, first: tuple[Array, Multipliers]) -> fl
         (Column(angles, task.distance.squared(angles)),),
     )
     order = count()
-    part = _improved(task, whole, ROUNDS)
+    affordable = EFFORT // task.samples
+    part = _improved(task, whole, min(max(affordable, LEAST_ROUNDS), ROUNDS))
     parts = [(part.proved, next(order), part)]
     effort = part.effort
     while parts[0][0] < 1.0 - CLOSE_ENOUGH and effort < EFFORT:

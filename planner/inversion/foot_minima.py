@@ -1,7 +1,7 @@
 """Proved minima of a foot's squared distance plus a linear pull on the joints, sample by sample.
 
 A branch and bound in the angles of a leg: a box of angles is cut into cells, and a cell is halved
-along every joint as long as it may hold less than the least value found (``docs/math.md``, (9d)).
+along every joint as long as it may hold less than the least value found (``docs/math.md``, (13b)).
 All samples are searched at once, a block of them at a time.
 """
 
@@ -185,7 +185,7 @@ def _bend(distance: Distance, half: Array) -> Array:
 def _depth(
     errors: Array, jacobians: Array, shares: Array, pulls: Array, half: Array, bend: Array
 ) -> Array:
-    """How far below the value at its centre the least value in a cell can be: (9d)."""
+    """How far below the value at its centre the least value in a cell can be: (13b)."""
     slopes = 2.0 * shares[:, np.newaxis] * np.einsum("mik,mi->mk", jacobians, errors) + pulls
     along = np.sum(np.abs(slopes) * half, axis=1)
     hessians = shares[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)

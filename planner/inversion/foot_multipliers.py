@@ -1,4 +1,4 @@
-"""Multipliers that prove how close a foot can come to its path (``docs/math.md``, (9c))."""
+"""Multipliers that prove how close a foot can come to its path (``docs/math.md``, (13a))."""
 
 from __future__ import annotations
 

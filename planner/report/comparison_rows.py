@@ -106,6 +106,12 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     return Table("joint, plan", header, tuple(rows))
 
 
+def _gap(foot: FootComparison, method: str) -> str:
+    """How far above the foot's bound a plan within the limits is."""
+    gap = foot.gap(method)
+    return NOTHING if gap is None else percent(gap)
+
+
 def foot_table(foot: FootComparison) -> Table:
     """Where the plans bring the foot."""
     rows = [
@@ -115,6 +121,7 @@ def foot_table(foot: FootComparison) -> Table:
             (
                 f"{100.0 * plan.outcome.distance.rms:.3f}",
                 f"{100.0 * plan.outcome.distance.max:.3f}",
+                _gap(foot, method),
                 *(
                     [NOTHING] * 2
                     if method == "foot_optimal"
@@ -124,7 +131,11 @@ def foot_table(foot: FootComparison) -> Table:
         )
         for method, plan in foot.plans.items()
     ]
-    header = ("rms [cm]", "max [cm]", "requests differ: rms [deg]", "most [deg]")
+    if foot.bound is not None:
+        cells = [""] * 5
+        cells[0 if foot.norm == "rms" else 1] = f"{100.0 * foot.bound:.3f}"
+        rows.append(Row("foot", "no plan within the limits below", tuple(cells), bound=True))
+    header = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
     return Table("foot, plan", header, tuple(rows))
 
 

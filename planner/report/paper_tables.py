@@ -118,8 +118,18 @@ def distances_text(results: Mapping[str, Any]) -> str:
             ["", *NORMS.values()],
             [[row.label, *map(_text, row.cells)] for row in foot_rows(results)],
         ),
+        foot_bound_text(results),
     ]
     return "\n".join(blocks)
+
+
+def foot_bound_text(results: Mapping[str, Any]) -> str:
+    """What is proved about the foot."""
+    bound = results["foot_bound"]
+    return (
+        f"No requests within the joints' limits bring the model's foot below {bound['L2']:.3f} cm "
+        f"rms; the foot-optimised are {percent(bound['gap'])} above that."
+    )
 
 
 def paper_text(results: Mapping[str, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 from planner._version import __version__
 from planner.evaluation.metrics import Distance
-from planner.evaluation.outcome import JointOutcome, Reproduction
+from planner.evaluation.outcome import JointOutcome, PlannedWalk, Reproduction
 from planner.evaluation.paper import SOURCE, Published, published, published_foot
 from planner.evaluation.planned_walk import REFINE, RULE
 from planner.report.paper_tables import COMPARISONS, METHODS
@@ -41,6 +41,7 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
             "table2": "deg",
             "foot": "cm",
             "bounds": "deg",
+            "foot_bound": "cm",
             "gap": "1",
             "limits": "deg",
             "seconds": "s",
@@ -61,6 +62,7 @@ def results(reproduction: Reproduction) -> dict[str, Any]:
         "best_shift_samples": reproduction.shift.samples,
         "baseline_deviation": reproduction.baseline_deviation,
         "bounds": {joint.name: bound_entry(joint) for joint in reproduction.joints},
+        "foot_bound": foot_bound_entry(reproduction),
         "limits": {joint.name: limits_entry(joint) for joint in reproduction.joints},
         "step_tests": {
             f"{amplitude:g}": {
@@ -114,6 +116,15 @@ def bound_entry(joint: JointOutcome) -> dict[str, Any]:
         "gap": joint.optimal.gap,
         "closed_form_plain_gap": joint.closed_form_plain.gap,
         "closed_form_gap": joint.closed_form.gap,
+        "level": "envelope",
+    }
+
+
+def foot_bound_entry(planned: PlannedWalk) -> dict[str, Any]:
+    """What no requests within the limits bring the foot below, and how far above it the plan is."""
+    return {
+        "L2": 100.0 * planned.foot_plan.lower_bound,
+        "gap": planned.foot_plan.gap,
         "level": "envelope",
     }
 

@@ -15,7 +15,13 @@ from planner.evaluation.virtual_outcome import OverCycles, VirtualOutcome
 from planner.identification.identification import Identification
 from planner.model.joint import JointModel
 from planner.report.paper_tables import COMPARISONS, METHODS
-from planner.report.results import bound_entry, distance_entry, limits_entry, versions
+from planner.report.results import (
+    bound_entry,
+    distance_entry,
+    foot_bound_entry,
+    limits_entry,
+    versions,
+)
 
 NOTE = (
     "The joints here are physical servos simulated in MuJoCo, not the paper's model: the models "
@@ -42,6 +48,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
             "table2": "deg",
             "foot": "cm",
             "bounds": "deg",
+            "foot_bound": "cm",
             "gap": "1",
             "loss": "1",
             "limits": "deg",
@@ -59,6 +66,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         "best_shift_samples": outcome.shift_samples,
         "baseline_deviation": _baseline_deviation(outcome),
         "bounds": {joint.name: bound_entry(joint) for joint in planned.joints},
+        "foot_bound": foot_bound_entry(planned),
         "limits": {joint.name: limits_entry(joint) for joint in planned.joints},
         "parameters": {
             "models": {

@@ -133,6 +133,7 @@ def test_every_part_is_timed(reproduction):
         "optimal",
         "foot_optimal",
         "bounds",
+        "foot_bound",
         "step_tests",
     }
     assert min(reproduction.seconds.values()) > 0.0
