@@ -94,6 +94,9 @@ def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run):
     assert document["unreachable_samples"] == 15
     assert set(document["foot"]["methods"]) == set(METHODS)
     assert document["foot"]["methods"]["foot_optimal"]["rms_cm"] <= 0.62
+    assert 0.0 <= document["foot"]["methods"]["foot_optimal"]["gap"] <= 0.01
+    assert document["foot"]["methods"]["closed_form_paper"]["gap"] is None  # beyond the limits
+    assert "foot, no plan within the limits below" in result.stdout
 
 
 def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_path):

@@ -35,11 +35,28 @@ def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(run, 
     assert document["foot"]["rms_cm"] == pytest.approx(100.0 * library.rms, rel=1e-6)
     assert document["foot"]["max_cm"] == pytest.approx(100.0 * library.max_error, rel=1e-6)
     assert document["joints"]["knee"]["gap"] is None
+    assert document["foot"]["lower_bound_cm"] == pytest.approx(
+        100.0 * library.lower_bound, rel=1e-3
+    )
+    assert document["foot"]["gap"] == pytest.approx(library.gap, abs=1e-3)
     written = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
     for j, (name, (low, high)) in enumerate(LIMITS.items()):
         assert written[:, j] == pytest.approx(document["joints"][name]["requests_deg"], abs=1e-9)
         assert np.min(written[:, j]) >= low - 1e-9
         assert np.max(written[:, j]) <= high + 1e-9
+
+
+def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(run, monkeypatch):
+    path = run("gait").stdout
+    arguments = ("plan", "-", *REFERENCE, "-o", "requests.csv")
+    said = (
+        r"no requests within the limits bring it below 0\.\d{3} cm rms: the plan is 0\.\d+ % above"
+    )
+    assert re.search(said, run(*arguments, stdin=path).stderr)
+    monkeypatch.setattr("planner.inversion.foot_bound.LONGEST", 50)
+    assert "no requests within" not in run(*arguments, stdin=path).stderr
+    document = json.loads(run(*arguments, "--json", stdin=path).stdout)
+    assert document["foot"]["lower_bound_cm"] is None
 
 
 def test_the_stated_path_of_the_foot_follows_from_the_written_requests(run, walk):

@@ -54,6 +54,13 @@ def test_every_foot_figure_stands_beside_the_papers_own(results):
         )
 
 
+def test_the_foot_has_a_bound_and_its_plan_a_gap(results):
+    bound = results["foot_bound"]
+    planned = results["foot"]["foot_optimal"]["L2"]
+    assert 0.0 < bound["L2"] <= planned
+    assert bound["gap"] == pytest.approx(planned / bound["L2"] - 1.0, abs=1e-12)
+
+
 def test_bounds_gaps_parameters_versions_and_seconds_are_there(results):
     for joint, bound in results["bounds"].items():
         optimal = results["table2"][joint]["Des,Opt"]["L2"]
