@@ -72,6 +72,7 @@ def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices
     rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
     with Progress(wanted.names) as progress:
         made = planning.make_plan(choices, wanted, limits, rest, progress=progress)
+        planning.prove(made, progress=progress)
     missed = tolerance.misses(choices, wanted, made)
     if report is not None:
         from planner.cli.plan_report import plan_report

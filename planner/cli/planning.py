@@ -110,8 +110,6 @@ def make_plan(
     if choices["method"] == "foot-optimal":
         progress("the foot")
         plan = _for_the_foot(choices, wanted, limits)
-        progress("what no requests can beat")
-        _ = plan.foot_bound
     else:
         inversions = {}
         for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
@@ -131,6 +129,13 @@ def make_plan(
         if name in limits:
             check_limits(name, plan.requests[:, j], limits[name], may_exceed=may_exceed)
     return plan
+
+
+def prove(plan: Plan, *, progress: Callable[[str], None]) -> None:
+    """Have it computed what no requests for the foot can beat, which takes seconds."""
+    if plan.together is not None:
+        progress("what no requests can beat")
+        _ = plan.foot_bound
 
 
 def _for_the_foot(choices: Mapping[str, Any], wanted: Wanted, limits: Limits) -> Plan:

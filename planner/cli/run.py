@@ -106,6 +106,7 @@ def _make(ready: Run, out: str, *, as_json: bool) -> None:
         output_folder(out) as folder,
     ):
         made = planning.make_plan(choices, wanted, ready.limits, ready.starts, progress=progress)
+        planning.prove(made, progress=progress)
         missed = tolerance.misses(choices, wanted, made)
         failures += missed
         progress("the files")

@@ -33,10 +33,10 @@ def read_text(path: Path | str) -> str:
     """
     if not str(path):
         raise InvalidFile("''", "is no name of a file; name one, or - for standard input")
+    if str(path) == STANDARD_STREAM and sys.stdin is None:
+        raise InvalidFile(path, "standard input is closed; give it a file or a pipe")
     try:
         if str(path) == STANDARD_STREAM:
-            if sys.stdin is None:
-                raise InvalidFile(path, "standard input is closed; give it a file or a pipe")
             content = sys.stdin.buffer.read(MOST_BYTES + 1)
         else:
             with Path(path).open("rb") as stream:

@@ -26,6 +26,7 @@ from planner.inversion.foot_multipliers import (
     near_by,
     proved_by,
 )
+from planner.inversion.foot_reach import ways, within_reach
 from planner.inversion.norm import Norm
 from planner.inversion.reachable import reachable_set
 from planner.model.joint import JointModel
@@ -86,10 +87,8 @@ def foot_bound(
         start: From rest: angles at which the joints rest [rad], (k,).
 
     Returns:
-        The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`.
-
-    Raises:
-        SolverFailed: The solver proposed no multipliers.
+        The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`. A solver
+        that fails makes it weaker, never wrong.
     """
     roots = np.sqrt(weights / np.max(weights))
     errors = np.linalg.norm((leg.foot_positions(angles) - wanted) * roots, axis=1)
@@ -106,7 +105,7 @@ def foot_bound(
         for model, each in zip(models, starts, strict=True)
     ]
     task = Pulled(distance, sets, norm)
-    away = _ways(models, len(wanted), cyclic=cyclic)
+    away = ways(models, len(wanted), cyclic=cyclic)
     squared = _searched(task, away, near_by(task, np.clip(angles, lower, upper)))
     return known * math.sqrt(min(squared, 1.0))
 
@@ -213,47 +212,3 @@ def _improved(task: Pulled, part: Part, rounds: int) -> Part:
         columns=tuple(columns),
         effort=(turn + 1) * task.samples,
     )
-
-
-def within_reach(
-    models: Sequence[JointModel],
-    limits: tuple[Array, Array],
-    samples: int,
-    *,
-    start: Array | None,
-) -> tuple[Array, Array]:
-    """Angles between which every joint stays under requests within limits [rad], (n, k) both.
-
-    A joint overshoots a request by v - theta_0 a tick at most, and by nothing where that is
-    negative. Where a limit is infinite, turning by 2 pi changes nothing for the foot, so that a
-    cycle may be thought to begin near the other limit, or near zero; and it goes only so far.
-
-    Args:
-        models: The joints.
-        limits: Smallest and largest requests [rad], two arrays (k,).
-        samples: Number of samples n.
-        start: From rest: where the joints rest at the first sample [rad], (k,); None for a cycle.
-    """
-    beyond = np.array([max(model.v_max_per_tick - model.theta_0, 0.0) for model in models])
-    offsets = np.array([model.offset for model in models])
-    farthest = np.array([model.v_max * model.period for model in models])
-    lower, upper = limits[0] + offsets - beyond, limits[1] + offsets + beyond
-    if start is not None:
-        away = np.arange(samples)[:, np.newaxis] * farthest
-        return np.maximum(lower, start - away), np.minimum(upper, start + away)
-    turn = 2.0 * math.pi
-    span = turn + samples / 2.0 * farthest  # a cycle goes there and back
-    nowhere = np.isinf(lower) & np.isinf(upper)
-    lower = np.where(nowhere, -turn / 2.0, lower)
-    lower = np.where(np.isinf(lower), upper - span, lower)
-    upper = np.where(np.isinf(upper), lower + span, upper)
-    return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
-
-
-def _ways(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
-    """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
-    apart = np.abs(np.arange(samples) - samples // 2)
-    if cyclic:
-        apart = np.minimum(apart, samples - apart)
-    farthest: Array = apart[:, np.newaxis] * np.array([m.v_max * m.period for m in models])
-    return farthest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -97,10 +98,20 @@ def _pulls(task: Pulled, conditions: Sequence[Array]) -> tuple[Array, float]:
 
 
 def near_by(task: Pulled, angles: Array) -> tuple[Array, Multipliers]:
-    """The stationary point near some angles, in the box, (n, k), and its multipliers."""
+    """The stationary point near some angles, in the box, (n, k), and its multipliers.
+
+    Where the solver fails, those that it came to before, or none: they prove what they prove.
+    """
+    multipliers = Multipliers(
+        _shares(np.ones(task.samples)), [np.zeros(len(each.limit)) for each in task.sets]
+    )
     for _ in range(STEPS):
         before = angles
-        angles, multipliers = _step(task, before)
+        try:
+            angles, multipliers = _step(task, before)
+        except SolverFailed as failure:
+            logging.getLogger(__name__).debug("foot bound: %s", failure)
+            break
         if np.max(np.abs(angles - before)) <= STILL:
             break
     return angles, multipliers
@@ -152,6 +163,9 @@ def best_known(
     """Multipliers that would prove most if all angles were among the columns, near the centre.
 
     This is a step of a proximal bundle method, in which every sample has its own cuts.
+
+    Returns:
+        The multipliers, and what they would prove; the centre and nothing where the solver fails.
     """
     cvxpy = _modelling()
     around, _ = _pulls(task, centre.conditions)
@@ -183,7 +197,11 @@ def best_known(
     if task.norm == "max":
         apart += cvxpy.sum_squares(shares - centre.shares) / float(np.sum(centre.shares**2))
     problem = cvxpy.Problem(cvxpy.Maximize(value - RELUCTANCE / stride * apart), conditions)
-    _solve(problem)
+    try:
+        _solve(problem)
+    except SolverFailed as failure:
+        logging.getLogger(__name__).debug("foot bound: %s", failure)
+        return centre, 0.0
     found = centre.shares if task.norm == "rms" else _shares(shares.value)
     multipliers = Multipliers(found, [np.maximum(row.value, 0.0) for row in given])
     return multipliers, float(value.value)

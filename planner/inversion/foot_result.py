@@ -91,9 +91,6 @@ class FootInversion:
         """What no requests within the limits can go below, in the sense of :attr:`error` [m].
 
         It is computed, and proved, when it is first asked for: about 25 ms a sample.
-
-        Raises:
-            SolverFailed: The solver proposed no multipliers.
         """
         return foot_bound(
             self.models,

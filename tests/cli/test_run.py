@@ -301,6 +301,8 @@ def test_a_package_that_is_missing_is_told_before_anything_is_planned(
     run, desired, tmp_path, monkeypatch, kind
 ):
     what, package, extra = EXPORTS[kind]
+    for loaded in [name for name in sys.modules if name.startswith(f"{package}.")]:
+        monkeypatch.delitem(sys.modules, loaded)  # by another test; they would do without it
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.setattr("planner.cli.planning.make_plan", None)
     (tmp_path / "it.toml").write_text(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,12 +12,13 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import planner.inversion.foot_bound
-from planner.exceptions import NoSteadyCycle
+from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
 from planner.inversion.foot import invert_foot
-from planner.inversion.foot_bound import foot_bound, within_reach
+from planner.inversion.foot_bound import foot_bound
 from planner.inversion.foot_minima import Distance, minima
 from planner.inversion.foot_multipliers import Multipliers, Pulled, proved_by
+from planner.inversion.foot_reach import within_reach
 from planner.inversion.reachable import reachable_set
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -131,6 +133,24 @@ def test_an_axis_that_does_not_count_lowers_the_bound():
     )
     assert some.lower_bound <= every.error
     assert some.lower_bound <= error_of(some, every.requests)
+
+
+def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
+    plan = short_plan(1, False, "rms")
+    sharp = plan.lower_bound
+
+    def fail(_):
+        raise SolverFailed("lower bound of the foot", "no luck")
+
+    monkeypatch.setattr("planner.inversion.foot_multipliers._solve", fail)
+    assert 0.0 < replace(plan).lower_bound <= sharp
+
+
+def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
+    leg = WALK.leg
+    far = np.tile([0.0, 0.0, -0.5], (12, 1))
+    plan = invert_foot(ERS210A, leg, far)
+    assert plan.gap == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():

@@ -72,7 +72,7 @@ def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, bro
     page = folder / "report.html"
     browser.open(page, dark=True)
     figures = browser.ask("Object.keys(live.figures)")
-    assert set(figures) == set(PICTURES) - {"step_tests", "promises"}
+    assert set(figures) == set(PICTURES)
     for name in figures:
         browser.ask(f"document.getElementById('{name}').scrollIntoView()")
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
