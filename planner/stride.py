@@ -65,11 +65,10 @@ def stride(
 ) -> Stride:
     """A half ellipse (:func:`planner.half_ellipse`) sized for a leg, in the leg's base frame.
 
-    It lies in a plane of z and the heading, straight on that of x, around the place of the foot in
-    the standing pose (:func:`kinematics.standing.standing_pose`). What is given is kept; length and
-    height that are not are as large as the leg allows, up to a quarter and three twentieths of its
-    own length: it reaches every point without a jump between poses and stays at least 0.4 as
-    dexterous as in the standing pose.
+    It lies in a plane of z and the heading around the foot of the standing pose
+    (:func:`kinematics.standing.standing_pose`). What is given is kept; length and height that are
+    not are as large as the leg allows, up to a quarter and three twentieths of its own length: it
+    reaches every point without a jump and stays at least 0.4 as dexterous as when it stands.
 
     Args:
         leg: A leg of three joints at most.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 
@@ -52,6 +53,8 @@ MANY_SAMPLES = 2000
 
 MOST_PROPOSED = 32
 """Segments up to which knots are sought by shortest paths; beyond, by merging."""
+
+BY_ERROR = attrgetter("error")  # how curves are ordered
 
 
 class Search:
@@ -101,7 +104,7 @@ class Search:
         if segments not in self._found:
             curve = self._improve(segments)
             if self.problem.whole and segments <= LARGEST_WINDOW:
-                curve = min(curve, self._whole.nudged(curve.knots), key=_error)
+                curve = min(curve, self._whole.nudged(curve.knots), key=BY_ERROR)
             self._found[segments] = curve
         return self._found[segments]
 
@@ -210,15 +213,15 @@ class Search:
         proposed = self._propose(segments) or [spread(self.problem, segments)]
         if proposed[0].size > LARGEST_WINDOW:
             starts = [*map(self.valued, proposed), *extended[:1]]
-            begun = sorted(starts, key=_error)[:DESCENTS]
+            begun = sorted(starts, key=BY_ERROR)[:DESCENTS]
             begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in begun]
-            return descend(self.problem, min(begun, key=_error), rounds=ROUNDS)
+            return descend(self.problem, min(begun, key=BY_ERROR), rounds=ROUNDS)
         starts = all_best_values(self.problem, proposed) + extended
         return self._best_of(starts)
 
     def _best_of(self, starts: list[Candidate]) -> Candidate:
         begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS, progress=ROUGH)
-        return min(begun, key=_error)
+        return min(begun, key=BY_ERROR)
 
     @property
     def _good_enough(self) -> float:
@@ -244,7 +247,3 @@ class Search:
             )
             return candidate(self.problem, knots, values)
         return best_values(self.problem, knots)
-
-
-def _error(curve: Candidate) -> float:
-    return curve.error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.given import as_flag
 from planner.identification.adjusted import Adjusted
-from planner.identification.alternatives import errors_of, simple_fits
+from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.called import with_shown_speed
 from planner.identification.clock import Clock, clock_of
 from planner.identification.direction import opposite
@@ -87,17 +87,24 @@ def identify(
         intervals=_intervals(fit, bounds, spread),
         gain_interval=bounds.gain,
         covariance=_covariance(fit, bounds, spread),
-        alternatives=tuple(
-            Alternative(
-                name=other.name,
-                rms=errors[other.name],
-                held_out_rms=None if held is None else held.alternatives[other.name],
-                parameters=other.parameters,
-            )
-            for other in simple
-        ),
+        alternatives=_alternatives(simple, errors, held),
         warnings=(*verdict.warnings, *notes),
         accepted=verdict.accepted,
+    )
+
+
+def _alternatives(
+    simple: Sequence[Simple], errors: Mapping[str, float], held: HeldOut | None
+) -> tuple[Alternative, ...]:
+    """The simpler models, with their errors on all rows and on those held out."""
+    return tuple(
+        Alternative(
+            name=other.name,
+            rms=errors[other.name],
+            held_out_rms=None if held is None else held.alternatives[other.name],
+            parameters=other.parameters,
+        )
+        for other in simple
     )
 
 

@@ -104,7 +104,7 @@ def foot_bound(
         reachable_set(model, len(wanted), cyclic=cyclic, level="envelope", start=each)
         for model, each in zip(models, starts, strict=True)
     ]
-    task = Pulled(distance, sets, norm)
+    task = Pulled(distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
     away = ways(models, len(wanted), cyclic=cyclic)
     squared = _searched(task, away, near_by(task, np.clip(angles, lower, upper)))
     return known * math.sqrt(min(squared, 1.0))

@@ -38,20 +38,19 @@ class Pulled(NamedTuple):
         distance: Scaled so that the error of a known plan is 1.
         sets: What every response of each joint meets, k of them.
         norm: Root mean square or largest distance.
+        room: Angles between which each joint is at all ticks, those between samples too [rad], (k,)
+            and (k,).
     """
 
     distance: Distance
     sets: Sequence[Reachable]
     norm: Norm
+    room: tuple[Array, Array]
 
     @property
     def samples(self) -> int:
         """Number of wanted positions."""
         return len(self.distance.wanted)
-
-    def widest(self) -> tuple[Array, Array]:
-        """Angles between which each joint is at all ticks [rad], (k,) and (k,)."""
-        return np.min(self.distance.lower, axis=0), np.max(self.distance.upper, axis=0)
 
     def at_samples(self, rows: Sequence[Any]) -> list[Any]:
         """The entries at samples of one row of ticks for each joint."""
@@ -89,7 +88,7 @@ def proved_by(task: Pulled, multipliers: Multipliers, guesses: Array) -> tuple[f
 def _pulls(task: Pulled, conditions: Sequence[Array]) -> tuple[Array, float]:
     """Linear terms at the samples, (n, k), and what all that is not at samples adds at least."""
     pulls, constant = [], 0.0
-    for each, given, low, high in zip(task.sets, conditions, *task.widest(), strict=True):
+    for each, given, low, high in zip(task.sets, conditions, *task.room, strict=True):
         pull = each.matrix.T @ given
         pulls.append(pull[each.sampled].copy())
         pull[each.sampled] = 0.0  # what is left pulls at ticks between samples
@@ -188,7 +187,7 @@ def best_known(
         for column in columns
     ]
     value = cvxpy.sum(least)
-    for each, row, pull, low, high in zip(task.sets, given, pulled, *task.widest(), strict=True):
+    for each, row, pull, low, high in zip(task.sets, given, pulled, *task.room, strict=True):
         value -= each.limit @ row
         between = np.setdiff1d(np.arange(each.matrix.shape[1]), each.sampled)
         if len(between):

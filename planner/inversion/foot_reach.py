@@ -1,4 +1,4 @@
-"""Where the joints of a leg can be at all under requests within limits (``docs/math.md``, (13a))."""
+"""Where the joints of a leg can be at all under requests within limits (math.md, (13a))."""
 
 from __future__ import annotations
 

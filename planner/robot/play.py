@@ -67,10 +67,9 @@ def play(
 ) -> Playback:
     """Send every request at its time, and say afterwards how well that went.
 
-    Request k is due at k periods from the first one, whatever the requests before it took, so that
-    lateness does not add up. A request that is late is sent at once, but not where the next one is
-    due already: it is skipped then, and the robot stays in step with the clock. Nothing is skipped
-    on the ramp; where it is late, the rest waits.
+    Request k is due at k periods from the first one, so that lateness does not add up. A request
+    that is late is sent at once, but skipped where the next one is due already: the robot stays in
+    step with the clock. On the ramp nothing is skipped; where it is late, the rest waits.
 
     Args:
         requests: What to send to the joints [rad], shape (n, k), or (n,) for one joint.
@@ -82,8 +81,8 @@ def play(
             request. Without it, the first request is sent at once, however far it is.
         speed: Top speed on the way there [rad/s]; needed with ``current``.
         on_stop: Called once at the end, whatever ends it: the last request, Ctrl-C, or an error.
-            Nothing is sent after the end, so that the joints hold the last request that reached
-            them; what else is to become of them, such as no torque, is for this function to say.
+            Nothing is sent any more: the joints hold the last request that reached them, unless
+            this function does otherwise, such as take their torque.
         report: Called once after ``on_stop``, with what was sent and how late, whatever ended it:
             after an error, which leaves no answer, the one way to know.
         now: A clock that never goes back [s].

@@ -90,7 +90,7 @@ def task_of(plan):
         for model, start in zip(plan.models, starts, strict=True)
     ]
     distance = Distance(plan.leg.chain, lower, upper, plan.wanted, roots / plan.error)
-    return Pulled(distance, sets, plan.norm)
+    return Pulled(distance, sets, plan.norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
 
 
 def test_the_plan_for_the_reference_walk_is_within_a_hundredth_of_the_best():
