@@ -51,7 +51,26 @@ def measure(options: Options) -> list[Table]:
                 1e3 * first,
                 1e3 * again,
             )
-    return [table]
+    return [table, bounds(options.samples)]
+
+
+def bounds(samples: int) -> Table:
+    """What no requests within the limits can beat, one row for each leg and norm."""
+    table = Table(
+        "The foot's bound",
+        ("plan, cm", "no requests below, cm", "gap, %", "time of the bound, s"),
+        note="The error in the plan's norm, and what is proved about all requests within limits.",
+        stub="leg and norm",
+    )
+    for task in tasks(samples):
+        for norm in ("rms", "max"):
+            joint = planner.JointModel.ers210a()
+            plan = planner.invert_foot(joint, task.leg, task.wanted, norm=norm)
+            bound, seconds = timed(lambda plan=plan: plan.lower_bound)
+            table.add(
+                f"{task.name}, {norm}", 100.0 * plan.error, 100.0 * bound, 100.0 * plan.gap, seconds
+            )
+    return table
 
 
 def tasks(samples: int) -> list[Task]:
