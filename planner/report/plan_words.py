@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 AT_LIMIT = math.radians(1e-6)
 """A request this close to a limit is at it [rad]."""
 
+ROUNDING = 1e-12
+"""What the division by a decimal step may add to a quotient, as a share of it."""
+
 
 class Size(NamedTuple):
     """Errors of one kind, in the unit they are told in.
@@ -100,16 +103,18 @@ def verdict(outcome: PlanOutcome) -> tuple[str, str]:
     if outcome.feet:
         planned, direct = (size(outcome.distances[kind], 100.0) for kind in ("planned", "direct"))
         unit = "cm"
-        head = f"The foot stays within {planned.largest:.2g} cm of its path"
+        head = f"The foot stays within {_at_most(planned.largest)} cm of its path"
     else:
         planned, direct = (
             size(outcome.errors[kind], math.degrees(1.0)) for kind in ("planned", "direct")
         )
         unit = "degrees"
-        head = f"The joints stay within {planned.largest:.2g} degrees of their paths"
+        those = "joint stays" if len(outcome.names) == 1 else "joints stay"
+        whose = "its path" if len(outcome.names) == 1 else "their paths"
+        head = f"The {those} within {_at_most(planned.largest)} degrees of {whose}"
     tail = (
-        f"{planned.rms:.2g} {unit} rms. Requested as they are, the same paths would be missed by "
-        f"up to {direct.largest:.2g} {unit}, {direct.rms:.2g} {unit} rms"
+        f"{_two_digits(planned.rms)} {unit} rms. Requested as they are, the same paths would be "
+        f"missed by up to {_at_most(direct.largest)} {unit}, {_two_digits(direct.rms)} {unit} rms"
     )
     return head, tail
 
@@ -140,3 +145,16 @@ def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) ->
         listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)
         said.append(f"Requests at a limit of their joint: {listed}.")
     return said
+
+
+def _at_most(value: float) -> str:
+    """Two digits of a size, rounded up: what stays below the size stays below them."""
+    if not value > 0.0:
+        return "0"
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return _two_digits(step * math.ceil(value / step * (1.0 - ROUNDING)))
+
+
+def _two_digits(value: float) -> str:
+    """Two digits of a number, without a power of ten."""
+    return f"{float(f'{value:.2g}'):g}"

@@ -17,6 +17,9 @@ from planner.report.plan_words import joint_rows, remarks, verdict
 SAME = 1e-12
 """The same figure by another route [m, rad]."""
 
+DIGITS = 1.1
+"""How many times itself a size is that is rounded up to two digits, at most: 1.0 from above."""
+
 WALK = planner.reference_walk()
 SERVO = planner.JointModel.ers210a()
 
@@ -55,11 +58,29 @@ def test_the_outcome_is_what_simulation_and_leg_say(outcome):
 
 def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
     head, tail = verdict(outcome)
+    said = re.fullmatch(r"The foot stays within ([\d.]+) cm of its path", head)
     largest = 100.0 * outcome.distances["planned"].max()
-    assert head == f"The foot stays within {largest:.2g} cm of its path"
-    assert f"up to {100.0 * outcome.distances['direct'].max():.2g} cm" in tail
+    assert largest <= float(said[1]) <= DIGITS * largest
+    said = re.search(r"up to ([\d.]+) cm", tail)
+    largest = 100.0 * outcome.distances["direct"].max()
+    assert largest <= float(said[1]) <= DIGITS * largest
     head, _ = verdict(replace(outcome, leg=None, foot=None))
     assert re.fullmatch(r"The joints stay within [\d.]+ degrees of their paths", head)
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(5.046, "5.1"), (0.0612, "0.062"), (3.0, "3"), (101.0, "110"), (0.0, "0")]
+)
+def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, error, told):
+    errors = np.zeros((len(WALK.desired), 1))
+    errors[3] = np.radians(error)
+    one = replace(
+        outcome, names=["elbow"], models=(SERVO,), desired=WALK.desired[:, :1],
+        requests=outcome.requests[:, :1], predicted=WALK.desired[:, :1] + errors,
+        leg=None, foot=None,
+    )  # fmt: skip
+    head, _ = verdict(one)
+    assert head == f"The joint stays within {told} degrees of its path"
 
 
 def test_a_path_that_is_too_fast_is_remarked(outcome):
