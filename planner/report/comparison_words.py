@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from planner.evaluation.checks import AGREES
-from planner.report.comparison_rows import REASON_WORDS, SHOWN, notes
+from planner.report.comparison_rows import SHOWN, notes
 from planner.report.text_table import percent
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from planner.evaluation.cross_check import CrossCheck
     from planner.evaluation.differences import Reason
@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 
 OUTSIDE = 1e-9
 """A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""
+
+WHERE: Mapping[Reason, str] = {
+    "saturated": "where the joint is at its top speed whatever is requested",
+    "limit": "where a request is at a limit",
+    "corner": "at corners of the closed form’s lines",
+    "after_end": "after the end",
+    "free": "elsewhere than at top speed, at limits and at corners",
+}
+"""Where requests differ for a reason, to end a sentence with."""
 
 
 class KeyFigure(NamedTuple):
@@ -52,7 +61,7 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
         most = max(reasons, key=lambda reason: reasons[reason])
         apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
         said += f" Their requests differ by up to {apart:.3g} degrees all the same"
-        said += f": {100 * reasons[most]:.0f} % of that, squared, is {_because(most)}."
+        said += f": {100 * reasons[most]:.0f} % of that, squared, is {WHERE[most]}."
     return head, said
 
 
@@ -152,11 +161,3 @@ def _span_of_gaps(check: CrossCheck, method: str) -> str:
     """The joints' gaps, from the smallest to the largest."""
     least, most = (percent(f(joint.gap(method) for joint in check.joints)) for f in (min, max))
     return least if least == most else f"{least.removesuffix(' %')} – {most}"
-
-
-def _because(reason: Reason) -> str:
-    if reason == "saturated":
-        return "where the joint is at its top speed whatever is requested"
-    if reason == "free":
-        return "elsewhere than at top speed, at limits and at corners"
-    return f"there: {REASON_WORDS[reason]}"
