@@ -128,7 +128,7 @@ def foot_bound_text(results: Mapping[str, Any]) -> str:
     bound = results["foot_bound"]
     return (
         f"No requests within the joints' limits bring the model's foot below {bound['L2']:.3f} cm "
-        f"rms; the foot-optimised are {percent(bound['gap'])} above that."
+        f"rms; the foot-optimised plan promises {percent(bound['gap'])} more."
     )
 
 

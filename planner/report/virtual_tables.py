@@ -126,7 +126,10 @@ def virtual_text(results: Mapping[str, Any]) -> str:
             [
                 [
                     f"{row.label} [{row.unit}]",
-                    *(f"{cell.value:.2f} ({cell.interval})" for cell in row.cells),
+                    *(
+                        f"{cell.value:.2f}".replace("-", "−") + f" ({cell.interval})"
+                        for cell in row.cells
+                    ),
                     number(row.paper, 1),
                 ]
                 for row in table1_rows(results)
