@@ -88,7 +88,9 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
         InvalidInput: Tick and hold do not make the log's period.
     """
     pauses = np.concatenate([np.diff(log.times) for log in logs])
-    period = _period(pauses)
+    median = float(np.median(pauses))
+    mean = _mean_period(pauses, median)
+    period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
     unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
     period = round(period, DIGITS) or period
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
@@ -113,12 +115,9 @@ def unequal(logs: Sequence[Log]) -> bool:
     return max(periods) > (1.0 + UNEQUAL) * min(periods)
 
 
-def _period(pauses: Array) -> float:
-    """Time between rows [s]: the mean of pauses that are about whole numbers of their median.
-
-    Where times jitter, or are rounded to milliseconds, the median alone is off.
-    """
-    period = float(np.median(pauses))
+def _mean_period(pauses: Array, median: float) -> float:
+    """The mean of pauses that are about whole numbers of their median [s]."""
+    period = median
     for _ in range(ROUNDS):
         whole = np.round(pauses / period)
         near = (whole >= 1.0) & (whole <= MOST_DROPPED)
@@ -126,6 +125,20 @@ def _period(pauses: Array) -> float:
         if near.any():
             period = float(np.sum(pauses[near]) / np.sum(whole[near]))
     return period
+
+
+def _keeps_to(period: float, times: Array) -> bool:
+    """Whether times stay with a clock of this period, so that the mean pause tells it.
+
+    Times that jitter, or are rounded to milliseconds, do, and the median pause is off. Those of a
+    loop that is late now and then do not, and most pauses are as long as the median says.
+    """
+    whole = np.round(np.diff(times) / period)
+    apart = np.diff(times) - whole * period
+    beside = np.concatenate([[0.0], np.cumsum(apart)])
+    trend = np.polynomial.Polynomial.fit(np.arange(len(times)), beside, 1)
+    wandering = float(np.std(beside - trend(np.arange(len(times)))))
+    return wandering <= float(np.std(apart))
 
 
 def _ticks(period: float, tick: float) -> int:

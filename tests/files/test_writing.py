@@ -96,13 +96,13 @@ def test_a_name_that_no_file_can_have_is_bad_input(tmp_path):
     for name, reason in (
         (loop, r"too many levels of symbolic links"),
         (tmp_path, "is a directory"),
-        (tmp_path / "a\0b", "embedded null byte"),
+        (tmp_path / "a\0b", "[a-z: ]*embedded null [a-z ]+"),  # a byte, or a character in a path
         (tmp_path / ("x" * 300), "file name too long"),
     ):
         with pytest.raises(InvalidFile, match=rf"cannot be written \({reason}\); choose another"):
             write_text(name, "text")
     assert list(tmp_path.iterdir()) == [loop]
-    with pytest.raises(InvalidFile, match=r"cannot be read \(embedded null byte\)"):
+    with pytest.raises(InvalidFile, match=r"cannot be read \([a-z: ]*embedded null [a-z ]+\)"):
         read_text(tmp_path / "a\0b")
     for name in (loop, tmp_path / "a\0b"):
         with pytest.raises(InvalidFile, match="choose another"), output_folder(name):

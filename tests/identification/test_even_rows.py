@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import planner
+from planner.identification.clock import clock_of
 from planner.identification.even_rows import evened
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
@@ -82,3 +83,12 @@ def test_a_period_is_the_mean_of_times_that_are_rounded_to_milliseconds():
     times = np.round(np.arange(400) / 120.0, 3)
     model = planner.identify(changed(log, times=times), hold_out=False).model
     assert abs(model.period - 1.0 / 120.0) <= 1e-5  # the median would be 8 ms
+
+
+def test_a_loop_that_is_late_now_and_then_has_the_period_of_most_of_its_rows():
+    log = rich_log(rows=400, noise=NOISE)
+    late = np.random.default_rng(2).random(400) < 0.15
+    clock = clock_of(
+        [changed(log, times=np.cumsum(np.where(late, 0.028, 0.0205)))], tick=None, hold=None
+    )
+    assert abs(clock.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
