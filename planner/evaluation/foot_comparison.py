@@ -12,6 +12,7 @@ import numpy as np
 from kinematics.leg import Leg
 from planner.evaluation.checks import (
     ABOVE,
+    AGREEMENT,
     FOOT_ABOVE_BOUND,
     FOOT_NO_WORSE,
     INSIDE,
@@ -66,6 +67,7 @@ class FootComparison:
         desired: Where the desired angles bring the foot [m], shape (n, 3).
         plans: Plan by method, one more than for a joint.
         differences: How far each method's requests are from those for the foot, all joints [rad].
+        cyclic: Whether the trajectory repeats for ever.
         norm: The error that the plan for the foot minimises, and that the bound is about.
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
         bound: What no requests within the limits bring the foot's error below [m]; None where a
@@ -76,15 +78,22 @@ class FootComparison:
     desired: Array
     plans: Mapping[str, FootPlan]
     differences: Mapping[str, Distance]
+    cyclic: bool
     norm: Norm
     limits: tuple[Array, Array]
     bound: float | None
     checks: tuple[Check, ...]
 
     def gap(self, method: str) -> float | None:
-        """How far above the bound a plan is; None where it is beyond the limits, or no bound is."""
+        """How far above the bound a plan is; None where the bound is not about it, or none is.
+
+        It is about requests within the limits that, from rest, set out from the same pose.
+        """
         plan = self.plans[method]
         if not self.bound or beyond_limits(plan.requests, self.limits) > WITHIN_LIMITS.value:
+            return None
+        began = self.plans["foot_optimal"].requests[0]
+        if not self.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
             return None
         return plan.error(self.norm) / self.bound - 1.0
 
@@ -150,6 +159,7 @@ def judge_foot(
     )
     bound = together.lower_bound if len(desired) <= LONGEST else None
     return FootComparison(
+        cyclic=together.cyclic,
         norm=together.norm,
         limits=together.limits,
         bound=bound,

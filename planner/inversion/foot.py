@@ -92,7 +92,7 @@ def invert_foot(
 
     Args:
         models: One joint model for all joints of the leg, or one for each.
-        leg: A leg of three joints.
+        leg: A leg of up to three joints.
         foot: Wanted positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
         limits: Smallest and largest requests [rad], numbers or shape (k,); by default the leg's.

@@ -21,12 +21,13 @@ from planner.inversion.foot_minima import Distance
 from planner.inversion.foot_multipliers import (
     Column,
     Multipliers,
-    Pulled,
+    Relaxation,
     best_known,
     near_by,
+    nothing,
     proved_by,
 )
-from planner.inversion.foot_reach import ways, within_reach
+from planner.inversion.foot_reach import how_far_apart, within_reach
 from planner.inversion.norm import Norm
 from planner.inversion.reachable import reachable_set
 from planner.model.joint import JointModel
@@ -37,7 +38,7 @@ LEAST_ROUNDS, ROUNDS = 3, 12
 there is to gain."""
 
 LONGEST = 1000
-"""Samples of a path up to which a bound takes seconds, not minutes."""
+"""Samples of a path up to which a bound takes half a minute at most: it is told unasked."""
 
 LONGER, SHORTER, TRUSTED = 2.0, 0.5, 0.5
 """How much farther, or less far, the next multipliers may be from the best ones, and from which
@@ -50,6 +51,9 @@ what the search for minima leaves unproved."""
 EFFORT, ROUNDS_OF_A_PART = 1000, 3
 """After how many samples searched, counted in every round, no part of the responses is cut in two
 any more [-], some seconds; and the most multipliers tried for a half."""
+
+OVERHEAD = 20
+"""What a round takes besides, for its multipliers [samples searched]."""
 
 NARROW = 0.05
 """Spread of the angles that matter below which it does not say where to cut [of a part's side]."""
@@ -73,7 +77,9 @@ def foot_bound(
     limits: tuple[Array, Array],
     start: Array | None,
 ) -> float:
-    """A distance from its path that no requests can keep the foot below [m].
+    """A distance from its path that no requests within the limits can keep the foot below [m].
+
+    From rest it is about plans that set out from the same pose.
 
     Args:
         models: The joints, in the leg's order.
@@ -104,8 +110,8 @@ def foot_bound(
         reachable_set(model, len(wanted), cyclic=cyclic, level="envelope", start=each)
         for model, each in zip(models, starts, strict=True)
     ]
-    task = Pulled(distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
-    away = ways(models, len(wanted), cyclic=cyclic)
+    task = Relaxation(distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
+    away = how_far_apart(models, len(wanted), cyclic=cyclic)
     squared = _searched(task, away, near_by(task, np.clip(angles, lower, upper)))
     return known * math.sqrt(min(squared, 1.0))
 
@@ -119,7 +125,7 @@ class Part(NamedTuple):
         upper: Greatest angles there [rad], (k,).
         multipliers: Those that prove it.
         columns: Angles that are known to matter.
-        effort: Samples that were searched, counted in every round.
+        effort: Samples that were searched, counted in every round, and what else rounds take.
     """
 
     proved: float
@@ -130,7 +136,7 @@ class Part(NamedTuple):
     effort: int = 0
 
 
-def _searched(task: Pulled, away: Array, first: tuple[Array, Multipliers]) -> float:
+def _searched(task: Relaxation, away: Array, first: tuple[Array, Multipliers]) -> float:
     """The least of what is proved about parts that are all responses together."""
     middle = len(away) // 2
     angles, multipliers = first
@@ -172,14 +178,14 @@ def _halves(part: Part) -> list[Part]:
     return [part._replace(upper=first), part._replace(lower=second)]
 
 
-def _within(task: Pulled, part: Part, away: Array) -> Pulled:
+def _within(task: Relaxation, part: Part, away: Array) -> Relaxation:
     """The task with no more room than the part leaves: ``away`` is how far joints go, (n, k)."""
     lower = np.maximum(task.distance.lower, part.lower - away)
     upper = np.maximum(np.minimum(task.distance.upper, part.upper + away), lower)
     return task._replace(distance=task.distance._replace(lower=lower, upper=upper))
 
 
-def _improved(task: Pulled, part: Part, rounds: int) -> Part:
+def _improved(task: Relaxation, part: Part, rounds: int) -> Part:
     """The part with what some rounds prove, each with multipliers that the last one suggests."""
     columns = [
         Column(angles, task.distance.squared(angles))
@@ -206,9 +212,11 @@ def _improved(task: Pulled, part: Part, rounds: int) -> Part:
         multipliers, promised = best_known(task, columns, centre, stride=stride)
         if promised - max(proved, 0.0) < WORTH_A_ROUND:
             break
+    if proved < 0.0:  # less than the distance from the path of any pose at all
+        proved, _ = proved_by(task, nothing(task), columns[0].angles)
     return part._replace(
         proved=max(part.proved, proved),
         multipliers=centre,
         columns=tuple(columns),
-        effort=(turn + 1) * task.samples,
+        effort=(turn + 1) * (task.samples + OVERHEAD),
     )

@@ -17,9 +17,12 @@ from kinematics.chain import Chain
 from planner.trajectory import Array
 
 WIDEST_CELL = np.radians(15.0)
-"""Width of the first cells [rad], where the foot's path over one is bent by a few per cent."""
+"""Width of the first cells [rad], where the foot's path over one is bent by a few per cent; wider
+where there would be too many."""
 
 SAMPLES_AT_ONCE = 64
+"""Samples in a block: as many as a few thousand first cells each leave room for."""
+
 MOST_CELLS = 400_000
 """Cells that a block may be about to have open; beyond it their bounds stand as they are. So many
 are seen only where angles far apart are equally good, and take some 100 MB."""
@@ -28,7 +31,8 @@ MOST_HALVINGS = 40
 """Cells are then 1e-12 of the first ones wide: as small as rounding."""
 
 RIDGE = 1e-9
-"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again."""
+"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again. What
+the inverse then lacks in digits is far below any tolerance of the search."""
 
 
 class Distance(NamedTuple):
@@ -131,7 +135,7 @@ def _block(
             _bend(distance, half)[owner],
         )
         bounds = values - depths
-        is_open = bounds < least[owner] - tolerance
+        is_open = ~(bounds >= least[owner] - tolerance)
         proved = least - tolerance
         np.minimum.at(proved, owner[is_open], bounds[is_open])
         if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
@@ -149,7 +153,10 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     The samples' boxes are cut alike.
     """
     width = distance.upper - distance.lower
-    count = np.maximum(np.ceil(np.max(width, axis=0) / WIDEST_CELL), 1.0).astype(int)
+    widest = WIDEST_CELL
+    while len(width) * np.prod(np.ceil(np.max(width, axis=0) / widest) + 1.0) > MOST_CELLS:
+        widest *= 1.5
+    count = np.maximum(np.ceil(np.max(width, axis=0) / widest), 1.0).astype(int)
     half = width / count / 2.0
     odd = np.stack(
         np.meshgrid(*(2.0 * np.arange(number) + 1.0 for number in count), indexing="ij"), axis=-1

@@ -31,7 +31,7 @@ RELUCTANCE = 3.0
 """What moving all pulls by their own size costs, relative to a plan's squared error."""
 
 
-class Pulled(NamedTuple):
+class Relaxation(NamedTuple):
     """The foot's distance and the sets in which the joints' angles lie.
 
     Attributes:
@@ -76,7 +76,7 @@ class Column(NamedTuple):
     squared: Array
 
 
-def proved_by(task: Pulled, multipliers: Multipliers, guesses: Array) -> tuple[float, Array]:
+def proved_by(task: Relaxation, multipliers: Multipliers, guesses: Array) -> tuple[float, Array]:
     """The squared distance that multipliers prove, and the angles of least value, (n, k)."""
     pulls, constant = _pulls(task, multipliers.conditions)
     found = minima(
@@ -85,7 +85,7 @@ def proved_by(task: Pulled, multipliers: Multipliers, guesses: Array) -> tuple[f
     return float(np.sum(found.proved)) + constant, found.angles
 
 
-def _pulls(task: Pulled, conditions: Sequence[Array]) -> tuple[Array, float]:
+def _pulls(task: Relaxation, conditions: Sequence[Array]) -> tuple[Array, float]:
     """Linear terms at the samples, (n, k), and what all that is not at samples adds at least."""
     pulls, constant = [], 0.0
     for each, given, low, high in zip(task.sets, conditions, *task.room, strict=True):
@@ -96,14 +96,12 @@ def _pulls(task: Pulled, conditions: Sequence[Array]) -> tuple[Array, float]:
     return np.stack(pulls, axis=1), constant
 
 
-def near_by(task: Pulled, angles: Array) -> tuple[Array, Multipliers]:
+def near_by(task: Relaxation, angles: Array) -> tuple[Array, Multipliers]:
     """The stationary point near some angles, in the box, (n, k), and its multipliers.
 
     Where the solver fails, those that it came to before, or none: they prove what they prove.
     """
-    multipliers = Multipliers(
-        _shares(np.ones(task.samples)), [np.zeros(len(each.limit)) for each in task.sets]
-    )
+    multipliers = nothing(task)
     for _ in range(STEPS):
         before = angles
         try:
@@ -116,7 +114,13 @@ def near_by(task: Pulled, angles: Array) -> tuple[Array, Multipliers]:
     return angles, multipliers
 
 
-def _step(task: Pulled, angles: Array) -> tuple[Array, Multipliers]:
+def nothing(task: Relaxation) -> Multipliers:
+    """Multipliers that take no notice of the joints: they prove how far poses are from the path."""
+    none = [np.zeros(len(each.limit)) for each in task.sets]
+    return Multipliers(np.full(task.samples, 1.0 / task.samples), none)
+
+
+def _step(task: Relaxation, angles: Array) -> tuple[Array, Multipliers]:
     """The best angles where the foot moves as its derivatives say, and their multipliers."""
     cvxpy = _modelling()
     positions, jacobians = task.distance.errors(angles)
@@ -157,7 +161,7 @@ def _shares(proposed: Array) -> Array:
 
 
 def best_known(
-    task: Pulled, columns: Sequence[Column], centre: Multipliers, *, stride: float
+    task: Relaxation, columns: Sequence[Column], centre: Multipliers, *, stride: float
 ) -> tuple[Multipliers, float]:
     """Multipliers that would prove most if all angles were among the columns, near the centre.
 
@@ -223,5 +227,6 @@ def _solve(problem: Any) -> None:
     except cvxpy.SolverError as error:
         raise SolverFailed("lower bound of the foot", str(error)) from error
     values = [variable.value for variable in problem.variables()]
+    values += [condition.dual_value for condition in problem.constraints]
     if any(value is None or not np.all(np.isfinite(value)) for value in values):
         raise SolverFailed("lower bound of the foot", problem.status)

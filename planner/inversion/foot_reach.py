@@ -21,8 +21,8 @@ def within_reach(
     """Angles between which every joint stays under requests within limits [rad], (n, k) both.
 
     A joint overshoots a request by v - theta_0 a tick at most, and by nothing where that is
-    negative. Where a limit is infinite, turning by 2 pi changes nothing for the foot, so that a
-    cycle may be thought to begin near the other limit, or near zero; and it goes only so far.
+    negative. Turning by 2 pi changes nothing for the foot, so that a cycle may be thought to have
+    its least angle within a turn of the lower limit, or of -pi; and it goes only so far.
 
     Args:
         models: The joints.
@@ -42,11 +42,11 @@ def within_reach(
     nowhere = np.isinf(lower) & np.isinf(upper)
     lower = np.where(nowhere, -turn / 2.0, lower)
     lower = np.where(np.isinf(lower), upper - span, lower)
-    upper = np.where(np.isinf(upper), lower + span, upper)
+    upper = np.minimum(upper, lower + span)
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
 
 
-def ways(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
+def how_far_apart(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
     """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
     apart = np.abs(np.arange(samples) - samples // 2)
     if cyclic:

@@ -11,13 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-import planner.inversion.foot_bound
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
 from planner.inversion.foot import invert_foot
 from planner.inversion.foot_bound import foot_bound
-from planner.inversion.foot_minima import Distance, minima
-from planner.inversion.foot_multipliers import Multipliers, Pulled, proved_by
+from planner.inversion.foot_minima import MOST_CELLS, Distance, _first_cells, minima
+from planner.inversion.foot_multipliers import Multipliers, Relaxation, proved_by
 from planner.inversion.foot_reach import within_reach
 from planner.inversion.reachable import reachable_set
 from planner.model.joint import JointModel
@@ -35,12 +34,6 @@ CLOSE = 0.01
 """Gap of the plan for the reference walk, half of which was there when this was written."""
 
 KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms"), (2, False, "max")]
-
-
-@pytest.fixture(autouse=True)
-def _with_few_cuts(monkeypatch):
-    """Bounds are valid from the first round on; these need not be the sharpest."""
-    monkeypatch.setattr(planner.inversion.foot_bound, "EFFORT", 500)
 
 
 def walk_plan(**options):
@@ -90,7 +83,7 @@ def task_of(plan):
         for model, start in zip(plan.models, starts, strict=True)
     ]
     distance = Distance(plan.leg.chain, lower, upper, plan.wanted, roots / plan.error)
-    return Pulled(distance, sets, plan.norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
+    return Relaxation(distance, sets, plan.norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
 
 
 def test_the_plan_for_the_reference_walk_is_within_a_hundredth_of_the_best():
@@ -133,6 +126,46 @@ def test_an_axis_that_does_not_count_lowers_the_bound():
     )
     assert some.lower_bound <= every.error
     assert some.lower_bound <= error_of(some, every.requests)
+
+
+def test_no_plan_that_is_planted_is_below_it():
+    rng = np.random.default_rng(6)
+    leg = ers210a_leg("hind_right")
+    holds = [(1, 0.008), (2, 0.004), (4, 0.002)]
+    models = [replace(ERS210A, tick=tick, hold=hold, offset=0.02) for hold, tick in holds]
+    middle = np.mean(leg.limits, axis=0)
+    for cyclic in (True, False):
+        requests = middle + np.cumsum(rng.normal(0.0, 0.1, (14, 3)), axis=0)
+        start = None if cyclic else requests[0] + 0.02
+        angles = np.transpose(
+            [
+                simulate(model, column, cyclic=cyclic, start=None if cyclic else float(start[j]))
+                for j, (model, column) in enumerate(zip(models, requests.T, strict=True))
+            ]
+        )
+        noise = rng.normal(0.0, 0.002, (14, 3))
+        bound = foot_bound(
+            models,
+            leg,
+            leg.foot_positions(angles) + noise,
+            np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0]),
+            cyclic=cyclic,
+            norm="rms",
+            weights=np.ones(3),
+            limits=(np.min(requests, axis=0), np.max(requests, axis=0)),
+            start=start,
+        )
+        assert bound <= np.sqrt(np.mean(np.sum(noise**2, axis=1)))
+
+
+def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
+    lower, upper = within_reach(
+        [ERS210A] * 3, (np.full(3, -100.0), np.full(3, 100.0)), 20, start=None
+    )
+    assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
+    wide = Distance(WALK.leg.chain, lower * 0.0, upper * 9.0, WALK.desired_foot[:20], np.ones(3))
+    owner, _, _ = _first_cells(wide)
+    assert len(owner) <= MOST_CELLS
 
 
 def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
