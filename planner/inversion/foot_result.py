@@ -90,7 +90,7 @@ class FootInversion:
     def lower_bound(self) -> float:
         """What no requests within the limits can go below, in the sense of :attr:`error` [m].
 
-        From rest: none that set out from :attr:`start`. It is computed, and proved, when it is
+        From rest: none that set out from ``start``. It is computed, and proved, when it is
         first asked for: some 30 ms a sample, and up to ten seconds where a path is short.
         """
         return foot_bound(
