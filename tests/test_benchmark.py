@@ -165,3 +165,41 @@ def test_numbers_are_written_short():
     assert table.as_json() == {"r": {"a": 2.0, "b": None}}
     assert table.against({"r": {"a": 1.0, "b": 3.0}}).rows["r"][0] == 2.0
     assert not table.against({"other": {"a": 1.0}}).rows
+
+
+def reference(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "benchmark.reference", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(SCRIPTS), "OPENBLAS_NUM_THREADS": "1"}
+    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+
+
+def test_reference_results_are_recorded_and_compared_to_the_last_bit(tmp_path):
+    kept = tmp_path / "reference.json"
+    arguments = [str(kept), "--only", "fits,plans", "--every", "60"]
+    recorded = reference("record", *arguments)
+    assert recorded.returncode == 0, recorded.stderr
+    before = json.loads(kept.read_text())["sections"]
+    assert [len(before[name]["cases"]) for name in ("fits", "plans")] == [11, 2]
+    again = reference("compare", *arguments, "--with", str(kept))
+    assert again.returncode == 0, again.stdout
+    assert next(line for line in again.stdout.splitlines() if line.startswith("fits"))
+    assert "no section nothing" in reference("compare", str(kept), "--only", "nothing").stderr
+
+
+def test_a_worse_result_fails_the_comparison():
+    from benchmark.reference.compare import checks_of, compared
+
+    def run(error, segments, steepest, seconds):
+        numbers = {"error": error, "floor": 1e-6, "segments": segments, "steepest": steepest}
+        return {"fits": {"pace": 1.0, "cases": {"a": numbers | {"seconds": seconds}}}}
+
+    old = run(1.0, 6, 0.0, 1.0)
+    for new, failed in [
+        (run(1.0 + 1e-12, 6, 0.0, 1.1), 0),
+        (run(1.01, 6, 0.0, 1.0), 3),  # median, mean and share
+        (run(1.0, 6, 1e-9, 1.0), 1),
+        (run(1.0, 6, 0.0, 1.5), 1),
+        ({"fits": {"pace": 1.0, "cases": {"a": {"failed": "ValueError", "seconds": 1.0}}}}, 1),
+    ]:
+        section = compared(old, new)["fits"]
+        assert sum(not check.passed for check in checks_of("fits", section)) == failed

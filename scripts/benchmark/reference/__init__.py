@@ -1,0 +1,1 @@
+"""Reference results behind ``scripts/reference``: recorded by public names only, and compared."""

@@ -1,0 +1,123 @@
+"""Reference fits: many seeds, the proved optima, and every question that ``fit_pwl`` answers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import planner
+from benchmark.instances import Array, random_attainable, random_saturating, reference
+from benchmark.reference.record import Case, Numbers
+from tests.approximation.samples import oracle_instance, oracle_instances
+
+SEEDS = 40
+UNSEEN = 1000
+"""First seed of samples that are in no stored table of the tests."""
+
+SEGMENTS = (2, 3, 4, 5, 6, 7, 8, 12)
+
+OPTIMA = Path(__file__).resolve().parents[3] / "tests/approximation/oracle.json"
+
+NEGLIGIBLE = 1e-6
+"""Errors below this share of the samples' range are compared as if they were it."""
+
+
+def series_of(seed: int) -> tuple[Array, dict[str, Any]]:
+    """Samples, ``v_max`` and ``tick``: joints at odd seeds, of all kinds at even ones."""
+    if seed % 4 == 1:
+        instance = random_saturating(UNSEEN + seed)
+    elif seed % 4 == 3:
+        instance = random_attainable(UNSEEN + seed)
+    else:
+        drawn = oracle_instance(UNSEEN + seed // 2)
+        return drawn.desired, {name: drawn.settings[name] for name in ("v_max", "tick")}
+    return instance.desired, {"v_max": instance.model.v_max, "tick": instance.model.period}
+
+
+def fits() -> Iterator[Case]:
+    """All counts of segments over the seeds, as cycles and as open paths."""
+    for seed in range(SEEDS):
+        desired, settings = series_of(seed)
+        for cyclic in (True, False):
+            for segments in SEGMENTS:
+                name = f"{seed} {'cycle' if cyclic else 'path'} {segments}"
+                yield name, partial(fit, desired, **settings, cyclic=cyclic, segments=segments)
+
+
+def optima() -> Iterator[Case]:
+    """The fits whose optimum among knots on samples is proved, with any knots and on samples."""
+    table = json.loads(OPTIMA.read_text())
+    for each, stored in zip(oracle_instances(), table, strict=True):
+        for on_samples in (False, True):
+            settings = each.settings | {"segments": each.segments, "on_samples": on_samples}
+            name = f"{each.seed}{', on samples' if on_samples else ''}"
+            yield name, partial(fit, each.desired, **settings, optimum=stored["rms"])
+
+
+def questions() -> Iterator[Case]:
+    """Every question on several series."""
+    joint = reference()[0]
+    walk = joint.desired, {"v_max": joint.model.v_max, "tick": joint.model.period}
+    named = {f"{seed}": series_of(seed) for seed in range(0, 16, 2)} | {"rotator": walk}
+    for series, (desired, settings) in named.items():
+        for question, asked in asked_of(desired).items():
+            for cyclic in (True, False):
+                if question == "ends" and cyclic:
+                    continue
+                name = f"{question}: {series} {'cycle' if cyclic else 'path'}"
+                yield name, partial(fit, desired, **settings, cyclic=cyclic, **asked)
+    for seed, n in enumerate((300, 1000, 3000)):
+        long = oracle_instance(UNSEEN + 8 * seed + 1, n=n)  # sines, noise and steps
+        for question in ("automatic", "within 5 %", "segments 8"):
+            yield (
+                f"{question}: {n} samples",
+                partial(fit, long.desired, **long.settings, **asked_of(long.desired)[question]),
+            )
+
+
+def asked_of(desired: Array) -> dict[str, dict[str, Any]]:
+    """The questions by name: keywords of ``fit_pwl``."""
+    n, extent = len(desired), float(np.ptp(desired))
+    weights = 1.0 + 0.9 * np.sin(np.arange(n))
+    return {
+        "automatic": {},
+        "segments 8": {"segments": 8},
+        "within 5 %": {"max_error": 0.05 * extent},
+        "within 15 %": {"max_error": 0.15 * extent},
+        "within 15 %, on samples": {"max_error": 0.15 * extent, "on_samples": True},
+        "rms 4 %": {"max_rms": 0.04 * extent},
+        "shortest": {"segments": 5, "shortest": 8.5},
+        "required": {"segments": 6, "required": (0, n // 3, n / 2 + 0.5)},
+        "required angles": {"segments": 6, "required": {n // 4: float(desired[n // 4])}},
+        "weights": {"segments": 5, "weights": weights},
+        "ends": {"segments": 5, "ends": (float(desired[0]), None)},
+        "on samples": {"segments": 5, "on_samples": True},
+        "given knots": {"knots": np.linspace(0.0, n - 1.0, 9)[:-1] + 0.25},
+        "exact": {"segments": 4, "exact": True},
+    }
+
+
+def fit(desired: Array, *, optimum: float | None = None, **asked: Any) -> Numbers:
+    """The fit's numbers."""
+    found = planner.fit_pwl(desired, **asked)
+    floor = NEGLIGIBLE * float(np.ptp(desired))
+    numbers: Numbers = {
+        "error": found.rms,
+        "floor": floor,
+        "max_error": found.max_error,
+        "segments": found.segments,
+        "steepest": float(np.max(np.abs(found.slopes))) / found.v_max - 1.0,
+        "knots": found.knots.tolist(),
+        "values": found.values.tolist(),
+    }
+    if optimum is not None:
+        numbers["over optimum"] = max(found.rms, floor) / max(optimum, floor) - 1.0
+    if asked.get("segments") is None:
+        numbers["counted"] = math.inf if "knots" in asked else found.segments
+    return numbers
