@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from planner.identification.identification import Identification
     from planner.identification.identify import identify
     from planner.identification.log import Log
-    from planner.inversion.bound import Certificate, certify, lower_bound
+    from planner.inversion.certify import Certificate, certify, lower_bound
     from planner.inversion.closed_form import invert_closed_form
-    from planner.inversion.foot import invert_foot
-    from planner.inversion.foot_result import FootInversion
+    from planner.inversion.foot.invert import invert_foot
+    from planner.inversion.foot.result import FootInversion
     from planner.inversion.line import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
@@ -112,10 +112,10 @@ _HOMES = {
     "planner.identification.identification": ("Identification",),
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
-    "planner.inversion.bound": ("Certificate", "certify", "lower_bound"),
+    "planner.inversion.certify": ("Certificate", "certify", "lower_bound"),
     "planner.inversion.closed_form": ("invert_closed_form",),
-    "planner.inversion.foot": ("invert_foot",),
-    "planner.inversion.foot_result": ("FootInversion",),
+    "planner.inversion.foot.invert": ("invert_foot",),
+    "planner.inversion.foot.result": ("FootInversion",),
     "planner.inversion.line": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),

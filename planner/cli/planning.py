@@ -14,7 +14,7 @@ from planner.cli.say import naming
 
 if TYPE_CHECKING:
     from planner.cli.wanted import Wanted
-    from planner.inversion.foot_result import FootInversion
+    from planner.inversion.foot.result import FootInversion
     from planner.inversion.line import Rule
     from planner.inversion.norm import Norm
     from planner.inversion.result import Inversion
@@ -48,7 +48,7 @@ class Plan:
     @property
     def foot_bound(self) -> float | None:
         """What no requests bring the foot's error below [m]; None where it would take minutes."""
-        from planner.inversion.foot_bound import LONGEST
+        from planner.inversion.foot.bound import LONGEST
 
         if self.together is None or len(self.requests) > LONGEST:
             return None
@@ -139,7 +139,7 @@ def prove(plan: Plan, *, progress: Callable[[str], None]) -> None:
 
 
 def _for_the_foot(choices: Mapping[str, Any], wanted: Wanted, limits: Limits) -> Plan:
-    from planner.inversion.foot import invert_foot
+    from planner.inversion.foot.invert import invert_foot
 
     assert wanted.leg is not None, "a foot path needs a leg"
     assert wanted.foot is not None, "this method plans for a foot path"

@@ -12,8 +12,8 @@ import numpy as np
 
 from planner.evaluation.independent import independent_angles, next_cycle
 from planner.exceptions import NoSteadyCycle
+from planner.inversion.bounds.reachable_set import Level
 from planner.inversion.descent import AS_WELL
-from planner.inversion.reachable import Level
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array

@@ -28,9 +28,9 @@ from planner.evaluation.checks import (
 from planner.evaluation.joint_comparison import METHODS, JointComparison
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
-from planner.inversion.foot import invert_foot
-from planner.inversion.foot_bound import LONGEST
-from planner.inversion.foot_result import FootInversion
+from planner.inversion.foot.bound import LONGEST
+from planner.inversion.foot.invert import invert_foot
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.norm import Norm
 from planner.inversion.result import Inversion
 from planner.trajectory import Array

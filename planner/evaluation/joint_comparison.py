@@ -25,8 +25,8 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.differences import Difference, difference
-from planner.inversion.bound import Certificate, certify
-from planner.inversion.reachable import LEVELS, Level
+from planner.inversion.bounds.reachable_set import LEVELS, Level
+from planner.inversion.certify import Certificate, certify
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array

@@ -14,7 +14,7 @@ from planner.evaluation.metrics import Distance, angle_distance
 from planner.evaluation.paper import deviations
 from planner.evaluation.step_response import StepResponse
 from planner.gait import ReferenceWalk
-from planner.inversion.foot_result import FootInversion
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array

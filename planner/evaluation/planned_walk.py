@@ -13,8 +13,8 @@ from planner.evaluation.metrics import foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome, JointOutcome, PlannedWalk
 from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot import invert_foot
-from planner.inversion.foot_result import FootInversion
+from planner.inversion.foot.invert import invert_foot
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.line import Rule
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion

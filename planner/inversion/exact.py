@@ -14,21 +14,17 @@ from __future__ import annotations
 
 import logging
 import warnings
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from planner.exceptions import MissingExtra, SolverFailed
+from planner.inversion.bounds.reachable_set import Question, setting_off
+from planner.inversion.bounds.saturation_relaxation import contributions
 from planner.inversion.norm import Norm
-from planner.inversion.question import Question
-from planner.inversion.reachable import setting_off
 from planner.model.joint import JointModel
 from planner.trajectory import Array
-
-TIME_LIMIT = 60.0
-"""Seconds after which the solver stops with what it has proved."""
 
 SOLVER_TOLERANCE = 1e-4
 """Relative gap between bound and best known answer at which the solver stops."""
@@ -37,23 +33,7 @@ MARGIN = 1e-5
 """Relative amount taken off the solver's bound, which holds only within its tolerances (1e-6)."""
 
 
-class Contributions(NamedTuple):
-    """Which requests act at which ticks, one entry for every pair.
-
-    Attributes:
-        tick: The tick, shape (m,).
-        request: The request, shape (m,).
-        weight: Its weight there, shape (m,).
-        following: Index of the same request's entry one tick later; -1 where there is none.
-    """
-
-    tick: npt.NDArray[np.int_]
-    request: npt.NDArray[np.int_]
-    weight: Array
-    following: npt.NDArray[np.int_]
-
-
-def exact_bound(question: Question, *, time_limit: float) -> tuple[float, float]:
+def scip_bound(question: Question, *, time_limit: float) -> tuple[float, float]:
     """What SCIP proves, and the best error that it knows of [rad]; inf if it knows none.
 
     Raises:
@@ -130,31 +110,3 @@ def build(
     errors = angles[np.arange(0, ticks, model.hold)] - desired / model.v_max_per_tick
     distance: Any = cvxpy.sum_squares if norm == "rms" else cvxpy.norm_inf  # type: ignore[attr-defined]
     return angles, distance(errors), conditions
-
-
-def contributions(model: JointModel, ticks: int, *, cyclic: bool) -> Contributions:
-    """Every pair of a tick and a request that acts there.
-
-    From rest, requests before the first are the first one.
-    """
-    window = model.window
-    requests = ticks // model.hold if cyclic else (ticks - 1) // model.hold + 1
-    ages = window.first + np.arange(len(window.weights))
-    tick = np.repeat(np.arange(ticks), len(ages))
-    number = np.floor_divide((np.arange(ticks)[:, np.newaxis] - ages).ravel(), model.hold)
-    if not cyclic:
-        number = np.maximum(number, 0)
-    # In a short cycle a request may act twice at one tick, as sent in two cycles: it is the same.
-    number = number % requests
-    key = tick * requests + number
-    unique, inverse = np.unique(key, return_inverse=True)
-    weight: Array = np.zeros(len(unique))
-    np.add.at(weight, inverse, np.tile(window.weights, ticks))
-    tick, number = np.divmod(unique, requests)
-    later = tick + 1
-    wanted = (later % ticks) * requests + number
-    place = np.minimum(np.searchsorted(unique, wanted), len(unique) - 1)
-    found = unique[place] == wanted
-    if not cyclic:
-        found &= later < ticks
-    return Contributions(tick, number, weight, np.where(found, place, -1))

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.bound import lower_bound
+from planner.inversion.bounds.multipliers import linear_bound
+from planner.inversion.bounds.reachable_set import Question
 from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -79,9 +80,8 @@ class Inversion:
     @cached_property
     def lower_bound(self) -> float:
         """What no requests can go below, in the plan's norm [rad]: the ``envelope`` bound."""
-        return lower_bound(
-            self.model, self.desired, cyclic=self.cyclic, norm=self.norm, start=self.start
-        )
+        question = Question(self.model, self.desired, self.cyclic, self.norm, self.start)
+        return linear_bound(question, "envelope")
 
     @property
     def gap(self) -> float:

@@ -53,7 +53,7 @@ def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(run,
         r"no requests within the limits bring it below 0\.\d{3} cm rms: the plan is 0\.\d+ % above"
     )
     assert re.search(said, run(*arguments, stdin=path).stderr)
-    monkeypatch.setattr("planner.inversion.foot_bound.LONGEST", 50)
+    monkeypatch.setattr("planner.inversion.foot.bound.LONGEST", 50)
     assert "no requests within" not in run(*arguments, stdin=path).stderr
     document = json.loads(run(*arguments, "--json", stdin=path).stdout)
     assert document["foot"]["lower_bound_cm"] is None

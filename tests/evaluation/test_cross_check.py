@@ -15,10 +15,10 @@ from planner.evaluation.cross_check import cross_check
 from planner.evaluation.foot_comparison import judge_foot
 from planner.evaluation.joint_comparison import METHODS, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.inversion.bounds.reachable_set import LEVELS
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot import invert_foot
+from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.reachable import LEVELS
 from planner.model.joint import JointModel
 from planner.report.comparison_text import comparison_text
 from tests.instances import attainable, random_model, saturating

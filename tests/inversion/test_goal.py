@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg
-from planner.inversion.foot import FollowFoot
+from planner.inversion.foot.invert import FollowFoot
 from planner.inversion.goal import LEAST_WEIGHT, Errors, FollowAngles, quadratic
 from tests.kinematics.made_up_robots import Joint, ers210a_leg, made_up_leg
 

@@ -9,7 +9,7 @@ from planner.gait import reference_walk
 from planner.inversion import descent
 from planner.inversion.calming import restlessness
 from planner.inversion.descent import AS_WELL
-from planner.inversion.foot import invert_foot
+from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.quiet import (
     CALMING,
@@ -177,7 +177,7 @@ def test_requests_without_a_cycle_are_left_alone(monkeypatch):
 def test_further_rounds_make_a_plan_for_the_foot_calmer_where_its_error_bears_it(monkeypatch):
     walk = reference_walk()
     plan = invert_foot(ERS210A, walk.leg, walk.desired_foot, norm="max")
-    monkeypatch.setattr("planner.inversion.foot.CALMING_ROUNDS", 1)
+    monkeypatch.setattr("planner.inversion.foot.invert.CALMING_ROUNDS", 1)
     once = invert_foot(ERS210A, walk.leg, walk.desired_foot, norm="max")
     assert restlessness(plan.requests, cyclic=True) < 0.8 * restlessness(once.requests, cyclic=True)
     assert plan.max_error <= once.max_error * (1.0 + AS_WELL)

@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from planner.inversion.bound import lower_bound
+from planner.inversion.certify import lower_bound
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -97,7 +97,7 @@ def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
         asked.append(1)
         return 0.5
 
-    monkeypatch.setattr("planner.inversion.result.lower_bound", count)
+    monkeypatch.setattr("planner.inversion.result.linear_bound", count)
     plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
     assert plan.rms >= 0.0
     assert not asked

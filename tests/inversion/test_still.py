@@ -9,7 +9,7 @@ import pytest
 
 from planner.gait import reference_walk
 from planner.inversion import still
-from planner.inversion.foot import invert_foot
+from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 
 ERS210A = JointModel.ers210a()

@@ -11,13 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import invert_optimal
-from planner.inversion.bound import certify, lower_bound
-from planner.inversion.branching import Node, bound_up_to, branches, planned_error, strengthen
+from planner.inversion.bounds.branch_and_bound import Node, branches, exact_bound, strengthen
+from planner.inversion.bounds.reachable_set import Question
+from planner.inversion.bounds.saturation_relaxation import Task, nearest, rows
+from planner.inversion.bounds.tightening import tighten
+from planner.inversion.certify import certify, lower_bound, planned_error
 from planner.inversion.norm import NORMS
-from planner.inversion.question import Question
-from planner.inversion.relaxation import nearest, rows
-from planner.inversion.task import Task
-from planner.inversion.tightening import tighten
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
@@ -108,7 +107,7 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = bound_up_to(known, Question(model, desired, True, norm, None), time_limit=1.0)
+    bound = exact_bound(Question(model, desired, True, norm, None), known, time_limit=1.0)
     assert bound <= min(known, best)
 
 
@@ -118,7 +117,7 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=24)
     known = 0.5 * lower_bound(model, desired)
-    bound = bound_up_to(known, Question(model, desired, True, "rms", None), time_limit=5.0)
+    bound = exact_bound(Question(model, desired, True, "rms", None), known, time_limit=5.0)
     assert bound == pytest.approx(known, rel=1e-3)
 
 

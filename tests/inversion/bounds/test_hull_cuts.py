@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.inversion.calls import (
+from planner.inversion.bounds.hull_cuts import (
     ANYWHERE,
     TOO_SHALLOW,
     Place,

@@ -16,7 +16,7 @@ from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.given import as_flag, as_reals, freeze, shown
 from planner.inversion.descent import SEARCH, WIDE_SEARCH, improve
-from planner.inversion.foot_result import FootInversion
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.goal import Errors
 from planner.inversion.iterate import State
 from planner.inversion.leg_joints import checked_leg, joints_of, limits_of, model_of_each

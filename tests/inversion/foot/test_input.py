@@ -10,7 +10,7 @@ import pytest
 
 from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.inversion.foot import invert_foot
+from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
 
@@ -127,6 +127,8 @@ def test_weights_only_where_the_leg_cannot_move_its_foot_are_refused(tmp_path):
 
 
 def test_joints_under_whose_requests_no_cycle_closes_are_a_failure_of_the_search(monkeypatch):
-    monkeypatch.setattr("planner.inversion.foot.improve", lambda *given: (given[1], math.inf))
+    monkeypatch.setattr(
+        "planner.inversion.foot.invert.improve", lambda *given: (given[1], math.inf)
+    )
     with pytest.raises(SolverFailed, match=r"foot.*no requests lead to a steady cycle"):
         invert_foot(ERS210A, LEG, PATH)

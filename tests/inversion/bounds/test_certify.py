@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
-from planner.inversion.bound import certified_error, lower_bound
+from planner.inversion.bounds.multipliers import certified_error
+from planner.inversion.bounds.reachable_set import Reachable, envelope, reachable_set
+from planner.inversion.certify import lower_bound
 from planner.inversion.norm import NORMS
-from planner.inversion.reachable import Reachable, envelope, reachable_set
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import from_rest

@@ -10,12 +10,31 @@ from scipy import sparse
 
 from planner.exceptions import InvalidInput
 from planner.given import is_one_of, shown
+from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 Level = Literal["slope", "envelope", "exact"]
 
 LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
+
+
+class Question(NamedTuple):
+    """How close can a joint come to what is wanted of it?
+
+    Attributes:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,).
+        cyclic: Whether the trajectory repeats for ever.
+        norm: Which error.
+        start: From rest: where the joint rests before [rad]; None where any start will do.
+    """
+
+    model: JointModel
+    desired: Array
+    cyclic: bool
+    norm: Norm
+    start: float | None
 
 
 class Reachable(NamedTuple):

@@ -13,12 +13,11 @@ from scipy.optimize import minimize
 
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
-from planner.inversion.foot import invert_foot
-from planner.inversion.foot_bound import foot_bound
-from planner.inversion.foot_minima import MOST_CELLS, Distance, _first_cells, minima
-from planner.inversion.foot_multipliers import Multipliers, Relaxation, proved_by
-from planner.inversion.foot_reach import within_reach
-from planner.inversion.reachable import reachable_set
+from planner.inversion.bounds.reachable_set import reachable_set
+from planner.inversion.foot.bound import foot_bound, within_reach
+from planner.inversion.foot.bundle_method import Multipliers, Relaxation, proved_by
+from planner.inversion.foot.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
+from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import random_model
@@ -175,7 +174,7 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
     def fail(_):
         raise SolverFailed("lower bound of the foot", "no luck")
 
-    monkeypatch.setattr("planner.inversion.foot_multipliers._solve", fail)
+    monkeypatch.setattr("planner.inversion.foot.bundle_method._solve", fail)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
 

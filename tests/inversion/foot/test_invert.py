@@ -12,8 +12,8 @@ import pytest
 from kinematics import UnreachableFoot
 from planner.gait import reference_walk
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot import invert_foot
-from planner.inversion.foot_result import FootInversion
+from planner.inversion.foot.invert import invert_foot
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.line import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from planner import invert_optimal
 from planner.exceptions import InvalidInput, MissingExtra
-from planner.inversion.bound import certify, lower_bound
-from planner.inversion.exact import SOLVER_TOLERANCE, contributions
+from planner.inversion.bounds.saturation_relaxation import contributions
+from planner.inversion.certify import certify, lower_bound
+from planner.inversion.exact import SOLVER_TOLERANCE
 from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel, saturation
 from planner.model.response import simulate

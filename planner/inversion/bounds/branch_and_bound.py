@@ -14,12 +14,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidTrajectory, SolverFailed
-from planner.inversion.calls import ANYWHERE, Place, nearest_request
-from planner.inversion.question import Question
-from planner.inversion.relaxation import Cut, Proof, nearest, violated
-from planner.inversion.task import Ranges, Task
-from planner.inversion.tightening import tighten
+from planner.inversion.bounds.hull_cuts import ANYWHERE, Place, nearest_request
+from planner.inversion.bounds.reachable_set import Question
+from planner.inversion.bounds.saturation_relaxation import (
+    Cut,
+    Proof,
+    Ranges,
+    Task,
+    nearest,
+    violated,
+)
+from planner.inversion.bounds.tightening import tighten
+
+TIME_LIMIT = 60.0
+"""Seconds after which the search stops with what it has proved."""
 
 CLOSED = 5e-4
 """Relative gap to the known error at which the search stops; quiet plans give away 2e-4 of it."""
@@ -61,34 +69,13 @@ class Node(NamedTuple):
     proof: Proof
 
 
-def searched_bound(question: Question, *, time_limit: float) -> tuple[float, float]:
-    """What the search proves, and the error of a plan that is known [rad]."""
-    until = perf_counter() + time_limit
-    known = planned_error(question)
-    time_left = max(until - perf_counter(), 0.0)
-    return bound_up_to(known, question, time_limit=time_left), known
-
-
-def planned_error(question: Question) -> float:
-    """The error of a plan, be it that of the desired angles as requests [rad]."""
-    from planner.inversion.optimal import invert_optimal  # whose results carry bounds themselves
-
-    model, desired, cyclic, norm, start = question
-    try:
-        return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error
-    except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
-        angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
-        errors = np.abs(angles - desired)
-        return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
-
-
-def bound_up_to(known: float, question: Question, *, time_limit: float) -> float:
+def exact_bound(question: Question, known: float, *, time_limit: float) -> float:
     """An error that no requests go below, at most ``known`` [rad].
 
     Args:
+        question: The joint, and what is wanted of it.
         known: Any error, best that of a good plan [rad]; the answer is valid whatever it is, as
             all conclusions are about responses that are better.
-        question: The joint, and what is wanted of it.
         time_limit: When to stop [s].
     """
     until = perf_counter() + time_limit

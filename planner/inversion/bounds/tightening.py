@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from planner.inversion.conic import Cones, minimise
-from planner.inversion.relaxation import Proof
-from planner.inversion.task import Indices, Ranges, Task
+from planner.inversion.bounds.clarabel import Cones, minimise
+from planner.inversion.bounds.saturation_relaxation import Indices, Proof, Ranges, Task
 from planner.trajectory import Array
 
 NEIGHBOURHOOD = 11

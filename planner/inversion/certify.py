@@ -1,0 +1,143 @@
+"""How good could any requests be? Lower bounds on the tracking error (``docs/math.md``)."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
+from planner.given import is_one_of, shown
+from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
+from planner.inversion.bounds.multipliers import linear_bound
+from planner.inversion.bounds.reachable_set import Level, Question, check_level
+from planner.inversion.exact import scip_bound
+from planner.inversion.limits import positive
+from planner.inversion.norm import Norm, check_norm
+from planner.inversion.optimal import invert_optimal
+from planner.model.joint import JointModel, checked_model
+from planner.model.response import checked_start
+from planner.trajectory import as_trajectory
+
+Proof = Literal["search", "scip"]
+"""How the exact level is proved: by our own branch and bound, or by SCIP on condition 4 alone."""
+
+
+class Certificate(NamedTuple):
+    """A lower bound, and how it was come by.
+
+    Attributes:
+        bound: No requests go below this error [rad].
+        norm: Which error.
+        level: What was used of the joint.
+        solver_gap: Relative distance between the bound and the best that is known of the same
+            level, for "exact" the error of a plan; 0 where one set of multipliers proves the bound,
+            inf where nothing is known.
+        seconds: Time it took [s].
+    """
+
+    bound: float
+    norm: Norm
+    level: Level
+    solver_gap: float
+    seconds: float
+
+
+def lower_bound(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    norm: Norm = "rms",
+    level: Level = "envelope",
+    start: float | None = None,
+    time_limit: float = TIME_LIMIT,
+    proof: Proof = "search",
+) -> float:
+    """An error that no requests whatever can go below [rad]: see :func:`certify`."""
+    return certify(
+        model,
+        desired,
+        cyclic=cyclic,
+        norm=norm,
+        level=level,
+        start=start,
+        time_limit=time_limit,
+        proof=proof,
+    ).bound
+
+
+def certify(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    norm: Norm = "rms",
+    level: Level = "envelope",
+    start: float | None = None,
+    time_limit: float = TIME_LIMIT,
+    proof: Proof = "search",
+) -> Certificate:
+    """An error that no requests whatever can go below, with what is known about it.
+
+    ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
+    cannot change at once; ``exact`` follows every request through the window, and searches among
+    all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
+    the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
+    hundred samples.
+
+    Args:
+        model: The joint.
+        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        cyclic: Whether the trajectory repeats for ever.
+        norm: "rms" for the root mean square of the errors, "max" for the largest.
+        level: "slope", "envelope" or "exact".
+        start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
+            bound holds for every start.
+        time_limit: For "exact": when to stop with what is proved by then [s].
+        proof: For "exact": "search", which comes closest, or "scip", an independent solver on a
+            programme that holds less of the joint; it needs the extra ``exact``.
+
+    Returns:
+        The bound, at least 0.
+
+    Raises:
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
+        InvalidInput: The norm, level or proof has another name, or a cycle is given a start.
+        MissingExtra: "scip" without SCIP.
+        SolverFailed: The solver proposed no multipliers.
+    """
+    began = perf_counter()
+    model = checked_model(model)
+    time_limit = positive("time_limit", time_limit, "a number of seconds above 0")
+    desired = as_trajectory(desired, name="desired")
+    check_norm(norm)
+    check_level(level)
+    if not is_one_of(proof, ("search", "scip")):
+        raise InvalidInput(f"proof: got {shown(proof)}, expected 'search' or 'scip'")
+    start = checked_start(start, cyclic=cyclic)
+    question = Question(model, desired, cyclic, norm, start)
+    bound, gap = linear_bound(question, level), 0.0
+    if level == "exact":
+        if proof == "scip":
+            proved, known = scip_bound(question, time_limit=time_limit)
+        else:
+            known = planned_error(question)
+            left = max(time_limit - (perf_counter() - began), 0.0)
+            proved = exact_bound(question, known, time_limit=left)
+        bound = max(bound, proved)
+        gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
+    return Certificate(bound, norm, level, gap, perf_counter() - began)
+
+
+def planned_error(question: Question) -> float:
+    """The error of a plan, be it that of the desired angles as requests [rad]."""
+    model, desired, cyclic, norm, start = question
+    try:
+        return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error
+    except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
+        angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
+        errors = np.abs(angles - desired)
+        return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
