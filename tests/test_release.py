@@ -106,5 +106,5 @@ def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
 def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
     extras = PROJECT["optional-dependencies"]
     inside = {*extras["dev"]}
-    for extra in ("exact", "parquet", "bags", "mujoco", "meshcat", "yaml"):
+    for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml"):
         assert set(extras[extra]) <= inside, extra

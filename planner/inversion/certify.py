@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
-from planner.given import is_one_of, shown
+from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import Level, Question, check_level
-from planner.inversion.exact import scip_bound
 from planner.inversion.limits import positive
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import as_trajectory
-
-Proof = Literal["search", "scip"]
-"""How the exact level is proved: by our own branch and bound, or by SCIP on condition 4 alone."""
 
 
 class Certificate(NamedTuple):
@@ -54,7 +49,6 @@ def lower_bound(
     level: Level = "envelope",
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
-    proof: Proof = "search",
 ) -> float:
     """An error that no requests whatever can go below [rad]: see :func:`certify`."""
     return certify(
@@ -65,7 +59,6 @@ def lower_bound(
         level=level,
         start=start,
         time_limit=time_limit,
-        proof=proof,
     ).bound
 
 
@@ -78,7 +71,6 @@ def certify(
     level: Level = "envelope",
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
-    proof: Proof = "search",
 ) -> Certificate:
     """An error that no requests whatever can go below, with what is known about it.
 
@@ -97,16 +89,13 @@ def certify(
         start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
             bound holds for every start.
         time_limit: For "exact": when to stop with what is proved by then [s].
-        proof: For "exact": "search", which comes closest, or "scip", an independent solver on a
-            programme that holds less of the joint; it needs the extra ``exact``.
 
     Returns:
         The bound, at least 0.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
-        InvalidInput: The norm, level or proof has another name, or a cycle is given a start.
-        MissingExtra: "scip" without SCIP.
+        InvalidInput: The norm or level has another name, or a cycle is given a start.
         SolverFailed: The solver proposed no multipliers.
     """
     began = perf_counter()
@@ -115,19 +104,13 @@ def certify(
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     check_level(level)
-    if not is_one_of(proof, ("search", "scip")):
-        raise InvalidInput(f"proof: got {shown(proof)}, expected 'search' or 'scip'")
     start = checked_start(start, cyclic=cyclic)
     question = Question(model, desired, cyclic, norm, start)
     bound, gap = linear_bound(question, level), 0.0
     if level == "exact":
-        if proof == "scip":
-            proved, known = scip_bound(question, time_limit=time_limit)
-        else:
-            known = planned_error(question)
-            left = max(time_limit - (perf_counter() - began), 0.0)
-            proved = exact_bound(question, known, time_limit=left)
-        bound = max(bound, proved)
+        known = planned_error(question)
+        left = max(time_limit - (perf_counter() - began), 0.0)
+        bound = max(bound, exact_bound(question, known, time_limit=left))
         gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
     return Certificate(bound, norm, level, gap, perf_counter() - began)
 

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import invert_optimal
-from planner.exceptions import InvalidInput, MissingExtra
 from planner.inversion.bounds.saturation_relaxation import contributions
 from planner.inversion.certify import certify, lower_bound
-from planner.inversion.exact import SOLVER_TOLERANCE
 from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel, saturation
 from planner.model.response import simulate
 from tests.instances import random_model, saturating
+from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
 from tests.strategies import models, trajectories
 
 ERS210A = JointModel.ers210a()
 
-ENOUGH = 600.0  # seconds for SCIP, which needs about one
 ROUNDING = 1e-9
 """Sums of a window's terms against the simulation's, in units of v_max a tick."""
 
@@ -93,12 +89,12 @@ def test_the_search_proves_as_much_as_scip_and_scip_no_more_than_any_plan(sample
     rng = np.random.default_rng(9)
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=samples)
-    scip = certify(model, desired, level="exact", proof="scip", time_limit=ENOUGH)
-    search = certify(model, desired, level="exact", proof="search", time_limit=1.0)
-    assert scip.solver_gap <= SOLVER_TOLERANCE
-    assert lower_bound(model, desired) <= scip.bound
-    assert scip.bound <= search.bound * (1.0 + SOLVER_TOLERANCE)
-    assert search.bound <= invert_optimal(model, desired).error
+    scip, known = mixed_integer_bound(model, desired)
+    search = lower_bound(model, desired, level="exact", time_limit=1.0)
+    assert known <= scip * (1.0 + 2.0 * SOLVER_TOLERANCE)
+    assert lower_bound(model, desired) <= scip
+    assert scip <= search * (1.0 + SOLVER_TOLERANCE)
+    assert search <= invert_optimal(model, desired).error
 
 
 @pytest.mark.usefixtures("counted_seconds")
@@ -108,15 +104,3 @@ def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
     certificate = certify(model, desired, level="exact", time_limit=0.3)
     assert certificate.solver_gap > 0.0
     assert certificate.bound >= lower_bound(model, desired)
-
-
-def test_an_unknown_proof_is_refused():
-    with pytest.raises(InvalidInput, match="expected 'search' or 'scip'"):
-        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact", proof="guess")
-
-
-def test_scip_says_which_extra_it_needs(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyscipopt", None)
-    with pytest.raises(MissingExtra, match="needs the extra 'exact'") as caught:
-        lower_bound(ERS210A, [0.0, 1.0, 0.0], level="exact", proof="scip")
-    assert caught.value.extra == "exact"
