@@ -203,3 +203,14 @@ def test_a_worse_result_fails_the_comparison():
     ]:
         section = compared(old, new)["fits"]
         assert sum(not check.passed for check in checks_of("fits", section)) == failed
+
+
+def test_the_way_of_the_samples_through_a_call_is_counted():
+    from benchmark.reference.trace import table
+
+    rows = table().rows
+    assert list(rows) == ["invert_optimal", "invert_closed_form", "fit_pwl, 6 segments"]
+    for functions, files, given, in_files, names, desired, _ in rows.values():
+        assert functions >= given >= desired >= 2
+        assert files >= in_files >= 2
+        assert names >= 2

@@ -1,4 +1,4 @@
-"""The command line: ``scripts/reference record FILE`` and ``scripts/reference compare FILE``."""
+"""The command line: ``scripts/reference record FILE``, ``compare FILE`` and ``trace``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmark.reference import fits, identifications, plans
+from benchmark.reference import fits, identifications, plans, trace
 from benchmark.reference.compare import checks_of, compared, table_of, worst_cases
 from benchmark.reference.record import Section, load, record, recorded
 
@@ -27,6 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Record, or compare with what was recorded."""
     parser = described()
     given = parser.parse_args(arguments)
+    if given.command == "trace":
+        print(trace.table())
+        return 0
     only = [name.strip() for name in given.only.split(",") if name.strip()]
     unknown = sorted(set(only) - set(SECTIONS))
     if unknown:
@@ -66,6 +69,7 @@ def described() -> argparse.ArgumentParser:
     compare.add_argument(
         "--with", type=Path, dest="with_file", metavar="NEW", help="compare this record instead"
     )
+    commands.add_parser("trace", help="count the functions, files and names that a call passes")
     return parser
 
 
