@@ -41,7 +41,7 @@ def load_models(
     if option == SHIPPED:
         return (JointModel.ers210a(),) * len(joints)
     if option == FROM_URDF:
-        return _stand_ins(joints, leg)
+        return _assumed_joints(joints, leg)
     file = read_models(option) if isinstance(option, str) else option
     models = file.for_joints(joints)
     for name, model in zip(joints, models, strict=True):
@@ -54,10 +54,10 @@ def load_models(
     return models
 
 
-def _stand_ins(joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]:
+def _assumed_joints(joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]:
     import math
 
-    from planner.model.stand_in import stand_in
+    from planner.model.joint import joint_of_top_speed
 
     if leg is None or leg.speeds is None:
         raise click.UsageError("--model urdf takes speeds from a leg's URDF: name it with --leg.")
@@ -68,4 +68,4 @@ def _stand_ins(joints: Sequence[str], leg: Leg | None) -> tuple[JointModel, ...]
                 f"--model urdf: the URDF has no top speed of joint '{joint}' that can be meant; "
                 "give a model file, as `identify` writes it."
             )
-    return tuple(stand_in(speeds[joint]) for joint in joints)
+    return tuple(joint_of_top_speed(speeds[joint]) for joint in joints)

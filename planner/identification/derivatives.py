@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.identification.grid import Grid
 from planner.identification.simulation import Parameters, Pulls
+from planner.model.joint import saturation
 from planner.trajectory import Array
 
 
@@ -39,7 +40,7 @@ def derivatives(
     before = states[grid.states - 1]
     errors = pulls.targets - before[:, np.newaxis]
     called = gain * errors
-    limited = np.clip(called, -v_max, v_max)
+    limited = saturation(errors, gain=gain, v_max=v_max)
     inside = (np.abs(called) < v_max) * pulls.weights
     young = grid.ticks - parameters.lag
     newest, oldest = (
@@ -76,5 +77,5 @@ def _speed_at(
     for moment in (times - aside, times + aside):
         number = np.maximum(np.searchsorted(grid.edges, moment, side="right") - 1, 0)
         errors = grid.requests[number] + parameters.offset - before
-        speed += np.clip(parameters.gain * errors, -parameters.v_max, parameters.v_max) / 2.0
+        speed += saturation(errors, gain=parameters.gain, v_max=parameters.v_max) / 2.0
     return speed

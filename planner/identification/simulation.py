@@ -1,15 +1,25 @@
-"""The joint through all runs of a grid at once."""
+"""The joint through all runs of a grid at once: Equation 3 in chunks that are run side by side."""
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.identification.grid import Grid
-from planner.identification.walk import walk
 from planner.model.joint import JointModel
+from planner.model.response import run_columns
 from planner.trajectory import Array
+
+AGREED = 1e-13
+"""Chunks meet when their ends agree to this, relative to the largest angle."""
+
+CHUNKS_PER_TICK = 0.5
+"""Length of a chunk over the square root of the number of ticks: shorter chunks are wider steps,
+longer ones fewer corrections; anything within a factor of 2 takes the same time."""
 
 
 class Parameters(NamedTuple):
@@ -83,6 +93,9 @@ def respond(
 ) -> Array:
     """Angles at all states: Equation 3, run.
 
+    A joint that does not saturate answers to the mean of the requests in its window, which is one
+    request a tick; where the guess does not saturate that is tried first.
+
     Args:
         grid: The runs.
         parameters: The joint.
@@ -93,4 +106,106 @@ def respond(
     Returns:
         Angles [rad], shape (s,).
     """
-    return walk(grid, parameters, starts, pulls or pulls_of(grid, parameters), guess)
+    pulls = pulls or pulls_of(grid, parameters)
+    gain, v_max = parameters.gain, parameters.v_max
+    if v_max == math.inf or (guess is not None and not _saturated(grid, parameters, pulls, guess)):
+        mean = np.sum(pulls.weights * pulls.targets, axis=1, keepdims=True)
+        chunks = _Chunks(grid, np.ones_like(mean), mean, gain, math.inf)
+        states = _joined(grid, chunks, starts, guess)
+        if v_max == math.inf or not _saturated(grid, parameters, pulls, states):
+            return states
+    return _joined(grid, _Chunks(grid, pulls.weights, pulls.targets, gain, v_max), starts, guess)
+
+
+def _saturated(grid: Grid, parameters: Parameters, pulls: Pulls, states: Array) -> bool:
+    """Whether any request that counts calls for more than the top speed."""
+    errors = np.abs(pulls.targets - states[grid.states - 1][:, np.newaxis])
+    return bool(np.any((errors * parameters.gain >= parameters.v_max) & (pulls.weights > 0.0)))
+
+
+def _joined(grid: Grid, chunks: _Chunks, starts: Array, guess: Array | None) -> Array:
+    """Angles at all states once the chunks meet.
+
+    The chunks begin where they are guessed to; where they then fail to meet, Newton's method, exact
+    between two corners of f, moves their beginnings until they do. The first chunk of a run is
+    right at once and each round settles at least one more, so this ends, usually in three rounds.
+    """
+    count = len(grid.ticks)
+    states = np.empty(count + len(starts) + 1)  # one more, for ticks that move nothing
+    states[grid.starts] = starts
+    if not count:
+        return states[:-1]
+    fresh = np.isin(chunks.before, grid.starts)
+    if guess is None:
+        nearest = np.minimum(np.searchsorted(grid.before, chunks.before), len(grid.before) - 1)
+        seams = np.where(fresh, states[chunks.before], grid.angles[nearest])
+    else:
+        seams = np.where(fresh, states[chunks.before], guess[chunks.before])
+    largest = max(float(np.max(np.abs(grid.requests))), float(np.max(np.abs(seams))))
+    tolerance = AGREED * max(1e-300, largest)
+    moving = np.arange(len(seams))
+    slopes = np.ones(len(seams))
+    for _ in range(len(seams) + 1):
+        angles = chunks.angles(moving, seams[moving])
+        states[chunks.states[:, moving]] = angles
+        meant = np.where(fresh, seams, np.append(0.0, states[chunks.last[:-1]]))
+        if np.max(np.abs(meant - seams)) <= tolerance:
+            break
+        slopes[moving] = chunks.slopes(moving, seams[moving], angles)
+        moved = _moved(seams, meant, np.where(fresh, 0.0, np.append(0.0, slopes[:-1])))
+        moving = np.flatnonzero(moved != seams)
+        seams = moved
+    return states[:-1]
+
+
+def _moved(seams: Array, meant: Array, slopes: Array) -> Array:
+    """Where the chunks should begin, each end following its beginning with its slope."""
+    moved, change = [], 0.0
+    for seam, end, slope in zip(seams.tolist(), meant.tolist(), slopes.tolist(), strict=True):
+        now = end + slope * change
+        change = now - seam
+        moved.append(now)
+    return np.array(moved)
+
+
+class _Chunks:
+    """The ticks of a grid, one column a chunk; columns that are too short end in idle ticks."""
+
+    def __init__(
+        self, grid: Grid, weights: Array, targets: Array, gain: float, v_max: float
+    ) -> None:
+        self._gain, self._v_max = gain, v_max
+        count = len(grid.ticks)
+        length = max(1, round(CHUNKS_PER_TICK * math.sqrt(count)))
+        run_begins = grid.starts - np.arange(len(grid.starts))  # a start is no tick
+        bounds = np.append(run_begins, count)
+        begins = np.concatenate([np.arange(a, b, length) for a, b in pairwise(bounds)]).astype(int)
+        beyond = np.append(begins[1:], count)
+        ticks = np.minimum(begins + np.arange(length)[:, np.newaxis], count)
+        ticks[ticks >= beyond] = count
+        idle = np.zeros_like(weights[:1])
+        self.before = grid.states[begins] - 1  # the state from which each chunk sets out
+        self.last = grid.states[beyond - 1]
+        self.states = np.append(grid.states, len(grid.states) + len(grid.starts))[ticks]
+        places = ticks[:, np.newaxis, :], np.arange(weights.shape[1])[:, np.newaxis]
+        self._weights = np.vstack([weights * grid.tick, idle])[places]  # (length, m, chunks)
+        self._targets = np.vstack([targets, idle])[places]
+
+    def angles(self, some: npt.NDArray[np.int_], begin: Array) -> Array:
+        """Angles of some chunks, (length, some), from where they begin."""
+        weights, targets = self._of(some)
+        return run_columns(begin, targets, weights=weights, gain=self._gain, v_max=self._v_max)
+
+    def slopes(self, some: npt.NDArray[np.int_], begin: Array, angles: Array) -> Array:
+        """Derivative of each chunk's end by its beginning, (some,)."""
+        weights, targets = self._of(some)
+        if self._v_max < math.inf:
+            before = np.vstack([begin, angles[:-1]])[:, np.newaxis, :]
+            weights = weights * (self._gain * np.abs(targets - before) < self._v_max)
+        return np.asarray(np.prod(1.0 - self._gain * np.sum(weights, axis=1), axis=0))
+
+    def _of(self, some: npt.NDArray[np.int_]) -> tuple[Array, Array]:
+        """Weights times tick, and targets, of some chunks."""
+        if len(some) == self.states.shape[1]:
+            return self._weights, self._targets
+        return self._weights[:, :, some], self._targets[:, :, some]

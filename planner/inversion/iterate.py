@@ -10,7 +10,7 @@ from planner.inversion.calming import calming
 from planner.inversion.goal import quadratic
 from planner.inversion.step import Mask, Pull, Quadratic
 from planner.inversion.tracking import Tracking
-from planner.model.periods import Response
+from planner.model.sensitivity import Response
 from planner.trajectory import Array
 
 FIRST_DAMPING = 1e-4

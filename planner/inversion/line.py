@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13
 from planner.given import is_one_of, shown
-from planner.model.joint import JointModel, advance, checked_model
+from planner.model.joint import JointModel, checked_model
+from planner.model.response import advance
 from planner.trajectory import Array
 
 Rule = Literal["paper", "exact"]
@@ -168,8 +169,8 @@ def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset:
             angle,
             [offset + slope * step for step in held],
             weights=model.window.weights.tolist(),
+            gain=model.gain_per_tick,
             v_max=model.v_max_per_tick,
-            theta_0=model.theta_0,
         )
     moved: Array = angle
     return moved

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from planner.model.transition import Reach, acting
+from planner.model.joint import Reach, acting
 from planner.trajectory import Array
 
 Indices = npt.NDArray[np.int_]

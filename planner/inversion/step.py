@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.inversion.stencil import Indices, Stencil
-from planner.model.periods import Response
+from planner.model.sensitivity import Response
 from planner.trajectory import Array
 
 Mask = npt.NDArray[np.bool_]

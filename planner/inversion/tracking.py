@@ -9,23 +9,16 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from planner.exceptions import NoSteadyCycle
 from planner.inversion.goal import FollowAngles, Goal
 from planner.inversion.limits import Limits
 from planner.inversion.norm import Norm
 from planner.inversion.stencil import Stencil, stencil
-from planner.model.joint import JointModel
-from planner.model.periods import Response, periods, reach_of
-from planner.model.transition import Reach, exact_run, reach
+from planner.model.joint import JointModel, Reach, reach
+from planner.model.response import steady_cycle
+from planner.model.sensitivity import Response, periods, reach_of
+from planner.model.symbolic import exact_run
 from planner.trajectory import Array
-
-CLOSED = 1e-11
-"""Ends of a cycle that agree to this [rad] are close enough to judge a plan by."""
-
-PATIENCE = 3
-"""Cycles after which bisection takes the place of waiting where the secant leads nowhere."""
-
-MOST_CYCLES = 60
-"""Cycles after which requests that do not close count as unusable."""
 
 
 class Tracking:
@@ -167,27 +160,12 @@ class Tracking:
         compiled = exact_run(model, len(windows))
         if self.start is not None:
             return compiled(float(self.start[joint]), windows)
-        low = float(np.min(windows)) + model.offset - model.theta_0
-        high = float(np.max(windows)) + model.offset + model.theta_0
-        earlier: tuple[float, float] | None = None
-        for cycle in range(MOST_CYCLES):
-            angles = compiled(seam, windows)
-            end = float(angles[-1])
-            if abs(end - seam) <= CLOSED * max(1.0, abs(seam)):
-                return angles
-            low, high = (seam, max(high, seam)) if end > seam else (min(low, seam), seam)
-            waited = end if cycle < PATIENCE else (low + high) / 2.0
-            closing = waited if earlier is None else _secant(earlier, (seam, end))
-            earlier = seam, end
-            seam = closing if low < closing < high else waited
-        return None
-
-
-def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
-    """The seam at which a cycle closes, if its end is a straight line between two runs of it."""
-    (seam, end), (before, ended) = other, one
-    slope = (end - ended) / (seam - before) if seam != before else 1.0
-    return seam + (end - seam) / (1.0 - slope) if slope < 1.0 else math.inf
+        try:
+            return steady_cycle(
+                model, lambda start: compiled(start, windows), windows + model.offset, near=seam
+            )
+        except NoSteadyCycle:
+            return None
 
 
 def follow(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.exceptions import InvalidModel
 from planner.given import as_number, as_whole, shown
@@ -21,6 +23,10 @@ LONGEST_WINDOW = 100_000
 
 MOST_HOLD = 10_000
 """Most ticks that one request may be held for."""
+
+
+Clip = Callable[[Any, Any, Any], Any]
+"""Brings a value between two limits."""
 
 
 class Window(NamedTuple):
@@ -42,59 +48,42 @@ class Window(NamedTuple):
         return self.first + len(self.weights) - 1
 
 
-def saturation(error: Any, *, v_max: Any, theta_0: Any, smoothing: Any = 0.0) -> Any:
+def clip(value: Any, low: Any, high: Any) -> Any:
+    """The value within [low, high]: arrays, and whatever NumPy takes."""
+    return np.minimum(np.maximum(value, low), high)
+
+
+def rounded_clip(radius: Any) -> Clip:
+    """A clip with corners rounded by ``radius`` e: each ``|x|`` of it becomes sqrt(x^2 + e^2).
+
+    Nothing but operators: for floats, arrays and CasADi expressions.
+    """
+
+    def rounded(value: Any, low: Any, high: Any) -> Any:
+        above, below = value - low, value - high
+        lengths = (above**2 + radius**2) ** 0.5 - (below**2 + radius**2) ** 0.5
+        return (low + high + lengths) / 2.0
+
+    return rounded
+
+
+def saturation(error: Any, *, gain: Any, v_max: Any, clip: Clip = clip) -> Any:
     """Speed that an error between request and angle calls for: f of Equation 2.
 
-    Written as ``v_max (|x + theta_0| - |x - theta_0|) / (2 theta_0)``, which is Equation 2 and
-    needs nothing but operators, so that one definition serves floats, arrays and CasADi
-    expressions. With ``smoothing`` e > 0 each ``|x|`` becomes ``sqrt(x^2 + e^2)``, which rounds
-    both corners.
+    ``f(x) = clip(gain x, -v_max, v_max)``, with gain = v_max / theta_0. This is the one definition
+    of Equation 2; what differs between floats, arrays, CasADi expressions and rounded corners is
+    the function that clips.
 
     Args:
-        error: Request minus angle [rad], float, array or CasADi expression.
-        v_max: Top speed [rad/tick].
-        theta_0: Error from which on the joint moves at top speed [rad].
-        smoothing: Radius of the rounded corners e [rad]; 0 for Equation 2 itself.
+        error: Request plus offset minus angle [rad].
+        gain: v_max / theta_0 [1/s], or [1/tick].
+        v_max: Top speed in the unit of time of ``gain``; may be infinite.
+        clip: Called with a value, its lower and its upper limit.
 
     Returns:
-        Speed [rad/tick], like ``error``; within ±v_max.
+        Speed in the unit of time of ``gain``, like ``error``; within ±v_max.
     """
-    above, below = error + theta_0, error - theta_0
-    if isinstance(smoothing, float) and smoothing == 0.0:
-        return v_max * (abs(above) - abs(below)) / (2.0 * theta_0)
-    rounded = smoothing**2
-    return v_max * ((above**2 + rounded) ** 0.5 - (below**2 + rounded) ** 0.5) / (2.0 * theta_0)
-
-
-def advance(
-    angle: Any,
-    requests: Any,
-    *,
-    weights: Any,
-    v_max: Any,
-    theta_0: Any,
-    smoothing: Any = 0.0,
-) -> Any:
-    """Angle one tick later: Equation 3.
-
-    Args:
-        angle: M(t-1) [rad], float, array or CasADi expression.
-        requests: The requests of the window plus the model's offset [rad], youngest first; a
-            sequence of whatever ``angle`` is.
-        weights: Weight of each of them, summing to 1.
-        v_max: Top speed [rad/tick].
-        theta_0: Error from which on the joint moves at top speed [rad].
-        smoothing: See :func:`saturation`.
-
-    Returns:
-        M(t) [rad], like ``angle``.
-    """
-    moved = angle
-    for j, weight in enumerate(weights):
-        moved = moved + weight * saturation(
-            requests[j] - angle, v_max=v_max, theta_0=theta_0, smoothing=smoothing
-        )
-    return moved
+    return clip(gain * error, -v_max, v_max)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +159,11 @@ class JointModel:
         return self.v_max * self.tick
 
     @property
+    def gain_per_tick(self) -> float:
+        """Slope of Equation 2 where it does not saturate, v_max / theta_0 [1/tick]."""
+        return self.v_max_per_tick / self.theta_0
+
+    @property
     def lag_ticks(self) -> float:
         """Lag l [ticks]."""
         return _in_ticks(self.lag, self.tick)
@@ -185,6 +179,11 @@ class JointModel:
         reached = self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
         return self.theta_0 > reached
 
+    def speed(self, error: npt.ArrayLike) -> Array:
+        """Speed [rad/s] that errors between request and angle [rad] call for: Equation 2."""
+        errors = np.asarray(error, dtype=np.float64)
+        return np.asarray(saturation(errors, gain=self.v_max / self.theta_0, v_max=self.v_max))
+
     @cached_property
     def window(self) -> Window:
         """Which requests drive the joint at one tick: w_i = |[i-1, i] ∩ [l, l+a]|, over a."""
@@ -197,6 +196,67 @@ class JointModel:
         weights = overlap / overlap.sum() if end > start else np.ones(1)
         weights.setflags(write=False)
         return Window(first, weights)
+
+
+class Reach(NamedTuple):
+    """Which requests act between two samples: those ``youngest`` to ``oldest`` requests back."""
+
+    youngest: int
+    oldest: int
+
+    @property
+    def width(self) -> int:
+        """Number of requests that act."""
+        return self.oldest - self.youngest + 1
+
+
+def reach(model: JointModel) -> Reach:
+    """The requests that act on the joint between samples k-1 and k, as ages from k."""
+    ticks = np.arange(1 - model.hold, 1)  # relative to the tick of sample k
+    youngest = (int(ticks[-1]) - model.window.first) // model.hold
+    oldest = (int(ticks[0]) - model.window.last) // model.hold
+    return Reach(-youngest, -oldest)
+
+
+def acting(reach: Reach, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
+    """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
+
+    From rest -1 stands for the requests before the first, which the first one stands in for.
+    """
+    ages = reach.youngest + np.arange(reach.width)
+    numbers = np.arange(samples)[:, np.newaxis] - ages
+    return numbers % samples if cyclic else np.maximum(numbers, -1)
+
+
+def weights_by_tick(model: JointModel) -> Array:
+    """How much each request of the reach counts at each tick of a period: (hold, width)."""
+    at = reach(model)
+    weights = np.zeros((model.hold, at.width))
+    for number, tick in enumerate(range(1 - model.hold, 1)):
+        for j, weight in enumerate(model.window.weights):
+            age = -((tick - model.window.first - j) // model.hold)
+            weights[number, age - at.youngest] += weight
+    return weights
+
+
+def joint_of_top_speed(v_max: float) -> JointModel:
+    """The paper's joint with another top speed: a model to begin with where only that is known.
+
+    Lag, acceleration time and tick are those of Table 1, and so is the time v_max takes to cover
+    theta_0. A robot's description tells none of them, and the effort that it tells says little
+    about a servo's own controller.
+
+    Args:
+        v_max: Top speed [rad/s].
+
+    Returns:
+        The model.
+
+    Raises:
+        InvalidModel: The speed is not a number above 0.
+    """
+    paper = JointModel.ers210a()
+    return replace(paper, v_max=v_max, theta_0=v_max * (paper.theta_0 / paper.v_max))
 
 
 def checked_model(model: object) -> JointModel:

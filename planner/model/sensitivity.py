@@ -1,16 +1,28 @@
-"""How the angles change with the requests."""
+"""How the angles change with the requests.
+
+Where the angle before each request period is given, the periods do not wait for one another: all
+samples are evaluated together, with their derivatives and with rounded corners. The optimised
+inversion, which has the angles among its unknowns, needs no more than that; the derivatives of a
+run follow by one recursion.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
 from planner.given import freeze
-from planner.model.joint import JointModel, checked_model
+from planner.model.joint import JointModel, Reach, acting, checked_model, reach, weights_by_tick
 from planner.model.response import simulate
-from planner.model.transition import Linearised, acting, reach, transitions
 from planner.trajectory import Array, as_trajectory
+
+LEAST_RADIUS = 1e-12
+"""Least radius of the corners [theta_0]: a square of it is still a number beside one."""
 
 
 def sensitivities(
@@ -22,8 +34,8 @@ def sensitivities(
 ) -> Array:
     """Derivatives of the angles with respect to the requests.
 
-    They follow from the derivatives of one request period, which CasADi writes, by one forward
-    recursion; at a corner of the saturation they are the mean of the two one-sided derivatives.
+    They follow from the derivatives of one request period by one forward recursion; at a corner of
+    the saturation they are the mean of the two one-sided derivatives.
 
     Args:
         model: The joint.
@@ -44,19 +56,20 @@ def sensitivities(
     n = len(requests)
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     numbers = np.maximum(acting(reach(model), n, cyclic=cyclic), 0)
-    if not cyclic:
+    windows = requests[numbers.T, np.newaxis]
+    response = periods((model,), n)(np.roll(angles, 1)[:, np.newaxis], windows, 0.0)
+    by_angle, by_request = response.by_angle[:, 0], response.by_request[:, :, 0].T
+    if cyclic:
+        contraction = float(np.prod(by_angle))
+        if contraction >= 1.0:
+            raise NoSteadyCycle(0.0, 1)
+        open_ended = _recursion(by_angle, by_request, numbers, np.zeros(n))
+        rows = _recursion(by_angle, by_request, numbers, open_ended[-1] / (1.0 - contraction))
+    else:
         first = np.zeros((1, n))
         first[0, 0] = 1.0 if start is None else _slope(model, requests[0] + model.offset - start)
-        run = transitions(model, n - 1).run(float(angles[0]), requests[numbers[1:]], 0.0)
-        rows = np.vstack([first, _recursion(run, numbers[1:], first[0])])
-        freeze(rows)
-        return rows
-    run = transitions(model, n).run(float(angles[-1]), requests[numbers], 0.0)
-    contraction = float(np.prod(run.by_angle))
-    if contraction >= 1.0:
-        raise NoSteadyCycle(0.0, 1)
-    open_ended = _recursion(run, numbers, np.zeros(n))
-    rows = _recursion(run, numbers, open_ended[-1] / (1.0 - contraction))
+        later = _recursion(by_angle[1:], by_request[1:], numbers[1:], first[0])
+        rows = np.vstack([first, later])
     freeze(rows)
     return rows
 
@@ -64,14 +77,121 @@ def sensitivities(
 def _slope(model: JointModel, error: float) -> float:
     """Derivative of f of Equation 2; at a corner the mean of those on either side."""
     inside = np.sign(error + model.theta_0) - np.sign(error - model.theta_0)
-    return float(model.v_max_per_tick / model.theta_0 * inside / 2.0)
+    return float(model.gain_per_tick * inside / 2.0)
 
 
-def _recursion(run: Linearised, numbers: npt.NDArray[np.int_], before: Array) -> Array:
-    """Derivatives of the run's angles, given those of the angle before it, (samples, n)."""
+def _recursion(
+    by_angle: Array, by_request: Array, numbers: npt.NDArray[np.int_], before: Array
+) -> Array:
+    """Derivatives of a run's angles, given those of the angle before it, (samples, n)."""
     rows = np.zeros((len(numbers), len(before)))
-    np.add.at(rows, (np.arange(len(numbers))[:, np.newaxis], numbers), run.by_request)
-    for row, kept in zip(rows, run.by_angle, strict=True):
+    np.add.at(rows, (np.arange(len(numbers))[:, np.newaxis], numbers), by_request)
+    for row, kept in zip(rows, by_angle, strict=True):
         row += kept * before
         before = row
     return rows
+
+
+class Response(NamedTuple):
+    """Where each period leads, and to second order how that changes.
+
+    ``d reached[k] = by_angle[k] d before[k] + sum_j by_request[j, k] d requests[acting[j, k]]``
+    and half of ``bending[j, k]`` times the square of ``d requests[acting[j, k]] - d before[k]``;
+    where requests are held for several ticks, the bending is an estimate.
+    """
+
+    reached: Array  # (n, joints) [rad]
+    by_angle: Array  # (n, joints)
+    by_request: Array  # (width, n, joints)
+    bending: Array  # (width, n, joints) [1/rad]
+
+
+class Periods:
+    """The request periods of joints that are sent their requests together."""
+
+    def __init__(self, models: Sequence[JointModel], samples: int) -> None:
+        """Work out which request counts how much at each tick of a period."""
+        self.reach = reach_of(models)
+        ticks = max(model.hold for model in models)
+        weights = np.zeros((ticks, self.reach.width, len(models)))
+        for joint, model in enumerate(models):
+            own = reach(model)
+            first = own.youngest - self.reach.youngest
+            weights[: model.hold, first : first + own.width, joint] = weights_by_tick(model)
+        theta_0 = np.array([model.theta_0 for model in models])
+        speeds = np.array([model.v_max_per_tick for model in models])
+        shape = (self.reach.width, samples, len(models))
+        # Spelled out for every sample, so that no array below is stretched to fit another.
+        self._gains = _repeated(weights[:, :, np.newaxis] * speeds / (2.0 * theta_0), shape)
+        self._corners = _repeated(np.stack([theta_0, -theta_0])[:, np.newaxis, np.newaxis], shape)
+        self._theta_0 = _repeated(theta_0[np.newaxis, np.newaxis, np.newaxis], shape)[0]
+        self._offsets = np.array([model.offset for model in models])
+
+    def __call__(self, before: Array, windows: Array, smoothing: float) -> Response:
+        """The response to requests.
+
+        Args:
+            before: Angle before each sample [rad], shape (n, joints).
+            windows: Requests that act before each sample, youngest first [rad], (width, n, joints).
+            smoothing: Radius of the saturation's corners [theta_0].
+        """
+        rounded = (max(smoothing, LEAST_RADIUS) * self._theta_0) ** 2
+        reached = before
+        for number, gains in enumerate(self._gains):
+            errors = windows - (reached - self._offsets)
+            speeds, slopes, bends = _rounded_saturation(errors, self._corners, rounded, gains)
+            moved = speeds.sum(axis=0)
+            kept = 1.0 - slopes.sum(axis=0)
+            reached = reached + moved
+            if number == 0:
+                by_angle, by_request, bending = kept, slopes, bends
+            else:
+                by_angle = by_angle * kept
+                by_request = by_request * kept + slopes
+                bending = bending * kept + bends
+        return Response(reached, by_angle, by_request, bending)
+
+
+def _rounded_saturation(
+    errors: Array, corners: Array, rounded: Array, gains: Array
+) -> tuple[Array, Array, Array]:
+    """Equation 2 with rounded corners, and its first and second derivative by the error.
+
+    ``f(x) = g (sqrt((x + theta_0)^2 + e^2) - sqrt((x - theta_0)^2 + e^2))``: :func:`saturation`
+    with :func:`rounded_clip`, both of :mod:`planner.model.joint`, multiplied out.
+
+    Args:
+        errors: Request plus offset minus angle x [rad].
+        corners: theta_0 and -theta_0, shape (2, ...) [rad].
+        rounded: Square of the radius e [rad^2].
+        gains: Factor g: gain / 2 times the request's weight.
+    """
+    beyond = corners + errors  # of either corner
+    squares = beyond * beyond
+    squares += rounded
+    lengths = np.sqrt(squares)
+    beyond /= lengths
+    squares *= lengths
+    np.divide(rounded, squares, out=squares)
+    return (
+        (lengths[0] - lengths[1]) * gains,
+        (beyond[0] - beyond[1]) * gains,
+        (squares[0] - squares[1]) * gains,
+    )
+
+
+def _repeated(array: Array, shape: tuple[int, ...]) -> Array:
+    """The array, repeated to this shape along all axes but its first."""
+    return np.ascontiguousarray(np.broadcast_to(array, (len(array), *shape)))
+
+
+def reach_of(models: Sequence[JointModel]) -> Reach:
+    """The requests that act on any of the joints between two samples."""
+    reaches = [reach(model) for model in models]
+    return Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+
+
+@lru_cache(maxsize=32)
+def periods(models: tuple[JointModel, ...], samples: int) -> Periods:
+    """The periods of these joints and this many samples: worked out once, then kept."""
+    return Periods(models, samples)

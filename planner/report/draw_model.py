@@ -42,8 +42,6 @@ def draw_speed(reproduction: Reproduction) -> Figure:
     """Figure 5: the speed f that an error between request and angle calls for."""
     from matplotlib.figure import Figure
 
-    from planner.model.joint import saturation
-
     model = reproduction.model
     theta_0, v_max = math.degrees(model.theta_0), math.degrees(model.v_max_per_tick)
     errors = np.array([-2.2, -1.0, 0.0, 1.0, 2.2]) * theta_0
@@ -51,7 +49,7 @@ def draw_speed(reproduction: Reproduction) -> Figure:
     axes = figure.add_subplot()
     axes.axhline(0.0, color=MUTED.light, lw=0.8)
     axes.axvline(0.0, color=MUTED.light, lw=0.8)
-    speeds = saturation(errors, v_max=v_max, theta_0=theta_0)
+    speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
     axes.plot(errors, speeds, **CLOSED_FORM.line)
     axes.set_xticks([-2 * theta_0, -theta_0, 0.0, theta_0, 2 * theta_0])
     axes.set_yticks([-v_max, 0.0, v_max])

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from planner.identification.speed_cloud import SpeedCloud, speed_cloud
-from planner.model.joint import saturation
 from planner.report.curves import Curve
 from planner.report.identification_parameters import units_of
 from planner.report.live_plane import Axis, plane_plot
@@ -46,7 +45,7 @@ def cloud_view(identification: Identification) -> CloudView:
     cloud = SpeedCloud(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
     reach = _reach(cloud, model.theta_0)
     shown = np.abs(cloud.speeds[np.abs(cloud.errors) <= reach])
-    line = float(saturation(np.array([reach]), v_max=model.v_max, theta_0=model.theta_0)[0])
+    line = float(model.speed(reach))
     most = float(np.quantile(shown, 0.995)) if len(shown) else 0.0
     return CloudView(cloud, reach, 1.15 * max(line, most))
 
@@ -69,7 +68,7 @@ def cloud_plot(identification: Identification) -> dict[str, Any]:
     far = max(reach, float(np.max(np.abs(cloud.errors[known]), initial=0.0)))
     corner = min(model.theta_0, far)
     errors = np.array([-far, -corner, corner, far])
-    line = saturation(errors, v_max=model.v_max, theta_0=model.theta_0)
+    line = model.speed(errors)
     looks = CLOSED_FORM._replace(width=2.4)
     curves.append(Curve(looks, factor * errors, factor * line, "f, identified"))
     shapes = [stroke((0, 0), (0, 1), yref="paper"), stroke((0, 1), (0, 0), xref="paper")]

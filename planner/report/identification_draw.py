@@ -105,8 +105,6 @@ def draw_speed_cloud(identification: Identification) -> Figure:
     """The paper's Figure 5 from data: speed against error, with the identified f over it."""
     from matplotlib.figure import Figure
 
-    from planner.model.joint import saturation
-
     model, units = identification.model, units_of(identification)
     cloud, reach, highest = cloud_view(identification)
     figure = Figure(figsize=(WIDTH, 3.3), layout="constrained")
@@ -131,7 +129,7 @@ def draw_speed_cloud(identification: Identification) -> Figure:
             label=label,
         )
     errors = np.array([-reach, -min(model.theta_0, reach), min(model.theta_0, reach), reach])
-    speeds = saturation(errors, v_max=model.v_max, theta_0=model.theta_0)
+    speeds = model.speed(errors)
     axes.plot(
         units.factor * errors,
         units.factor * speeds,

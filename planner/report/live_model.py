@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.model.joint import saturation
 from planner.report.curves import Curve, Panel, Span, cycle
 from planner.report.live_plane import Axis, plane_plot
 from planner.report.live_plot import time_plot
@@ -50,7 +49,7 @@ def speed_plot(reproduction: Reproduction) -> dict[str, Any]:
     model = reproduction.model
     theta_0, v_max = math.degrees(model.theta_0), math.degrees(model.v_max_per_tick)
     errors = np.linspace(-2.2, 2.2, 89) * theta_0
-    speeds = saturation(errors, v_max=v_max, theta_0=theta_0)
+    speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
     return plane_plot(
         [Curve(CLOSED_FORM, errors, speeds, "f")],
         Axis("request minus angle, x [deg]", "deg", (errors[0], errors[-1])),

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 import planner
 from planner.identification.derivatives import derivatives
 from planner.identification.grid import GAP, glitches, gridded
-from planner.identification.simulation import Parameters, pulls_of, respond
-from planner.identification.walk import CHUNKS_PER_TICK
+from planner.identification.simulation import CHUNKS_PER_TICK, Parameters, pulls_of, respond
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 

@@ -9,7 +9,7 @@ from planner.identification.excitation import excite
 from planner.identification.identification import LogFit
 from planner.identification.log import Log
 from planner.identification.speed_cloud import speed_cloud
-from planner.model.joint import JointModel, saturation
+from planner.model.joint import JointModel
 from planner.model.response import simulate
 
 ON_THE_LINE = 1e-9
@@ -46,7 +46,7 @@ def fit_of(model, kind="random_steps", *, used=None, late=0.0):
 @pytest.mark.parametrize("kind", ["random_steps", "multisine", "triangle"])
 def test_dots_lie_on_f_unless_their_window_is_on_both_sides_of_a_corner(kind):
     cloud = speed_cloud(MODEL, fit_of(MODEL, kind))
-    expected = saturation(cloud.errors, v_max=MODEL.v_max, theta_0=MODEL.theta_0)
+    expected = MODEL.speed(cloud.errors)
     off = np.abs(cloud.speeds - expected) / MODEL.v_max
     assert np.max(off[~cloud.apart]) < ON_THE_LINE
     assert np.mean(cloud.apart) < 0.5
@@ -64,7 +64,7 @@ def test_a_wrong_lag_takes_the_dots_off_the_line():
         v_max=4.0, theta_0=0.25, lag=0.0573, acceleration_time=0.041, tick=0.004, offset=0.03
     )
     cloud = speed_cloud(wrong, fit_of(MODEL, "multisine"))
-    expected = saturation(cloud.errors, v_max=MODEL.v_max, theta_0=MODEL.theta_0)
+    expected = MODEL.speed(cloud.errors)
     off = np.abs(cloud.speeds - expected) / MODEL.v_max
     assert np.max(off[~cloud.apart]) > OFF_THE_LINE
 

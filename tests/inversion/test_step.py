@@ -10,8 +10,8 @@ from scipy.linalg import block_diag
 
 from planner.inversion.stencil import Stencil, stencil
 from planner.inversion.step import Damping, Pull, Quadratic, gauss_newton_step
-from planner.model.periods import Response
-from planner.model.transition import Reach, reach
+from planner.model.joint import Reach, reach
+from planner.model.sensitivity import Response
 from planner.trajectory import Array
 from tests.instances import random_model
 

@@ -108,7 +108,7 @@ def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam
 
 
 def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
-    monkeypatch.setattr("planner.inversion.tracking.MOST_CYCLES", 2)
+    monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
     goal = FollowAngles(np.zeros(88))
     problem = Tracking([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
     requests = np.zeros((88, 2))

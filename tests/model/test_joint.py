@@ -1,18 +1,17 @@
-"""The joint's parameters, its window, and the one definition of Equations 2 and 3."""
+"""The joint's parameters, its window, and the one definition of Equation 2."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import FrozenInstanceError, replace
 
-import casadi
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidModel
-from planner.model.joint import JointModel, advance, saturation
+from planner.model.joint import JointModel, joint_of_top_speed, rounded_clip, saturation
 from tests.independent import equation_2
 from tests.strategies import models
 
@@ -30,23 +29,21 @@ thresholds = st.floats(0.01, 0.5)
 def test_saturation_is_equation_2(error, v_max, theta_0):
     expected = equation_2(error, v_max=v_max, theta_0=theta_0)
     scale = v_max * (1.0 + abs(error) / theta_0)
-    assert saturation(error, v_max=v_max, theta_0=theta_0) == pytest.approx(
-        expected, rel=0.0, abs=4.0 * ROUNDING * scale
-    )
+    speed = saturation(error, gain=v_max / theta_0, v_max=v_max)
+    assert speed == pytest.approx(expected, rel=0.0, abs=4.0 * ROUNDING * scale)
 
 
 @given(thresholds, speeds)
 def test_saturation_is_top_speed_at_both_corners_and_zero_in_the_middle(theta_0, v_max):
     for sign in (-1.0, 1.0):
-        speed = saturation(sign * theta_0, v_max=v_max, theta_0=theta_0)
+        speed = saturation(sign * theta_0, gain=v_max / theta_0, v_max=v_max)
         assert speed == pytest.approx(sign * v_max, rel=4.0 * ROUNDING)
-    assert saturation(0.0, v_max=v_max, theta_0=theta_0) == 0.0
+    assert saturation(0.0, gain=v_max / theta_0, v_max=v_max) == 0.0
 
 
-@pytest.mark.parametrize("smoothing", [0.0, 0.03])
-def test_saturation_is_odd_and_never_beyond_v_max(smoothing):
-    x = np.linspace(-1.0, 1.0, 401)
-    speed = saturation(x, v_max=0.05, theta_0=0.12, smoothing=smoothing)
+@pytest.mark.parametrize("radius", [None, 0.03])
+def test_saturation_is_odd_and_never_beyond_v_max(radius):
+    speed = of_errors(np.linspace(-1.0, 1.0, 401), radius)
     np.testing.assert_allclose(speed, -speed[::-1], rtol=0.0, atol=ROUNDING)
     assert np.all(np.abs(speed) <= 0.05 * (1.0 + ROUNDING))
     assert np.all(np.diff(speed) >= -ROUNDING)
@@ -54,32 +51,50 @@ def test_saturation_is_odd_and_never_beyond_v_max(smoothing):
 
 def test_smoothing_vanishes_with_its_radius():
     x = np.linspace(-1.0, 1.0, 401)
-    sharp = saturation(x, v_max=0.05, theta_0=0.12)
     distances = [
-        float(np.max(np.abs(saturation(x, v_max=0.05, theta_0=0.12, smoothing=radius) - sharp)))
-        for radius in (0.1, 0.01, 0.001)
+        float(np.max(np.abs(of_errors(x, radius) - of_errors(x)))) for radius in (0.1, 0.01, 0.001)
     ]
     assert distances[0] > distances[1] > distances[2]
     # A corner rounded with radius e lies v_max e / (2 theta_0) inside it, to first order.
     assert distances[2] == pytest.approx(0.05 * 0.001 / (2.0 * 0.12), rel=0.01)
 
 
-@pytest.mark.parametrize("smoothing", [0.0, 0.02])
-@given(model=models(), angle=errors, seed=st.integers(0, 2**32 - 1))
-def test_one_definition_agrees_for_floats_arrays_and_casadi(smoothing, model, angle, seed):
-    weights = model.window.weights.tolist()
-    requests = np.random.default_rng(seed).uniform(-1.0, 1.0, size=len(weights))
-    parameters = {"v_max": model.v_max_per_tick, "theta_0": model.theta_0, "smoothing": smoothing}
-    as_float = advance(angle, requests.tolist(), weights=weights, **parameters)
-    as_array = advance(np.full(3, angle), requests, weights=weights, **parameters)
-    symbols = casadi.SX.sym("angle"), casadi.SX.sym("requests", len(weights))
-    compiled = casadi.Function(
-        "advance", symbols, [advance(*symbols, weights=weights, **parameters)]
+def test_an_infinite_top_speed_never_saturates():
+    assert saturation(3.0, gain=2.0, v_max=math.inf) == 6.0
+
+
+def test_the_speed_of_a_model_is_equation_2_per_second():
+    model = JointModel.ers210a()
+    np.testing.assert_allclose(
+        model.speed([-1.0, model.theta_0 / 2.0, 1.0]),
+        [-model.v_max, model.v_max / 2.0, model.v_max],
+        rtol=ROUNDING,
     )
-    scale = max(1.0, abs(as_float))
-    assert isinstance(as_float, float)
-    np.testing.assert_allclose(as_array, as_float, rtol=0.0, atol=ROUNDING * scale)
-    assert float(compiled(angle, requests)) == pytest.approx(as_float, abs=ROUNDING * scale)
+
+
+def of_errors(errors, radius=None):
+    """Equation 2 for v_max 0.05 and theta_0 0.12, its corners rounded by a radius [rad]."""
+    gain = 0.05 / 0.12
+    clip = {} if radius is None else {"clip": rounded_clip(gain * radius)}
+    return saturation(errors, gain=gain, v_max=0.05, **clip)
+
+
+def test_a_joint_of_which_only_the_top_speed_is_known_is_the_papers_made_as_fast():
+    paper = JointModel.ers210a()
+    assert joint_of_top_speed(paper.v_max) == paper
+    fast = joint_of_top_speed(3.0 * paper.v_max)
+    assert fast.v_max / fast.theta_0 == pytest.approx(paper.v_max / paper.theta_0)
+    assert (fast.lag, fast.acceleration_time, fast.tick) == (
+        paper.lag,
+        paper.acceleration_time,
+        paper.tick,
+    )
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_top_speed_that_is_none_is_refused(speed):
+    with pytest.raises(InvalidModel):
+        joint_of_top_speed(speed)
 
 
 def test_table_1_of_the_paper_is_the_ers210a():

@@ -1,21 +1,123 @@
-"""Derivatives of the angles against central differences of the simulation."""
+"""Derivatives: of the periods against CasADi's, of the angles against central differences."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import casadi
 import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, reach
 from planner.model.response import simulate
-from planner.model.sensitivity import sensitivities
-from tests.instances import random_model, random_model_outside_equation_13
+from planner.model.sensitivity import Periods, periods, reach_of, sensitivities
+from planner.model.symbolic import period
+from tests.instances import TICK, random_model, random_model_outside_equation_13
 
-STEP = 1e-6
-"""Half the distance of the central differences [rad]."""
+ERS210A = JointModel.ers210a()
+
+SAME = 1e-13
+"""Two routes through one period [rad]."""
+
+STEP = 1e-5
+"""Step of the central differences of slopes [rad]."""
+
+SLOPES = 1e-6
+"""Central differences on corners of radius 0.3 theta_0 are right to this."""
+
+HALF_STEP = 1e-6
+"""Half the distance of the central differences of angles [rad]."""
 
 AGREEMENT = 1e-5
-"""What is left of the seam's 1e-12 rad after division by STEP, and room for its amplification."""
+"""What is left of a cycle's 1e-12 rad after division by HALF_STEP, and room for amplification."""
+
+HELD = pytest.mark.parametrize("hold", [1, 2, 3])
+
+
+def stacked(seed, *, joints=3, samples=9, hold=1):
+    """Joints of different reach, sag and tick, but of one period, and angles and requests."""
+    rng = np.random.default_rng([seed, hold])
+    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
+    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
+    shape = (reach_of(models).width, samples, joints)
+    errors = rng.uniform(-1.5, 1.5, shape) * [model.theta_0 for model in models]
+    before = rng.uniform(-1.0, 1.0, (samples, joints))
+    return models, before, before + errors - [model.offset for model in models]
+
+
+def symbolic_period(model):
+    """The period and its derivatives, written by CasADi, of angle, requests and radius."""
+    angle, radius = casadi.SX.sym("angle"), casadi.SX.sym("radius")
+    requests = casadi.SX.sym("requests", reach(model).width)
+    after = period(model, angle, requests, radius=radius)
+    slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
+    return casadi.Function("period", [angle, requests, radius], [after, *slopes])
+
+
+@HELD
+@pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
+def test_every_period_and_its_derivatives_are_those_that_casadi_writes(smoothing, hold):
+    models, before, windows = stacked(1, hold=hold)
+    together = Periods(models, len(before))(before, windows, smoothing)
+    for joint, model in enumerate(models):
+        own, union = reach(model), reach_of(models)
+        felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
+        written = symbolic_period(model)
+        for k in range(len(before)):
+            window = windows[felt, k, joint]
+            # A corner that is not rounded at all has no derivative; none is met here.
+            radius = max(smoothing * model.theta_0, 1e-150)
+            answers = written(before[k, joint], window, radius)
+            after, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
+            assert together.reached[k, joint] == pytest.approx(after[0], abs=SAME)
+            assert together.by_angle[k, joint] == pytest.approx(by_angle[0], abs=SAME)
+            np.testing.assert_allclose(
+                together.by_request[felt, k, joint], by_request, rtol=0.0, atol=SAME
+            )
+
+
+@HELD
+def test_requests_beyond_a_joints_own_reach_do_not_move_it(hold):
+    models, before, windows = stacked(2, hold=hold)
+    response = Periods(models, len(before))(before, windows, 0.1)
+    reaches = [reach(model) for model in models]
+    assert len(set(reaches)) > 1
+    ages = reach_of(models).youngest + np.arange(len(windows))
+    for joint, own in enumerate(reaches):
+        beyond = (ages < own.youngest) | (ages > own.oldest)
+        assert np.all(response.by_request[beyond, :, joint] == 0.0)
+        assert np.all(response.bending[beyond, :, joint] == 0.0)
+
+
+def test_the_bending_is_the_slope_of_the_slopes():
+    models, before, windows = stacked(3)
+    models[0] = ERS210A  # the bending by requests that are held is an estimate
+    windows = windows[: reach_of(models).width]
+    every = Periods(models, len(before))
+    response = every(before, windows, 0.3)
+    for j in range(len(windows)):
+        push = np.zeros_like(windows)
+        push[j] = STEP
+        above, below = (every(before, windows + s * push, 0.3).by_request[j] for s in (1.0, -1.0))
+        expected = (above - below) / (2.0 * STEP)
+        np.testing.assert_allclose(response.bending[j], expected, rtol=0.0, atol=SLOPES)
+
+
+def test_smoothing_is_measured_in_each_joints_own_errors():
+    small = replace(ERS210A, v_max=ERS210A.v_max / 4.0, theta_0=ERS210A.theta_0 / 4.0)
+    rng = np.random.default_rng(4)
+    column, windows = rng.normal(size=(30, 1)), rng.normal(size=(6, 30, 1))
+    scale = np.array([1.0, 0.25])
+    response = Periods([ERS210A, small], 30)(column * scale, windows * scale, 0.5)
+    np.testing.assert_allclose(
+        response.reached[:, 1], response.reached[:, 0] / 4.0, rtol=0.0, atol=SAME
+    )
+
+
+def test_the_same_joints_and_length_are_worked_out_once():
+    assert periods((ERS210A,), 12) is periods((ERS210A,), 12)
+    assert periods((ERS210A,), 12) is not periods((ERS210A, ERS210A), 12)
 
 
 def differences(model, requests, **options):
@@ -23,10 +125,10 @@ def differences(model, requests, **options):
     columns = []
     for j in range(len(requests)):
         ahead, behind = requests.copy(), requests.copy()
-        ahead[j] += STEP
-        behind[j] -= STEP
+        ahead[j] += HALF_STEP
+        behind[j] -= HALF_STEP
         change = simulate(model, ahead, **options) - simulate(model, behind, **options)
-        columns.append(change / (2.0 * STEP))
+        columns.append(change / (2.0 * HALF_STEP))
     return np.stack(columns, axis=1)
 
 

@@ -53,7 +53,7 @@ def test_every_response_meets_the_conditions(cyclic, model, requests):
         before[0] = held[0]
     speeds = (angles - before) / model.v_max_per_tick
     errors = np.asarray(requests)[acting.request] - before[acting.tick]
-    calls = saturation(errors, v_max=1.0, theta_0=model.theta_0)
+    calls = saturation(errors, gain=1.0 / model.theta_0, v_max=1.0)
     driven = np.bincount(acting.tick, weights=acting.weight * calls, minlength=len(held))
     np.testing.assert_allclose(driven, speeds, rtol=0.0, atol=ROUNDING)
     pairs = np.flatnonzero(acting.following >= 0)
