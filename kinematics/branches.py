@@ -28,9 +28,14 @@ def choose(
     At the first point the pose whose least distance to any limit is largest, or that with the least
     move from ``near``; of equal ones that with the larger angle of the last joint, then of the
     joint before it. At every later point the pose with the least move from the one before (root of
-    the sum of squares); of equal ones the same order decides. For joints that can turn further than
-    a full turn whole turns are no move. Where that path jumps and a chain is given, the next pose
-    at the first point is tried, and so on: the first path with the fewest jumps is taken.
+    the sum of squares); of equal ones the same order decides. Where that path jumps and a chain is
+    given, the next pose at the first point is tried, and so on: the first path with the fewest
+    jumps is taken.
+
+    A joint that can turn by a full turn or more starts within half a turn of the middle of its
+    limits, or of ``near``, and goes on from sample to sample by half a turn at most. Where that
+    leads out of its limits, it starts as few turns away as keep the path inside them; where none
+    do, it turns back by a full turn at the limit.
 
     Args:
         poses: Angles [rad], shape (n, m, k), within the limits.
@@ -54,11 +59,12 @@ def choose(
     for branch in range(poses.shape[1]):
         length = np.round(_moved(poses[1:] - poses[:-1, branch, None], limits), SAME)
         following.append(np.where(allowed[1:], length, np.inf).argmin(axis=-1).tolist())
-    first = _from(0, poses, following, limits)
+    start = limits.middle if near is None else near
+    first = _from(0, poses, following, limits, start)
     if chain is None or not (fewest := len(jumps(chain, first))):
         return first
     for branch in range(1, int(np.sum(allowed[0]))):
-        other = _from(branch, poses, following, limits)
+        other = _from(branch, poses, following, limits, start)
         if (count := len(jumps(chain, other))) < fewest:
             first, fewest = other, count
     return first
@@ -91,24 +97,38 @@ def _moved(moves: Array, limits: Limits) -> Array:
     return np.asarray(np.sqrt((turned**2).sum(axis=-1)))
 
 
-def _from(branch: int, poses: Array, following: list[list[int]], limits: Limits) -> Array:
+def _from(
+    branch: int, poses: Array, following: list[list[int]], limits: Limits, start: Array
+) -> Array:
     """The path that starts on a branch and takes the nearest pose at each point, (n, k)."""
     branches = np.zeros(len(poses), dtype=np.intp)
     branches[:1] = branch
     for point in range(1, len(poses)):
         branch = branches[point] = following[branch][point - 1]
     chosen = np.asarray(poses[np.arange(len(poses)), branches])
-    for joint in np.flatnonzero(limits.turning):
-        lower, upper = float(limits.lower[joint]), float(limits.upper[joint])
-        chosen[:, joint] = _followed(chosen[:, joint].tolist(), lower, upper)
-    return chosen
+    if len(poses):
+        for joint in np.flatnonzero(limits.turning):
+            ends = float(limits.lower[joint]), float(limits.upper[joint])
+            chosen[:, joint] = _unwrapped(chosen[:, joint], float(start[joint]), *ends)
+    return limits.clip(chosen)  # by rounding at most
 
 
-def _followed(angles: list[float], lower: float, upper: float) -> list[float]:
-    """The same directions with whole turns added so that each is near the last, within limits."""
-    followed: list[float] = []
-    for angle in angles:
-        near = angle + TURN * round((followed[-1] - angle) / TURN) if followed else angle
-        near -= TURN * (near > upper)
-        followed.append(near + TURN * (near < lower))
-    return followed
+def _unwrapped(angles: Array, start: float, lower: float, upper: float) -> Array:
+    """The same directions [rad], shape (n,), each within half a turn of the one before.
+
+    The first is as near to ``start`` as it can be with all of them within the limits, a full turn
+    or more apart. Where no start leaves all of them inside, some are a full turn further back.
+    """
+    turns = np.round((angles[:-1] - angles[1:]) / TURN)
+    path = angles + TURN * np.concatenate([[0.0], np.cumsum(turns)])
+    fewest, most = np.ceil((lower - path.min()) / TURN), np.floor((upper - path.max()) / TURN)
+    turn = np.round((start - path[0]) / TURN)
+    if fewest <= most:
+        return np.asarray(path + TURN * np.clip(turn, fewest, most))
+    last, inside = start, []
+    for angle in angles.tolist():
+        last = angle + TURN * round((last - angle) / TURN)
+        last -= TURN * (last > upper)
+        last += TURN * (last < lower)
+        inside.append(last)
+    return np.array(inside)

@@ -164,7 +164,9 @@ class Leg:
         from 27 starts (1 ms a point). Each is judged by forward kinematics. Several poses may reach
         a point: at the first point the one deepest inside the limits is taken, or nearest to
         ``near``, unless the path jumps from there; at every later point the one closest to the pose
-        before it (:func:`kinematics.branches.choose`). :meth:`jumps` tells where a path still does.
+        before it. A joint that can turn by a full turn or more starts within half a turn of 0, or
+        of ``near``, as far as its limits allow, and takes the short way round from point to point
+        (:func:`kinematics.branches.choose`). :meth:`jumps` tells where a path still does.
 
         Args:
             foot: Points in the base frame [m], shape (n, 3).

@@ -37,12 +37,20 @@ class Limits(NamedTuple):
         return np.asarray(self.upper - self.lower >= TURN)
 
     @property
-    def central(self) -> Limits:
-        """The middle of the range, at most one full turn: every direction once."""
+    def middle(self) -> Array:
+        """The middle of each range [rad], shape (k,).
+
+        Of a full turn or more: the angle nearest to 0 with half a turn to either side of it.
+        """
+        near_zero = np.clip(0.0, self.lower + 0.5 * TURN, self.upper - 0.5 * TURN)
         lower, upper = self.finite
-        half = np.minimum(0.5 * (upper - lower), 0.5 * TURN)
-        middle = 0.5 * (lower + upper)
-        return Limits(self.clip(middle - half), self.clip(middle + half))
+        return np.asarray(np.where(self.turning, near_zero, 0.5 * (lower + upper)))
+
+    @property
+    def central(self) -> Limits:
+        """At most half a turn to either side of the middle: every direction once."""
+        half = np.minimum(0.5 * (self.upper - self.lower), 0.5 * TURN)
+        return Limits(self.clip(self.middle - half), self.clip(self.middle + half))
 
     def clip(self, angles: Array) -> Array:
         """The nearest angles within the limits [rad], for angles of shape (..., k)."""
@@ -50,8 +58,7 @@ class Limits(NamedTuple):
 
     def wrap(self, angles: Array) -> Array:
         """The same directions within half a turn of the middle of the limits [rad]."""
-        middle = 0.5 * (self.finite.lower + self.finite.upper)
-        return np.asarray(middle + half_turned(angles - middle))
+        return np.asarray(self.middle + half_turned(angles - self.middle))
 
     def margin(self, angles: Array) -> Array:
         """How far inside the limits a pose is [rad]: (...,) for angles of shape (..., k)."""

