@@ -11,8 +11,8 @@ from kinematics.limits import TURN, Limits, half_turned
 SAME = 6
 """Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
 
-STILL = 1e-6
-"""Movement of the foot that is none, to the length of the leg."""
+UNMOVED = 1e-6
+"""Movement of the foot that counts as none, to the length of the leg."""
 
 
 def choose(
@@ -87,8 +87,8 @@ def jumps(chain: Chain, angles: Array) -> Indices:
     half_way = 0.5 * (angles[1:] + angles[:-1])
     feet, middle = (chain.foot(np.cos(q.T), np.sin(q.T)).T for q in (angles, half_way))
     step = np.linalg.norm(feet[1:] - feet[:-1], axis=1)
-    aside = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
-    return np.flatnonzero(aside > step + STILL * chain.size)
+    deviation = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
+    return np.flatnonzero(deviation > step + UNMOVED * chain.size)
 
 
 def _moved(moves: Array, limits: Limits) -> Array:

@@ -17,21 +17,21 @@ AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
 
 
 class Link(NamedTuple):
-    """What one joint does to a point beyond it: ``p -> origin + (still + cos C + sin S) p``.
+    """What one joint does to a point beyond it: ``p -> origin + (A + cos C + sin S) p``.
 
     This is Rodrigues' formula with the joint's constant placement R multiplied in:
-    still = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
+    A = R a aᵀ, C = R (1 - a aᵀ), S = R [a]× for the unit axis a. The joint's angle enters by
     its cosine and sine alone.
 
     Attributes:
         origin: The joint's origin in the frame before it [m], shape (3, 1).
-        still: Part that the rotation leaves alone, shape (3, 3).
+        axial: Part along the axis, which the rotation keeps, shape (3, 3).
         cosine: Part that goes with the cosine, shape (3, 3).
         sine: Part that goes with the sine, shape (3, 3).
     """
 
     origin: Array
-    still: Array
+    axial: Array
     cosine: Array
     sine: Array
 
@@ -131,6 +131,18 @@ class Chain:
             point = link.origin + _turned(link, point, cosine, sine)
         return point, columns
 
+    def jacobians(self, angles: Array) -> Array:
+        """Derivatives of the foot along a path of the joints.
+
+        Args:
+            angles: Joint angles [rad], shape (n, k).
+
+        Returns:
+            [m/rad], shape (n, 3, k).
+        """
+        _, columns = self.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        return np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0))
+
     def turned_axes(self, cosines: Iterable[Any], sines: Iterable[Any]) -> list[Any]:
         """Unit axis of each joint in the base frame.
 
@@ -145,7 +157,7 @@ class Chain:
         for link, axis, cosine, sine in reversed(
             list(zip(self.links, self.axes, cosines, sines, strict=True))
         ):
-            own = link.still @ axis[:, None]
+            own = link.axial @ axis[:, None]
             axes = [own, *(_turned(link, beyond, cosine, sine) for beyond in axes)]
         return axes
 
@@ -179,4 +191,4 @@ def cross_matrix(axis: Array) -> Array:
 
 def _turned(link: Link, vector: Any, cosine: Any, sine: Any) -> Any:
     """A vector beyond the joint, seen from before it."""
-    return link.still @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)
+    return link.axial @ vector + cosine * (link.cosine @ vector) + sine * (link.sine @ vector)

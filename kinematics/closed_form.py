@@ -10,7 +10,7 @@ odd one. Turning about either axis of the pair keeps
 So this quantity alone gives two angles of the odd joint. Inside the pair, turning about its first
 axis keeps both distance and height; the one that the odd joint did not settle gives two angles of
 the pair's second joint, and an arctangent gives the first. That makes four poses. (These are
-Paden and Kahan's subproblems, told by what is kept. Here every one of them is
+Paden and Kahan's subproblems, stated by the quantity that is kept; each of them here is
 ``a cos q + b sin q = c``.)
 """
 
@@ -31,16 +31,16 @@ APART = 1e-3
 
 
 class Circle(NamedTuple):
-    """The points ``still + cosine cos q + sine sin q`` that a turn by q takes a point to."""
+    """The points ``middle + cosine cos q + sine sin q`` that a turn by q takes a point to."""
 
-    still: Array  # (3, ...)
+    middle: Array  # (3, ...)
     cosine: Array  # (3, ...)
     sine: Array  # (3, ...)
 
     def at(self, angle: Array) -> Array:
         """The points at some angles [rad], whose first axis is new: shape (3, 2, ...)."""
-        still, cosine, sine = (part[:, None] for part in self)
-        return np.asarray(still + cosine * np.cos(angle) + sine * np.sin(angle))
+        middle, cosine, sine = (part[:, None] for part in self)
+        return np.asarray(middle + cosine * np.cos(angle) + sine * np.sin(angle))
 
 
 class Axis(NamedTuple):
@@ -59,7 +59,7 @@ class Axis(NamedTuple):
     def angle_between(self, start: Array, end: Array) -> Array:
         """The turn that takes ``start`` to ``end`` [rad], or as near as it can: an arctangent."""
         circle = self.circle(start)
-        arms = end - circle.still
+        arms = end - circle.middle
         return np.arctan2(_dot(circle.sine, arms), _dot(circle.cosine, arms))
 
     def distance(self, point: Array) -> float:
@@ -74,9 +74,9 @@ class Distance(NamedTuple):
 
     def angles(self, circle: Circle, like: Array) -> Array:
         """The two angles on the circle as far from the centre as the points ``like``."""
-        arm = circle.still - _column(self.centre, circle.still)
-        wanted = like - _column(self.centre, like)
-        constant = _dot(wanted, wanted) - _dot(arm, arm) - _dot(circle.cosine, circle.cosine)
+        arm = circle.middle - _column(self.centre, circle.middle)
+        target = like - _column(self.centre, like)
+        constant = _dot(target, target) - _dot(arm, arm) - _dot(circle.cosine, circle.cosine)
         return _two_angles(_dot(arm, circle.cosine), _dot(arm, circle.sine), 0.5 * constant)
 
 
@@ -87,8 +87,8 @@ class Height(NamedTuple):
 
     def angles(self, circle: Circle, like: Array) -> Array:
         """The two angles on the circle as high as the points ``like``."""
-        still, cosine, sine = (np.tensordot(self.direction, part, 1) for part in circle)
-        return _two_angles(cosine, sine, np.tensordot(self.direction, like, 1) - still)
+        middle, cosine, sine = (np.tensordot(self.direction, part, 1) for part in circle)
+        return _two_angles(cosine, sine, np.tensordot(self.direction, like, 1) - middle)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,41 +1,58 @@
-"""Which joints of a leg move its foot at all, and how well they do in a pose."""
+"""How well a leg can move its foot in a pose, and a pose from which it does so well."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from kinematics.chain import Array, Chain
-from kinematics.exceptions import SingularLeg
+from kinematics.chain import Array, Chain, read_only
+from kinematics.exceptions import UnsupportedLeg
+from kinematics.inverse import check_joints
+from kinematics.leg import Leg
 
-STILL = 1e-9
-"""Movement of the foot per radian below this, to the length of the leg, is rounding."""
+STEPS = 25
+"""Angles of each joint that are tried; odd, so that the middle of its range is among them."""
 
-TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]])
-"""Poses in which a leg is looked at [rad], without a symmetry that could hide a movement."""
+ENOUGH = 0.9
+"""A pose stands well that is this dexterous, to the best one."""
+
+MOST_JOINTS = 3
+"""Joints whose poses are still few enough to be tried all."""
 
 
-def check_joints(chain: Chain, names: Sequence[str]) -> None:
-    """Refuse a leg of three joints at most of which one does not move the foot in any pose.
+def standing_pose(leg: Leg) -> Array:
+    """The pose nearest to the middle of the limits in which the foot moves almost best.
+
+    Of a leg of two links below its hip that is the bent leg with the foot below the hip. Where the
+    leg has a pose to start near (``near``), it is that one.
 
     Args:
-        chain: The leg.
-        names: Names of the joints, for the message.
+        leg: A leg of three joints at most.
+
+    Returns:
+        Angles [rad], read-only, shape (k,); rounded to a degree where no limit is nearer.
 
     Raises:
-        SingularLeg: The foot lies on the axis of a joint, whatever the others do.
+        UnsupportedLeg: The leg has more joints and no ``near``.
+        SingularLeg: One of its joints never moves the foot.
     """
-    moved = np.linalg.norm(_jacobians(chain, TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
-    idle = tuple(
-        name for name, most in zip(names, moved, strict=True) if most <= STILL * chain.size
-    )
-    if idle:
-        raise SingularLeg(
-            f"leg: singular in every pose, as joint {idle[0]!r} does not move the foot, which lies "
-            "on its axis; choose a foot frame further out, or lock the joint",
-            joints=idle,
+    if leg.near is not None:
+        return leg.near
+    count = len(leg.joint_names)
+    if count > MOST_JOINTS:
+        raise UnsupportedLeg(
+            f"a standing pose is sought for {MOST_JOINTS} joints at most, this leg has {count}: "
+            "lock the others, or give the angles that they are near"
         )
+    lower, upper = leg.limits.central
+    check_joints(leg.chain, leg.joint_names)
+    steps = [np.linspace(*ends, STEPS) for ends in zip(lower, upper, strict=True)]
+    poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
+    quality = dexterity(leg.chain, poses)
+    away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
+    well = quality >= ENOUGH * quality.max()
+    keys = (*-poses.T, np.where(well, away, np.inf))
+    best = poses[np.lexsort(np.round(keys, 6))[0]]
+    return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)))))
 
 
 def dexterity(chain: Chain, angles: Array) -> Array:
@@ -49,11 +66,5 @@ def dexterity(chain: Chain, angles: Array) -> Array:
     Returns:
         Shape (n,); 0 in a singular pose, such as a stretched leg.
     """  # noqa: D205
-    strengths = np.linalg.svd(_jacobians(chain, angles), compute_uv=False)
+    strengths = np.linalg.svd(chain.jacobians(angles), compute_uv=False)
     return np.asarray(np.prod(strengths / chain.size, axis=-1))
-
-
-def _jacobians(chain: Chain, angles: Array) -> Array:
-    """Derivatives of the foot [m/rad], shape (n, 3, k)."""
-    _, columns = chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
-    return np.stack(columns).transpose(2, 1, 0)

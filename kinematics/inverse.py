@@ -11,8 +11,7 @@ import numpy.typing as npt
 from kinematics.branches import choose
 from kinematics.chain import Array, Chain, read_only
 from kinematics.closed_form import ClosedForm
-from kinematics.dexterity import check_joints
-from kinematics.exceptions import InvalidInput, UnreachableFoot, UnsupportedLeg
+from kinematics.exceptions import InvalidInput, SingularLeg, UnreachableFoot, UnsupportedLeg
 from kinematics.limits import Limits
 from kinematics.nearest import nearest_poses
 
@@ -23,6 +22,12 @@ MOST_JOINTS = 3
 
 REACHED = 1e-9
 """A pose reaches a point when its foot is within this of it [m]."""
+
+UNMOVED = 1e-9
+"""Movement of the foot per radian below this, to the length of the leg, is rounding."""
+
+TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]])
+"""Poses in which a leg is looked at [rad], without a symmetry that could hide a movement."""
 
 
 class InverseSolution(NamedTuple):
@@ -89,6 +94,28 @@ def solve_inverse(
     angles = choose(poses, distances <= allowance[:, None], limits, near=near, chain=chain)
     distance = _distances(chain, angles[:, None], foot)[:, 0]
     return InverseSolution(read_only(angles), read_only(distance <= REACHED), read_only(distance))
+
+
+def check_joints(chain: Chain, names: Sequence[str]) -> None:
+    """Refuse a leg of three joints at most of which one does not move the foot in any pose.
+
+    Args:
+        chain: The leg.
+        names: Names of the joints, for the message.
+
+    Raises:
+        SingularLeg: The foot lies on the axis of a joint, whatever the others do.
+    """
+    moved = np.linalg.norm(chain.jacobians(TRIED[:, : len(chain.axes)]), axis=1).max(axis=0)
+    unmoving = tuple(
+        name for name, most in zip(names, moved, strict=True) if most <= UNMOVED * chain.size
+    )
+    if unmoving:
+        raise SingularLeg(
+            f"leg: singular in every pose, as joint {unmoving[0]!r} does not move the foot, which "
+            "lies on its axis; choose a foot frame further out, or lock the joint",
+            joints=unmoving,
+        )
 
 
 def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> None:

@@ -14,11 +14,13 @@ import numpy.typing as npt
 from kinematics.branches import jumps
 from kinematics.chain import Array, Chain, Indices, read_only
 from kinematics.closed_form import ClosedForm, find_closed_form
-from kinematics.exceptions import InvalidInput
+from kinematics.exceptions import InvalidInput, InvalidPath
 from kinematics.inverse import InverseSolution, Unreachable, solve_inverse
 from kinematics.limits import Limits
-from kinematics.path import FARTHEST, as_path
 from kinematics.read_urdf import read_chain
+
+FARTHEST = 1e6
+"""A position or angle beyond this [m, rad] is a mistake, and its square would lose all digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +134,7 @@ class Leg:
         Raises:
             InvalidPath: ``angles`` is not a finite array of shape (n, k).
         """
-        turned = self._angles(angles).T
-        _, columns = self.chain.foot_and_jacobian(np.cos(turned), np.sin(turned))
-        return read_only(np.ascontiguousarray(np.stack(columns).transpose(2, 1, 0)))
+        return read_only(self.chain.jacobians(self._angles(angles)))
 
     def joint_angles(self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise") -> Array:
         """Joint angles that put the foot at each point of a path: inverse kinematics.
@@ -184,7 +184,7 @@ class Leg:
             UnsupportedLeg: The leg has more than three joints, or no closed form to clamp.
             SingularLeg: One of its joints never moves the foot.
         """
-        points = as_path(foot, name="foot", columns=3, unit="m")
+        points = _as_path(foot, name="foot", columns=3, unit="m")
         return solve_inverse(
             self.chain,
             self.limits,
@@ -210,7 +210,7 @@ class Leg:
         return read_only(jumps(self.chain, self._angles(angles)))
 
     def _angles(self, angles: npt.ArrayLike) -> Array:
-        return as_path(angles, name="angles", columns=len(self.joint_names), unit="rad")
+        return _as_path(angles, name="angles", columns=len(self.joint_names), unit="rad")
 
 
 def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> Array:
@@ -227,3 +227,25 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
             raise InvalidInput(f"near: joint {name!r} at {angle!r}, expected an angle [rad]")
         pose[names.index(name)] = angle
     return read_only(pose)
+
+
+def _as_path(values: npt.ArrayLike, *, name: str, columns: int, unit: str) -> Array:
+    """Copy ``values`` into a finite (n, columns) array, or say why they cannot be a path."""
+    try:
+        given = np.asarray(values)
+    except ValueError as error:  # rows of different lengths
+        raise InvalidPath(f"{name}: {error}; expected shape (n, {columns}) [{unit}]") from error
+    if given.dtype.kind not in "iuf":
+        raise InvalidPath(f"{name}: got an array of {given.dtype}, expected real numbers [{unit}]")
+    if given.ndim != 2 or given.shape[1] != columns:
+        hint = f"; for a single row pass [{name}]" if given.shape == (columns,) else ""
+        raise InvalidPath(
+            f"{name}: got shape {given.shape}, expected (n, {columns}) [{unit}]{hint}"
+        )
+    bad = np.flatnonzero(~np.all(np.abs(given) <= FARTHEST, axis=1))
+    if bad.size:
+        raise InvalidPath(
+            f"{name}: {bad.size} of {len(given)} rows are not finite or beyond {FARTHEST:g} "
+            f"{unit}: first index {bad[0]} ({given[bad[0]]}); mend or remove them first"
+        )
+    return np.array(given, dtype=np.float64)

@@ -131,4 +131,4 @@ def _newton_step(
     scaled = along / np.maximum(strength, np.finfo(np.float64).tiny)
     step = -np.asarray(np.einsum("pij,pj->pi", directions, scaled))
     longest = np.abs(step).max(axis=1, keepdims=True)
-    return step * (LONGEST / np.maximum(longest, LONGEST))
+    return np.asarray(step * (LONGEST / np.maximum(longest, LONGEST)))

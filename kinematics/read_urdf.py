@@ -9,14 +9,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.chain import Array, Chain
+from kinematics.chain import Array, Chain, read_only
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnsupportedLeg
 from kinematics.limits import Limits
-from kinematics.read_limits import read_limits, read_speeds
 from kinematics.robot import Robot, find_frame, joints_between, read_robot
 
 AGREEMENT = 1e-12
 """The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
+
+UNLIMITED = 1e6
+"""Limits beyond this [rad] are a way of writing that there is none."""
+
+FASTEST = 100.0
+"""Speeds beyond this [rad/s] are a way of writing that none is known."""
 
 
 class ChainInRobot(NamedTuple):
@@ -79,7 +84,7 @@ def read_chain(
         )
     axes = [_axis(model, joint) for joint in joints]
     *placements, tip = _placements(robot, between, start, end)
-    limits = read_limits(path, model, joints)
+    limits = _read_limits(path, model, joints)
     chain = Chain(
         rotations=np.array([placement.rotation for placement in placements]),
         translations=np.array([placement.translation for placement in placements]),
@@ -89,7 +94,7 @@ def read_chain(
     if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
         raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
     _check_against_pinocchio(robot, chain, start, end, joints)
-    return ChainInRobot(chain, names, limits, read_speeds(model, joints))
+    return ChainInRobot(chain, names, limits, _read_speeds(model, joints))
 
 
 def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:
@@ -125,6 +130,30 @@ def _axis(model: Any, joint: int) -> Array:
         f"joint {model.names[joint]!r} has no axis to turn about (Pinocchio: {kind.shortname()}); "
         "a leg has revolute and continuous joints only: lock it where it is to stay"
     )
+
+
+def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
+    """Joint limits; a continuous joint has none."""
+    lower, upper = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
+    for k, joint in enumerate(joints):
+        if model.joints[joint].nq == 1:  # a continuous joint is stored as cosine and sine
+            index = model.joints[joint].idx_q
+            lower[k], upper[k] = model.lowerPositionLimit[index], model.upperPositionLimit[index]
+        if not lower[k] <= upper[k]:
+            raise InvalidUrdf(
+                path,
+                f"joint {model.names[joint]!r} has the limits {lower[k]:g} and {upper[k]:g}, "
+                "expected lower <= upper [rad]",
+            )
+    for limit in (lower, upper):
+        limit[np.abs(limit) > UNLIMITED] = np.copysign(np.inf, limit[np.abs(limit) > UNLIMITED])
+    return Limits(read_only(lower), read_only(upper))
+
+
+def _read_speeds(model: Any, joints: list[int]) -> Array:
+    """Top speeds [rad/s], read-only, shape (k,); NaN where the URDF has none that can be meant."""
+    speeds = np.array([model.velocityLimit[model.joints[joint].idx_v] for joint in joints])
+    return read_only(np.where((speeds > 0.0) & (speeds <= FASTEST), speeds, np.nan))
 
 
 def _check_against_pinocchio(

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kinematics.dexterity import dexterity
+from kinematics.dexterity import dexterity, standing_pose
 from kinematics.exceptions import UnreachableFoot
 from kinematics.leg import Leg
-from kinematics.standing import standing_pose
 from planner.exceptions import Infeasible, InvalidInput
 from planner.gait import half_ellipse
 from planner.given import as_number, shown
@@ -66,7 +65,7 @@ def stride(
     """A half ellipse (:func:`planner.half_ellipse`) sized for a leg, in the leg's base frame.
 
     It lies in a plane of z and the heading around the foot of the standing pose
-    (:func:`kinematics.standing.standing_pose`). What is given is kept; length and height that are
+    (:func:`kinematics.dexterity.standing_pose`). What is given is kept; length and height that are
     not are as large as the leg allows, up to a quarter and three twentieths of its own length: it
     reaches every point without a jump and stays at least 0.4 as dexterous as when it stands.
 

@@ -13,9 +13,8 @@ from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
 from kinematics import InvalidInput, Leg, Limits, SingularLeg, UnsupportedLeg
 from kinematics.branches import choose, jumps
-from kinematics.dexterity import dexterity
+from kinematics.dexterity import ENOUGH, dexterity, standing_pose
 from kinematics.scene import Scene
-from kinematics.standing import ENOUGH, standing_pose
 
 ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m]."""
