@@ -33,9 +33,6 @@ FINEST_GRID = 128
 ANCHORS = 6
 """Places of a cycle at which chains begin and end; the sharpest corner is one of them."""
 
-PROPOSALS = 2
-"""Chains that are proposed for every price."""
-
 
 class KnotProposals:
     """Knots for any number of segments; one segment more costs O(m²) for m nodes of the grid."""
@@ -93,14 +90,13 @@ class KnotProposals:
         self._cyclic = problem.cyclic
 
     def __call__(self, segments: int) -> list[Array]:
-        """The cheapest chains of ``segments`` for either price, as knots; none beyond the grid."""
+        """The cheapest chain of ``segments`` for each price and anchor; none beyond the grid."""
         proposals: dict[bytes, Array] = {}
         if segments >= self.nodes.size:
             return []
         for price in PRICES:
             self._extend(price, segments)
             totals = self._costs[price][segments][:, -1]
-            new = 0
             for anchor in np.argsort(totals, kind="stable"):
                 if not np.isfinite(totals[anchor]):
                     break
@@ -110,9 +106,6 @@ class KnotProposals:
                     knots = in_place(self._problem, chain.astype(np.float64))
                     if knots is not None:
                         proposals[key] = knots
-                    new += 1
-                if new == PROPOSALS:
-                    break
         return list(proposals.values())
 
     def _extend(self, price: Price, segments: int) -> None:
