@@ -9,11 +9,9 @@ from operator import attrgetter
 
 import numpy as np
 
-from planner.approximation.around import ROUGH, SEVERAL_FROM, around, might_be_worse
+from planner.approximation.around import ROUGH, around, might_be_worse
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.every import of_every_set, within_reach
-from planner.approximation.exchanged import exchanged
 from planner.approximation.grow import with_one_more
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
@@ -166,9 +164,6 @@ class Search:
             merged = self._merged(segments)
             merged = spread(self.problem, segments) if merged is None else merged
             return descend(self.problem, self.valued(merged), rounds=FIRST_ROUNDS)
-        best = self._of_every_set(segments)
-        if best is not None:
-            return best
         best = self._rough(segments)
         if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
@@ -182,16 +177,7 @@ class Search:
         if might_be_worse(best, self._rough(segments - 1), self.ideal_error):
             extended = with_one_more(self.problem, self.curve(segments - 1))
             best = descend(self.problem, self._best_of([best, *extended]), rounds=ROUNDS)
-        loose = self.ideal_error == 0.0 and not self.problem.cyclic and self.problem.anywhere
-        return exchanged(self.problem, best) if loose and segments >= SEVERAL_FROM else best
-
-    def _of_every_set(self, segments: int) -> Candidate | None:
-        """The best curve of very few segments and samples, sought among all; None for others."""
-        problem = self.problem
-        if self.exact is not None or not within_reach(problem, segments, self.ideal_error):
-            return None
-        proposed = self._propose(segments) if segments > 2 and problem.cyclic else []
-        return of_every_set(problem, segments, proposed)
+        return best
 
     def _rough(self, segments: int) -> Candidate:
         """The best of a few rounds from what is proposed, found once."""
