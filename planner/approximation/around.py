@@ -1,13 +1,15 @@
-"""What is tried around a rough curve, and when a curve of a segment less may still be better."""
+"""What is tried around a rough curve."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from planner.approximation.grow import sharpest_knot
 from planner.approximation.nudged import nudged
 from planner.approximation.objective import Candidate, Problem
 from planner.approximation.together import all_best_values, descend_all
+from planner.approximation.requirements import held
 from planner.approximation.tube import GRIDS, rechained
 from planner.trajectory import Array
 
@@ -23,16 +25,6 @@ SEVERAL_FROM = 6
 APART = 1.0
 """Distance between knots [samples] from which on two curves are two."""
 
-HARDLY_LESS = 0.9
-"""Squared error over that of a rough curve with a segment less up to which it is surely less."""
-
-HARDLY_NEARER = 0.5
-"""The same for what either has more than the ideal, of which a descent can do away with most."""
-
-NEXT_TO_NOTHING = 0.001
-"""Squared error beyond the ideal's, relative to it, all of which a descent may do away with."""
-
-
 def around(problem: Problem, ideal: Array, rough: Candidate) -> Candidate:
     """The best curve found from whole chains on grids, and by moves of single knots.
 
@@ -41,7 +33,7 @@ def around(problem: Problem, ideal: Array, rough: Candidate) -> Candidate:
         ideal: Its slope-bounded ideal, shape (n,).
         rough: A curve of as many segments, at most ``LARGEST_WINDOW`` knots.
     """
-    anchor = sharpest_knot(problem, rough) if problem.cyclic else 0
+    anchor = _sharpest_knot(problem, rough) if problem.cyclic else 0
     chains = (rechained(problem, ideal, rough, grid, anchor=anchor) for grid in GRIDS)
     starts = all_best_values(problem, [knots for knots in chains if knots is not None])
     begun = descend_all(problem, [*starts, rough], rounds=ROUNDS, progress=ROUGH)
@@ -54,18 +46,15 @@ def around(problem: Problem, ideal: Array, rough: Candidate) -> Candidate:
     return min((nudged(problem, curve) for curve in several), key=_error)
 
 
-def might_be_worse(curve: Candidate, rough: Candidate, ideal_error: float) -> bool:
-    """Whether ``curve`` could be worse than one of a segment less once that is sought as well.
-
-    Args:
-        curve: A curve.
-        rough: A rough one of a segment less.
-        ideal_error: Squared error that none falls below.
-    """
-    if curve.error <= HARDLY_LESS * rough.error:
-        return False
-    beyond, ahead = curve.error - ideal_error, rough.error - ideal_error
-    return beyond > HARDLY_NEARER * ahead or ahead < NEXT_TO_NOTHING * ideal_error
+def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
+    """Number of the knot of a cycle at which the slope changes most, a required one if any is."""
+    ends = np.append(curve.knots, curve.knots[0] + problem.samples)
+    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(ends)
+    bend = np.abs(slopes - np.roll(slopes, 1))
+    if problem.required.size:
+        fixed = held(replace(problem, whole=False), curve.knots)[0]
+        bend = np.where(fixed, bend, -1.0)
+    return int(np.argmax(bend))
 
 
 def _apart(curve: Candidate, other: Candidate) -> bool:

@@ -9,10 +9,9 @@ from operator import attrgetter
 
 import numpy as np
 
-from planner.approximation.around import ROUGH, around, might_be_worse
+from planner.approximation.around import ROUGH, around
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.grow import with_one_more
 from planner.approximation.ideal import envelopes, ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
@@ -172,11 +171,6 @@ class Search:
         if best.error > self._good_enough:
             best = around(self.problem, self.ideal, best)
         best = settled_in_hollows(self.problem, best, rounds=ROUNDS)
-        if segments == self.fewest:
-            return best
-        if might_be_worse(best, self._rough(segments - 1), self.ideal_error):
-            extended = with_one_more(self.problem, self.curve(segments - 1))
-            best = descend(self.problem, self._best_of([best, *extended]), rounds=ROUNDS)
         return best
 
     def _rough(self, segments: int) -> Candidate:
@@ -191,18 +185,13 @@ class Search:
         if self._thin is not None and segments < LARGEST_WINDOW:
             few = self._thin.pose.restore(self._thin.curve(segments))
             return descend(self.problem, in_full(self.problem, *few), rounds=FIRST_ROUNDS)
-        extended: list[Candidate] = []
-        if segments - 1 in self._found:
-            extended = with_one_more(self.problem, self._found[segments - 1])
-        if extended and extended[0].error <= self._nothing_to_gain:
-            return extended[0]
         proposed = self._propose(segments) or [spread(self.problem, segments)]
         if proposed[0].size > LARGEST_WINDOW:
-            starts = [*map(self.valued, proposed), *extended[:1]]
+            starts = [*map(self.valued, proposed)]
             begun = sorted(starts, key=BY_ERROR)[:DESCENTS]
             begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in begun]
             return descend(self.problem, min(begun, key=BY_ERROR), rounds=ROUNDS)
-        starts = all_best_values(self.problem, proposed) + extended
+        starts = all_best_values(self.problem, proposed)
         return self._best_of(starts)
 
     def _best_of(self, starts: list[Candidate]) -> Candidate:
