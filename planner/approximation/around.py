@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,31 +20,30 @@ ROUGH = 1e-3
 ROUNDS = 15
 """Most evaluations of a descent from a chain."""
 
-SEVERAL_FROM = 6
-"""Segments from which on two curves are looked around, not one alone."""
+FINALISTS = 2
+"""Curves whose single knots are moved; 1: 0.05 % more error in the mean, worst 19 %; 3: 0.003 % less
+for a tenth more time."""
 
 APART = 1.0
-"""Distance between knots [samples] from which on two curves are two."""
+"""Distance between knots [samples] from which on two curves differ."""
 
-def around(problem: Problem, ideal: Array, rough: Candidate) -> Candidate:
+def around(problem: Problem, ideal: Array, rough: Sequence[Candidate]) -> Candidate:
     """The best curve found from whole chains on grids, and by moves of single knots.
 
     Args:
         problem: What to approximate.
         ideal: Its slope-bounded ideal, shape (n,).
-        rough: A curve of as many segments, at most ``LARGEST_WINDOW`` knots.
+        rough: Curves of as many segments, the best first, at most ``LARGEST_WINDOW`` knots.
     """
-    anchor = _sharpest_knot(problem, rough) if problem.cyclic else 0
-    chains = (rechained(problem, ideal, rough, grid, anchor=anchor) for grid in GRIDS)
+    best = rough[0]
+    anchor = _sharpest_knot(problem, best) if problem.cyclic else 0
+    chains = (rechained(problem, ideal, best, grid, anchor=anchor) for grid in GRIDS)
     starts = all_best_values(problem, [knots for knots in chains if knots is not None])
-    begun = descend_all(problem, [*starts, rough], rounds=ROUNDS, progress=ROUGH)
+    begun = descend_all(problem, [*starts, *rough[:FINALISTS]], rounds=ROUNDS, progress=ROUGH)
     begun.sort(key=_error)
     if problem.whole or problem.required.size:
         return begun[0]
-    several = begun[:1]
-    if rough.knots.size - (not problem.cyclic) >= SEVERAL_FROM:
-        several += [curve for curve in begun[1:] if _apart(curve, begun[0])][:1]
-    return min((nudged(problem, curve) for curve in several), key=_error)
+    return min((nudged(problem, curve) for curve in _apart(begun)[:FINALISTS]), key=_error)
 
 
 def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
@@ -57,8 +57,14 @@ def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
     return int(np.argmax(bend))
 
 
-def _apart(curve: Candidate, other: Candidate) -> bool:
-    return bool(np.max(np.abs(np.sort(curve.knots) - np.sort(other.knots))) > APART)
+def _apart(curves: list[Candidate]) -> list[Candidate]:
+    """Those of the curves that have other knots than all before them."""
+    chosen: list[Candidate] = []
+    for curve in curves:
+        knots = np.sort(curve.knots)
+        if all(np.max(np.abs(knots - np.sort(other.knots))) > APART for other in chosen):
+            chosen.append(curve)
+    return chosen
 
 
 def _error(curve: Candidate) -> float:

@@ -79,7 +79,6 @@ class Search:
         self.ideal = np.round(self.pose.apply(ideal) / RESOLUTION) * RESOLUTION
         self._given = self.pose.of_problem(given)
         self._found: dict[int, Candidate] = {}
-        self._roughly: dict[int, Candidate] = {}
 
     @property
     def fewest(self) -> int:
@@ -163,40 +162,33 @@ class Search:
             merged = self._merged(segments)
             merged = spread(self.problem, segments) if merged is None else merged
             return descend(self.problem, self.valued(merged), rounds=FIRST_ROUNDS)
-        best = self._rough(segments)
+        rough = self._begin(segments)
+        best = rough[0]
         if segments > LARGEST_WINDOW or best.error <= self._nothing_to_gain:
             return best
         if self._thin is not None:
             return descend(self.problem, best, rounds=ROUNDS)
         if best.error > self._good_enough:
-            best = around(self.problem, self.ideal, best)
+            best = around(self.problem, self.ideal, rough)
         best = settled_in_hollows(self.problem, best, rounds=ROUNDS)
         return best
 
-    def _rough(self, segments: int) -> Candidate:
-        """The best of a few rounds from what is proposed, found once."""
-        if segments not in self._roughly:
-            self._roughly[segments] = self._begin(segments)
-        return self._roughly[segments]
-
-    def _begin(self, segments: int) -> Candidate:
+    def _begin(self, segments: int) -> list[Candidate]:
+        """Curves a few rounds from what is proposed, the best first."""
         if self.exact is not None and segments == self._count(self.exact):
-            return self.exact
+            return [self.exact]
         if self._thin is not None and segments < LARGEST_WINDOW:
             few = self._thin.pose.restore(self._thin.curve(segments))
-            return descend(self.problem, in_full(self.problem, *few), rounds=FIRST_ROUNDS)
+            return [descend(self.problem, in_full(self.problem, *few), rounds=FIRST_ROUNDS)]
         proposed = self._propose(segments) or [spread(self.problem, segments)]
         if proposed[0].size > LARGEST_WINDOW:
-            starts = [*map(self.valued, proposed)]
-            begun = sorted(starts, key=BY_ERROR)[:DESCENTS]
-            begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in begun]
-            return descend(self.problem, min(begun, key=BY_ERROR), rounds=ROUNDS)
+            starts = sorted(map(self.valued, proposed), key=BY_ERROR)[:DESCENTS]
+            begun = [descend(self.problem, curve, rounds=FIRST_ROUNDS) for curve in starts]
+            return [descend(self.problem, min(begun, key=BY_ERROR), rounds=ROUNDS)]
         starts = all_best_values(self.problem, proposed)
-        return self._best_of(starts)
-
-    def _best_of(self, starts: list[Candidate]) -> Candidate:
-        begun = descend_all(self.problem, starts, rounds=FIRST_ROUNDS, progress=ROUGH)
-        return min(begun, key=BY_ERROR)
+        return sorted(
+            descend_all(self.problem, starts, rounds=FIRST_ROUNDS, progress=ROUGH), key=BY_ERROR
+        )
 
     @property
     def _good_enough(self) -> float:
