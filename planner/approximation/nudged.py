@@ -39,14 +39,10 @@ HELPS = 1e-4
 
 def nudged(problem: Problem, curve: Candidate) -> Candidate:
     """A curve that moves of single knots, each followed downhill, lead to; never a worse one."""
-    best = settled_in_hollows(problem, curve, rounds=SETTLING)
+    best = descend(problem, curve, rounds=SETTLING)
     for _ in range(TURNS):
-        here, still = in_hollows(problem, best)
-        starts = [here, *moved(problem, here)]
-        ends = descend_all(problem, starts, rounds=ROUNDS, hold=still, keep=KEPT)
-        found = min([best, *ends], key=_error)
-        if np.any(still):
-            found = descend(problem, found, rounds=ROUNDS)
+        starts = [best, *moved(problem, best)]
+        found = min(descend_all(problem, starts, rounds=ROUNDS, keep=KEPT), key=_error)
         gained = best.error - found.error
         if gained <= 0.0:
             break

@@ -42,7 +42,7 @@ ROUNDS = 15
 DESCENTS = 2
 """Starts of many segments, of all that are proposed, from which a descent is begun."""
 
-WORTH_LOOKING = 1.01
+WORTH_LOOKING = 1.002
 """Squared error over the ideal from which on more is tried around a curve."""
 
 MANY_SAMPLES = 2000
