@@ -27,6 +27,7 @@ for a tenth more time."""
 APART = 1.0
 """Distance between knots [samples] from which on two curves differ."""
 
+
 def around(problem: Problem, ideal: Array, rough: Sequence[Candidate]) -> Candidate:
     """The best curve found from whole chains on grids, and by moves of single knots.
 

@@ -20,7 +20,6 @@ from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
 from planner.approximation.requirements import at_rest, gaps, reachable, spread
-from planner.approximation.small_values import small_values
 from planner.approximation.thinned import in_full, thinned
 from planner.approximation.together import all_best_values, descend_all
 from planner.approximation.values import solve_values
@@ -124,11 +123,7 @@ class Search:
         """
         # Powers of two, so that sums and differences of knots are exact.
         knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
-        values = None
-        if bound is None and knots.size <= LARGEST_WINDOW:
-            values = small_values(self._given, knots)
-        if values is None:
-            values = solve_values(self._given, knots, near=curve.values, tube=bound)
+        values = solve_values(self._given, knots, near=curve.values, tube=bound)
         return self.pose.restore(Candidate(knots, values, curve.error))
 
     @cached_property
