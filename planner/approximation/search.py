@@ -165,8 +165,7 @@ class Search:
             return descend(self.problem, best, rounds=ROUNDS)
         if best.error > self._good_enough:
             best = around(self.problem, self.ideal, rough)
-        best = settled_in_hollows(self.problem, best, rounds=ROUNDS)
-        return best
+        return settled_in_hollows(self.problem, best, rounds=ROUNDS)
 
     def _begin(self, segments: int) -> list[Candidate]:
         """Curves a few rounds from what is proposed, the best first."""
