@@ -26,8 +26,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.choose import BARELY
 from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.largest_error import BARELY
 from planner.approximation.question import Ends, Question, Required, question_of
 from planner.approximation.solve import knots_and_values
 from planner.exceptions import SolverFailed
@@ -45,11 +45,15 @@ class PiecewiseLinearFit(PiecewiseLinear):
         desired: The samples that it approximates [rad], shape (n,).
         v_max: The bound that its slopes keep [rad/s].
         weights: Weights of the squared errors, mean 1, shape (n,); None where all are the same.
+        fewest_segments: Where a largest error was given, a lower bound on the segments of any curve
+            that keeps it: the number of segments itself for a path, unless there are requirements
+            that only some knots meet, and that or one less for a cycle; else None.
     """
 
     desired: Array
     v_max: float
     weights: Array | None = None
+    fewest_segments: int | None = None
 
     @cached_property
     def residuals(self) -> Array:
@@ -135,7 +139,9 @@ def fit_pwl(
     return _certified(question, *knots_and_values(question))
 
 
-def _certified(question: Question, knots: Array, values: Array) -> PiecewiseLinearFit:
+def _certified(
+    question: Question, knots: Array, values: Array, fewest: int | None
+) -> PiecewiseLinearFit:
     """The fit, if the slopes and errors that it reports keep their bounds."""
     fit = PiecewiseLinearFit(
         knots=knots,
@@ -146,6 +152,7 @@ def _certified(question: Question, knots: Array, values: Array) -> PiecewiseLine
         desired=question.desired,
         v_max=question.v_max,
         weights=question.weights,
+        fewest_segments=fewest,
     )
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
     if not excess <= SLOPE_TOLERANCE:

@@ -12,14 +12,14 @@ import numpy as np
 from planner.approximation.around import ROUGH, around
 from planner.approximation.corners import exact_curve
 from planner.approximation.descent import LARGEST_WINDOW, best_values, descend
-from planner.approximation.ideal import envelopes, ideal_of
+from planner.approximation.ideal import ideal_of
 from planner.approximation.knots import KnotProposals
 from planner.approximation.merging import MergedKnots
 from planner.approximation.nudged import settled_in_hollows
 from planner.approximation.objective import Candidate, Problem, candidate
 from planner.approximation.pose import Pose
 from planner.approximation.repair import within_slopes
-from planner.approximation.requirements import at_rest, gaps, reachable, spread
+from planner.approximation.requirements import at_rest, gaps, spread
 from planner.approximation.thinned import in_full, thinned
 from planner.approximation.together import all_best_values, descend_all
 from planner.approximation.values import solve_values
@@ -76,7 +76,7 @@ class Search:
         self.pose = Pose.of(coarse.desired, ideal, cyclic=given.cyclic)
         self.problem = self.pose.of_problem(coarse)
         self.ideal = np.round(self.pose.apply(ideal) / RESOLUTION) * RESOLUTION
-        self._given = self.pose.of_problem(given)
+        self.given = self.pose.of_problem(given)
         self._found: dict[int, Candidate] = {}
 
     @property
@@ -103,33 +103,17 @@ class Search:
             self._found[segments] = curve
         return self._found[segments]
 
-    def closest_everywhere(self) -> Candidate | None:
-        """The curve with the smallest largest error of all, a knot on every sample, if allowed."""
-        problem = self.problem
-        if problem.shortest > 1.0 or np.any(problem.required != np.floor(problem.required)):
-            return None
-        lower, upper = envelopes(problem.desired, problem.step, cyclic=problem.cyclic)
-        knots = np.arange(problem.samples, dtype=np.float64)
-        least, most = reachable(problem, knots)
-        values = np.minimum(np.maximum(0.5 * (lower + upper), least), most)
-        return candidate(problem, knots, values)
-
-    def settled(self, curve: Candidate, bound: float | None) -> tuple[Array, Array]:
-        """Knots and values for the samples as given: the last QP in the values, solved by OSQP.
-
-        Args:
-            curve: A curve of this search.
-            bound: Largest error at any sample that it keeps and has to keep; None for none.
-        """
+    def settled(self, curve: Candidate) -> tuple[Array, Array]:
+        """Knots and values for the samples as given: the last QP in the values, solved by OSQP."""
         # Powers of two, so that sums and differences of knots are exact.
         knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
-        values = solve_values(self._given, knots, near=curve.values, tube=bound)
+        values = solve_values(self.given, knots, near=curve.values)
         return self.pose.restore(Candidate(knots, values, curve.error))
 
     @cached_property
     def exact(self) -> Candidate | None:
         """The curve on which the samples lie, if there is one."""
-        return exact_curve(self._given)
+        return exact_curve(self.given)
 
     @cached_property
     def _thin(self) -> Search | None:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.approximation.choose import BARELY, automatic, within, within_rms
+from planner.approximation.choose import automatic, within_rms
 from planner.approximation.exact import LARGEST_EXACT, proved_best
 from planner.approximation.feasible import check_feasible
 from planner.approximation.fixed import best_at
+from planner.approximation.largest_error import BARELY, within_largest_error
 from planner.approximation.objective import Problem
 from planner.approximation.question import KNOT_UNIT, Question
 from planner.approximation.repair import within_slopes
@@ -20,8 +21,10 @@ from planner.exceptions import Infeasible, InvalidInput
 from planner.trajectory import Array
 
 
-def knots_and_values(question: Question) -> tuple[Array, Array]:
+def knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
     """The answer: knots [samples] and values [rad], slopes within ±v_max to the last digit.
+
+    With a largest error, the third is a lower bound on the segments of any curve that keeps it.
 
     Raises:
         Infeasible: There is none; names the pair of requirements that contradict each other.
@@ -43,14 +46,21 @@ def knots_and_values(question: Question) -> tuple[Array, Array]:
         whole=question.on_samples,
     )
     if half_range == 0.0:
-        return _constant(in_rad, question)
+        return *_constant(in_rad, question), None if question.max_error is None else 1
     problem = replace(
         in_rad,
         desired=(in_rad.desired - middle) / half_range,
         step=in_rad.step / half_range,
         pins=(in_rad.pins - middle) / half_range,
     )
-    knots, values = _found(problem, question, half_range)
+    fewest = None
+    if question.max_error is None or question.knots is not None:
+        knots, values = _found(problem, question, half_range)
+    else:
+        search = Search(problem)
+        bound = question.max_error / half_range
+        curve, fewest = within_largest_error(search.given, bound, question.segments, half_range)
+        knots, values = search.pose.restore(curve)
     knots = _snapped(in_rad, knots)
     lengths = np.diff(np.append(knots, knots[0] + in_rad.samples) if question.cyclic else knots)
     values = within_slopes(
@@ -59,7 +69,7 @@ def knots_and_values(question: Question) -> tuple[Array, Array]:
         cyclic=question.cyclic,
         towards=_pinned_course(in_rad, knots) if pins.size else None,
     )
-    return knots, values
+    return knots, values, fewest
 
 
 def _found(problem: Problem, question: Question, unit: float) -> tuple[Array, Array]:
@@ -69,17 +79,13 @@ def _found(problem: Problem, question: Question, unit: float) -> tuple[Array, Ar
     search = Search(problem)
     if question.exact:
         return _exact(search, question, unit)
-    if question.max_error is not None:
-        bound = question.max_error / unit
-        curve = within(search, bound, question.segments, unit)
-        return search.settled(curve, bound * (1.0 - 0.5 * BARELY))
     if question.max_rms is not None:
         curve = within_rms(search, question.max_rms / unit, question.segments, unit)
     elif question.segments is None:
         curve = automatic(search)
     else:
         curve = search.curve(question.segments)
-    return search.settled(curve, None)
+    return search.settled(curve)
 
 
 def _exact(search: Search, question: Question, unit: float) -> tuple[Array, Array]:
@@ -93,14 +99,14 @@ def _exact(search: Search, question: Question, unit: float) -> tuple[Array, Arra
     if question.max_rms is None:
         assert question.segments is not None, "an exact question says one of the two"
         best = proved_best(search.problem, search.curve(question.segments))
-        return search.settled(best, None)
+        return search.settled(best)
     last = search.most if question.segments is None else min(question.segments, search.most)
     least = math.inf
     for segments in range(search.fewest, last + 1):
         best = proved_best(search.problem, search.curve(segments))
         least = math.sqrt(best.error / n) * unit
         if least <= question.max_rms * (1.0 + BARELY):
-            return search.settled(best, None)
+            return search.settled(best)
     raise Infeasible(
         f"max_rms and the number of segments: got {question.max_rms:.6g} rad, but {last} segments "
         f"with knots on samples reach {least:.6g} rad at best; allow more error or more segments"

@@ -72,13 +72,22 @@ class Tracking:
 
     def within(self, limits: tuple[Array, Array]) -> Tracking:
         """The same problem with other limits."""
+        return self._but(goal=self.goal, norm=self.norm, limits=limits)
+
+    def toward(self, goal: Goal) -> Tracking:
+        """The same problem with another goal, in the rms norm."""
+        return self._but(goal=goal, norm="rms")
+
+    def _but(
+        self, *, goal: Goal, norm: Norm, limits: tuple[Array, Array] | None = None
+    ) -> Tracking:
         return Tracking(
             self.models,
-            self.goal,
+            goal,
             self.resting,
             cyclic=self.cyclic,
-            norm=self.norm,
-            limits=limits,
+            norm=norm,
+            limits=(self.lower, self.upper) if limits is None else limits,
             start=self.start,
             ridge=self.ridge,
         )

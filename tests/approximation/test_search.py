@@ -12,16 +12,13 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.ideal import attainable_error
 from planner.approximation.objective import (
     Problem,
     constraint_rows,
     evaluate,
-    residuals,
     slacks,
 )
 from planner.approximation.small_qp import minimize_quadratic
-from planner.approximation.swing import swung
 from tests.approximation.samples import KINDS, samples_of
 
 CLOSED = 1e3
@@ -158,22 +155,3 @@ def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
     assert fit.max_error <= 0.1 * (1.0 + 1e-9)
     short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
     assert fit.segments <= 1.1 * 30 * short.segments
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_curve_swung_along_keeps_the_error_and_the_slopes(kind, cyclic):
-    desired = samples_of(kind, 80, np.random.default_rng(2))
-    step = 2.0 * np.ptp(desired) / 80
-    bound = 1.01 * attainable_error(desired, step, cyclic=cyclic) + 0.02
-    problem = Problem(desired=desired, step=step, cyclic=cyclic)
-    curve = swung(problem, bound)
-    assert np.max(np.abs(residuals(problem, curve.knots, curve.values))) <= bound + 1e-12
-    assert np.min(slacks(problem, curve.knots, curve.values)) >= -1e-12
-
-
-def test_a_curve_swung_along_follows_corners():
-    zigzag = np.interp(np.arange(41.0), [0, 10, 20, 30, 40], [0.0, 5.0, 0.0, 5.0, 0.0])
-    problem = Problem(desired=zigzag, step=1.0, cyclic=False)
-    np.testing.assert_array_equal(swung(problem, 1e-6).knots, [0, 10, 20, 30, 40])
-    assert swung(problem, 10.0).knots.size == 2

@@ -1,0 +1,134 @@
+"""The curve of fewest segments within a largest error, and of these one of small squared error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.approximation.ideal import attainable_error
+from planner.approximation.links_on_samples import fewest_links_on, stride
+from planner.approximation.minimum_link import Course, Gates, cut, gates_of, minimum_link
+from planner.approximation.objective import Candidate, Problem, candidate
+from planner.approximation.requirements import BARELY_SHORT
+from planner.approximation.tube_least_squares import least_squares_within
+from planner.exceptions import Infeasible
+
+BARELY = 1e-9
+"""Relative distance from a bound on the error that rounding cannot cross."""
+
+TIE = 0.25 * BARELY
+"""Relative excess over the bound with which the segments are counted, so that ties are passed."""
+
+ROUNDING = 1e-15
+"""The same in units of the samples, which are of size one."""
+
+HALVINGS, FEWER_HALVINGS = 8, 3
+"""Times that the error is halved in search of the least one that so many segments keep, and of more
+than :data:`MANY_SAMPLES`. The curve in the middle of its bounds is where least squares begin."""
+
+MANY_SAMPLES = 10_000
+
+CUTS = 3
+"""Knots of a cycle at which it is cut in search of one with knots on samples."""
+
+
+def within_largest_error(
+    problem: Problem, bound: float, most: int | None, unit: float
+) -> tuple[Candidate, int]:
+    """The fewest segments whose largest error is within ``bound``, as close as they come.
+
+    Args:
+        problem: What to approximate, samples of size one.
+        bound: Largest error [unit of the samples]; kept with :data:`BARELY` to spare if that takes
+            no more segments.
+        most: Most segments; None for any number.
+        unit: Unit of the samples [rad], for the messages.
+
+    Returns:
+        The curve, no error above ``bound`` (1 + :data:`BARELY`), and a lower bound on the segments
+        of any: their number itself for paths whose segments may be a sample long.
+
+    Raises:
+        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
+    """
+    attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
+    if bound < attainable * (1.0 - BARELY):
+        raise Infeasible(
+            f"max_error: got {bound * unit:.6g} rad, but with slopes within ±v_max the smallest "
+            f"attainable is {attainable * unit:.6g} rad; allow that much or a larger v_max"
+        )
+    widest = max(bound, attainable) * (1.0 + TIE) + ROUNDING
+    course = fewest_segments(problem, widest)
+    if course is None:
+        raise Infeasible(
+            f"max_error and shortest: got {bound * unit:.6g} rad, but no curve found with segments "
+            f"of at least {problem.shortest:g} samples keeps it; allow more error or shorter ones"
+        )
+    count = _segments(problem, course)
+    if most is not None and count > most:
+        least = count if course.fewest == count else course.fewest
+        raise Infeasible(
+            f"max_error and the number of segments: got {bound * unit:.6g} rad with at most {most} "
+            f"segments, but {count} were needed and {least} are in any case; allow more error or "
+            "more segments"
+        )
+    spare = bound * (1.0 - BARELY)
+    tight, halvings = course, HALVINGS if problem.samples <= MANY_SAMPLES else FEWER_HALVINGS
+    low, high = max(attainable, 0.0) * (1.0 + TIE) + ROUNDING, widest
+    if spare > low:
+        other = fewest_segments(problem, spare)
+        if other is not None and _segments(problem, other) == count:
+            tight, high = other, spare
+    if not problem.whole and problem.shortest <= 1.0:
+        for _ in range(halvings):
+            middle = 0.5 * (low + high)
+            other = fewest_segments(problem, middle)
+            if other is not None and _segments(problem, other) == count:
+                tight, high = other, middle
+            else:
+                low = middle
+    kept = spare if high <= spare else high
+    if tight.knots.size > 1:
+        curve = candidate(problem, tight.knots, tight.values)
+        return least_squares_within(problem, curve, kept), course.fewest
+    middle = 0.5 * (float(np.max(problem.desired)) + float(np.min(problem.desired)))
+    room = max(spare - float(np.max(np.abs(problem.desired - middle))), 0.0)
+    mean = float(np.average(problem.desired, weights=problem.weights))
+    value = min(max(mean, middle - room), middle + room)
+    return candidate(problem, tight.knots, np.array([value])), course.fewest
+
+
+def fewest_segments(problem: Problem, bound: float) -> Course | None:
+    """The curve of fewest segments within a largest error that is found, with a lower bound.
+
+    With knots anywhere, a sample or more apart, see :func:`minimum_link`. With knots on samples it
+    is exact for paths; with other requirements, knots are sought on samples and required places.
+    None if there is no such curve.
+    """
+    course = minimum_link(problem, bound)
+    period = problem.samples if problem.cyclic else None
+    if not problem.whole and course.shortest(period) >= problem.shortest - BARELY_SHORT:
+        return course
+    longest = 2.0 * problem.samples / course.fewest
+    apart = stride(problem.samples, longest)
+
+    def path(gates: Gates, breaks: list[int]) -> Course | None:
+        may_be = [k % apart == 0 for k in range(len(gates.places))]
+        for number in (0, -1, *breaks):
+            may_be[number] = True
+        return fewest_links_on(gates, breaks, problem.shortest, may_be)
+
+    if not problem.cyclic:
+        found = path(*gates_of(problem, bound))
+    else:
+        required = [float(place) for place in problem.required[:1]]
+        cuts = required or (np.unique(np.rint(course.knots)) % problem.samples).tolist()[:CUTS]
+        cycles = [cut(problem, bound, place, path) for place in cuts]
+        found = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
+    if found is None:
+        return None
+    exact = problem.whole and not problem.cyclic and apart == 1
+    return found if exact else found._replace(fewest=course.fewest)
+
+
+def _segments(problem: Problem, course: Course) -> int:
+    return course.knots.size if problem.cyclic else course.knots.size - 1

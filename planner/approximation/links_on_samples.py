@@ -1,0 +1,173 @@
+"""The fewest segments within a largest error with knots on samples, or of a least length.
+
+Dynamic programming over the samples: of each, the values that a path with a knot there reaches with
+so many segments are intervals, since all lines from an interval through the gates after it (see
+:mod:`planner.approximation.minimum_link`) are a convex set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.approximation.minimum_link import Course, Extreme, Gates, Line
+from planner.approximation.requirements import BARELY_SHORT
+
+WORK = 3_000_000
+"""Gates times the length of a segment in gates up to which every gate may be a knot; about 5 s."""
+
+ROUNDING = 1e-13
+"""Part of an interval, in units of the samples, that is not worth a path of its own."""
+
+
+class _Piece(NamedTuple):
+    """Values at a gate to which lines from one interval lead."""
+
+    least: float
+    most: float
+    start: _Reached
+
+
+class _Reached(NamedTuple):
+    """An interval of values at a gate in which paths of so many segments end, by their last one."""
+
+    gate: int
+    least: float
+    most: float
+    pieces: list[_Piece]
+
+
+def fewest_links_on(
+    gates: Gates, breaks: Sequence[int], shortest: float, may_be: Sequence[bool]
+) -> Course | None:
+    """The path of fewest segments through all gates with knots at gates.
+
+    Args:
+        gates: Gates that slopes within the bound can pass.
+        breaks: Numbers of the gates where there must be a knot, ends left out.
+        shortest: Length of the shortest segment [samples].
+        may_be: Which gates may be knots.
+
+    Returns:
+        The path, exact; None if no path has segments so long. O(gates · longest segment), twice or
+        three times that where the values at a gate are reached piece by piece.
+    """
+    last = len(gates.places) - 1
+    must = set(breaks)
+    covered: list[list[tuple[float, float]]] = [[] for _ in range(last + 1)]
+    frontier = [_Reached(0, gates.lower[0], gates.upper[0], [])]
+    segments = 0
+    while frontier:
+        segments += 1
+        found: dict[int, list[_Piece]] = {}
+        for start in frontier:
+            for gate, least, most in _onward(gates, start, shortest, must, may_be):
+                found.setdefault(gate, []).append(_Piece(least, most, start))
+        if last in found:
+            widest = max(found[last], key=lambda piece: piece.most - piece.least)
+            end = _Reached(last, widest.least, widest.most, [widest])
+            return _back(gates, end, segments)
+        frontier = []
+        for gate in sorted(found):
+            for reached in _intervals(gate, found[gate]):
+                if _adds(covered[gate], reached.least, reached.most):
+                    frontier.append(reached)
+    return None
+
+
+def _intervals(gate: int, pieces: list[_Piece]) -> list[_Reached]:
+    """The intervals that pieces make up."""
+    made: list[_Reached] = []
+    for piece in sorted(pieces, key=lambda piece: piece.least):
+        if made and piece.least <= made[-1].most + ROUNDING:
+            own = made[-1]
+            own.pieces.append(piece)
+            most = max(own.most, piece.most)
+            made[-1] = _Reached(gate, own.least, most, own.pieces)
+        else:
+            made.append(_Reached(gate, piece.least, piece.most, [piece]))
+    return made
+
+
+def stride(gates: int, longest: float) -> int:
+    """Every so manieth gate may be a knot, so that the work stays bounded."""
+    return max(1, math.ceil(gates * longest / WORK))
+
+
+def _onward(
+    gates: Gates, start: _Reached, shortest: float, must: set[int], may_be: Sequence[bool]
+) -> list[tuple[int, float, float]]:
+    """Gates that lines from one interval reach, and the values there."""
+    places, lowers, uppers, slope = gates
+    highest, lowest = Extreme(slope), Extreme(slope)
+    begin, origin = start.gate, places[start.gate]
+    highest.tighten(begin, origin, start.most)
+    lowest.tighten(begin, origin, -start.least)
+    highest.add(begin, origin, start.least)
+    lowest.add(begin, origin, -start.most)
+    found = []
+    for k in range(begin + 1, len(places)):
+        place, lower, upper = places[k], lowers[k], uppers[k]
+        top, bottom = highest.line.at(place), -lowest.line.at(place)
+        if top < lower or bottom > upper:
+            break
+        if upper < top:
+            highest.tighten(k, place, upper)
+            top = upper
+        if lower > bottom:
+            lowest.tighten(k, place, -lower)
+            bottom = lower
+        if may_be[k] and place - origin >= shortest - BARELY_SHORT:
+            found.append((k, bottom, top))
+        if k in must:
+            break
+        if lower > -math.inf:
+            highest.add(k, place, lower)
+        if upper < math.inf:
+            lowest.add(k, place, -upper)
+    return found
+
+
+def _adds(covered: list[tuple[float, float]], least: float, most: float) -> bool:
+    """Whether an interval is not within those before; it is joined to them then."""
+    for low, high in covered:
+        if low - ROUNDING <= least and most <= high + ROUNDING:
+            return False
+    apart = []
+    for low, high in covered:
+        if high < least - ROUNDING or low > most + ROUNDING:
+            apart.append((low, high))
+        else:
+            least, most = min(least, low), max(most, high)
+    covered[:] = [*apart, (least, most)]
+    return True
+
+
+def _back(gates: Gates, end: _Reached, segments: int) -> Course:
+    """Knots and values of a path, from its end."""
+    knots, values = [gates.places[end.gate]], [0.5 * (end.least + end.most)]
+    reached = end
+    while reached.pieces:
+        value = values[-1]
+        piece = max(reached.pieces, key=lambda one: min(value - one.least, one.most - value))
+        line = _line_to(gates, piece.start, reached.gate, value)
+        reached = piece.start
+        knots.append(gates.places[reached.gate])
+        values.append(min(max(line.at(knots[-1]), reached.least), reached.most))
+    return Course(np.array(knots[::-1]), np.array(values[::-1]), segments)
+
+
+def _line_to(gates: Gates, start: _Reached, end: int, value: float) -> Line:
+    """A line from an interval through the gates to a value."""
+    place = gates.places[end]
+    slopes = -gates.slope, gates.slope
+    for k in range(start.gate, end):
+        lower, upper = gates.lower[k], gates.upper[k]
+        if k == start.gate:
+            lower, upper = start.least, start.most
+        run = place - gates.places[k]
+        slopes = max(slopes[0], (value - upper) / run), min(slopes[1], (value - lower) / run)
+    return Line(place, value, 0.5 * (slopes[0] + slopes[1]))

@@ -1,0 +1,535 @@
+"""The fewest segments of a curve within a largest error: a minimum-link path through gates.
+
+Every sample k is a gate, the angles from d_k - e to d_k + e, and a curve of slopes within ±v must
+pass all of them (:ref:`docs/math.md`, section 4). The greedy algorithm is exact for paths: of all
+lines that pass the gates from the first on as far as any line can, the one that comes closest to
+the gate that all of them miss is kept, and the next line begins where it crosses that one. Whether
+a line is left is decided by two extreme lines, the highest and the lowest at all later gates; each
+touches the convex hull of the ends of gates behind it, so that a gate costs O(1) on average.
+
+Sources: minimum-link paths, Suri (1986), Imai and Iri (1986), Guibas, Hershberger, Mitchell and
+Snoeyink (1993, "ordered stabbing"); the extreme lines, O'Rourke (1981). Cycles as in minimum nested
+polygons, Aggarwal, Booth, O'Rourke, Suri and Yap (1989).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.approximation.objective import Problem
+from planner.approximation.requirements import BARELY_SHORT
+from planner.trajectory import Array
+
+EAVES = 8
+"""Eaves from which a cycle with no short segment is sought."""
+
+
+class Course(NamedTuple):
+    """A curve of few lines.
+
+    Attributes:
+        knots: Its knots, shape (K,); of a cycle without the first one again.
+        values: Its values there, shape (K,).
+        fewest: Lower bound on the segments of any such curve.
+    """
+
+    knots: Array
+    values: Array
+    fewest: int
+
+    def shortest(self, period: float | None = None) -> float:
+        """Length of its shortest segment; of a cycle, with its period [samples]."""
+        end = [] if period is None else [self.knots[0] + period]
+        return float(np.min(np.diff(np.append(self.knots, end)), initial=math.inf))
+
+
+def minimum_link(problem: Problem, bound: float) -> Course:
+    """The curve of fewest segments with no error above ``bound``; O(n).
+
+    Args:
+        problem: What to approximate. Its weights, ``shortest`` and ``whole`` do not count.
+        bound: Largest error at any sample, which slopes within the bound can keep.
+
+    Returns:
+        The curve. It has as few segments as possible; a cycle with required knots at most one more.
+        All segments of a path are a sample long or longer if required knots lie on samples, and
+        those of a cycle nearly always.
+    """
+    if not problem.cyclic:
+        return fewest_links(*gates_of(problem, bound))
+    if problem.required.size:
+        cycle = cut(problem, bound, float(problem.required[0]), fewest_links)
+        assert cycle is not None, "slopes within the bound can pass the gates"
+        return cycle
+    gates, _ = gates_of(problem, bound)
+    least, most = max(gates.lower), min(gates.upper)
+    if least <= most:
+        return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
+    return fewest_links_around(gates)
+
+
+def gates_of(
+    problem: Problem,
+    bound: float,
+    *,
+    start: float = 0.0,
+    ends: tuple[float, float] | None = None,
+) -> tuple[Gates, list[int]]:
+    """Gates at samples and required knots, and the numbers of the latter, ends left out.
+
+    Args:
+        problem: What to approximate.
+        bound: Largest error at any sample.
+        start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
+        ends: Least and largest value there; by default, a cycle is not cut.
+    """
+    n = problem.samples
+    places = np.arange(n)
+    required, pins = problem.required, problem.pins
+    if ends is not None:
+        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
+        required = np.where(required > start, required, required + n)
+    every = np.unique(
+        np.concatenate([places, required, [] if ends is None else [start, start + n]])
+    )
+    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
+    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
+    desired = problem.desired[places % n]
+    lower[samples], upper[samples] = desired - bound, desired + bound
+    pinned = np.isfinite(pins)
+    lower[knots[pinned]] = upper[knots[pinned]] = pins[pinned]
+    if ends is not None:
+        lower[[0, -1]], upper[[0, -1]] = ends
+    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
+    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
+
+
+def cut(
+    problem: Problem, bound: float, place: float, path: Callable[[Gates, list[int]], Course | None]
+) -> Course | None:
+    """A cycle with a knot at a place, as a path from there back to it.
+
+    A path whose ends are free needs no more segments; one that comes back to where it began takes
+    at most one more.
+
+    Args:
+        problem: What to approximate, a cycle.
+        bound: Largest error at any sample.
+        place: Where to cut.
+        path: What finds a path through gates with knots at some of them.
+
+    Returns:
+        The cycle, its ``fewest`` for any place where no knot is required; None if ``path`` finds
+        none.
+    """
+    n = problem.samples
+    away = np.abs(np.arange(n) - place)
+    reach = bound + problem.step * np.minimum(away, n - away)
+    least, most = float(np.max(problem.desired - reach)), float(np.min(problem.desired + reach))
+    here = problem.required == place
+    for pin in problem.pins[here & np.isfinite(problem.pins)]:
+        least = most = float(pin)
+    free = path(*gates_of(problem, bound, start=place, ends=(least, most)))
+    if free is None:
+        return free
+    starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
+    closed = [
+        path(*gates_of(problem, bound, start=place, ends=(value, value)))
+        for value in (*starts, 0.5 * sum(starts))
+    ]
+    cycles = [course for course in closed if course is not None]
+    if not cycles:
+        return closed[0]
+    best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
+    fewest = free.fewest - (not np.any(here))
+    return Course(best.knots[:-1], best.values[:-1], fewest)
+
+
+class Gates(NamedTuple):
+    """What a curve must pass, by place.
+
+    Attributes:
+        places: Where the gates are, increasing [samples].
+        lower: Least value of the curve at each.
+        upper: Largest value of the curve at each.
+        slope: Largest rise per sample, v.
+    """
+
+    places: Sequence[float]
+    lower: Sequence[float]
+    upper: Sequence[float]
+    slope: float
+
+
+class Line(NamedTuple):
+    """A line through a point."""
+
+    place: float
+    value: float
+    slope: float
+
+    def at(self, place: float) -> float:
+        """Its value at a place."""
+        return self.value + self.slope * (place - self.place)
+
+
+class Link(NamedTuple):
+    """An extreme line, kept until the next one crosses it.
+
+    They cross between gates ``touched`` and ``end`` + 1.
+
+    Attributes:
+        line: The line.
+        rising: Whether it is the highest one, below gate ``end`` + 1; else the lowest, above it.
+        touched: The gate whose far end it touches last: its upper end if rising, else its lower.
+        before: The earlier gate whose opposite end it touches; -1 if its slope is at the bound.
+        end: The last gate that it passes.
+    """
+
+    line: Line
+    rising: bool
+    touched: int
+    before: int
+    end: int
+
+
+class LastLines(NamedTuple):
+    """The highest and the lowest line at the last gate, where no gate is missed."""
+
+    highest: Line
+    lowest: Line
+
+
+class Extreme:
+    """Of the lines above all lower ends and below all upper ends, the one that is highest later on.
+
+    It goes through an upper end and, unless its slope is the largest, through a lower end before
+    it. Mirrored, the same serves for the lowest.
+    """
+
+    def __init__(self, slope: float) -> None:
+        """No gate so far: it is infinitely high."""
+        self.line = Line(0.0, math.inf, 0.0)
+        self.touched, self.before = -1, -1
+        self._slope = slope
+        self._hull: list[tuple[float, float, int]] = []  # lower ends, a concave chain
+        self._first = 0  # ends before it will not be touched again
+
+    def tighten(self, gate: int, place: float, upper: float) -> None:
+        """Turn the line down to an upper end below it."""
+        hull, k = self._hull, self._first
+        slope, before = self._slope, -1
+        if k < len(hull):
+            x, y, _ = hull[k]
+            tangent = (upper - y) / (place - x)
+            while k + 1 < len(hull):
+                x, y, _ = hull[k + 1]
+                further = (upper - y) / (place - x)
+                if further > tangent:
+                    break
+                tangent, k = further, k + 1
+            self._first = k
+            if tangent < slope:
+                slope, before = tangent, hull[k][2]
+        self.line = Line(place, upper, slope)
+        self.touched, self.before = gate, before
+
+    def add(self, gate: int, place: float, lower: float) -> None:
+        """Keep a lower end for later tangents."""
+        hull = self._hull
+        while len(hull) - self._first >= 2:
+            (x1, y1, _), (x2, y2, _) = hull[-2], hull[-1]
+            if (y2 - y1) * (place - x2) > (lower - y2) * (x2 - x1):
+                break
+            hull.pop()
+        hull.append((place, lower, gate))
+
+
+def next_link(
+    gates: Gates, start: int, last: int, *, half: int = -1, rising: bool = False
+) -> Link | LastLines:
+    """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
+
+    Args:
+        gates: All gates.
+        start: The first gate that counts, the one that the link before touched last.
+        last: The last gate that counts.
+        half: The last gate that the link before passes. Up to it, only the ends away from that link
+            count: on the near side the line is beyond it before they cross.
+        rising: Whether the link before is rising.
+    """
+    places, lowers, uppers, slope = gates
+    highest, lowest = Extreme(slope), Extreme(slope)
+    for k in range(start, last + 1):
+        place, lower, upper = places[k], lowers[k], uppers[k]
+        if k <= half:
+            lower, upper = (-math.inf, upper) if rising else (lower, math.inf)
+        top, bottom = highest.line.at(place), -lowest.line.at(place)
+        if top < lower and highest.before < 0:  # by rounding, as slopes within the bound can pass
+            lower = top
+        if bottom > upper and lowest.before < 0:
+            upper = bottom
+        if top < lower:
+            return Link(highest.line, True, highest.touched, highest.before, k - 1)
+        if bottom > upper:
+            at, value, steepness = lowest.line
+            line = Line(at, -value, -steepness)
+            return Link(line, False, lowest.touched, lowest.before, k - 1)
+        if upper < top:
+            highest.tighten(k, place, upper)
+        if lower > bottom:
+            lowest.tighten(k, place, -lower)
+        if lower > -math.inf:
+            highest.add(k, place, lower)
+        if upper < math.inf:
+            lowest.add(k, place, -upper)
+    at, value, steepness = lowest.line
+    return LastLines(highest.line, Line(at, -value, -steepness))
+
+
+def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
+    """The path of fewest segments through all gates; O(number of gates).
+
+    A path that must have a knot at a gate falls into two parts there. The first part keeps its own
+    fewest segments, since one more would save the second part one at most.
+
+    Args:
+        gates: Gates that slopes within the bound can pass.
+        breaks: Numbers of the gates where there must be a knot, increasing, ends left out.
+
+    Returns:
+        The path; ``fewest`` is its number of segments. Where gates are one sample apart or more,
+        so are its knots.
+    """
+    ends = [*breaks, len(gates.places) - 1]
+    lower, upper = list(gates.lower), list(gates.upper)
+    gates = gates._replace(lower=lower, upper=upper)
+    parts: list[tuple[list[Link], LastLines]] = []
+    first = 0
+    for last in ends:
+        links, lines = _forward(gates, first, last)
+        parts.append((links, lines))
+        place = gates.places[last]
+        lower[last] = min(max(lines.lowest.at(place), lower[last]), upper[last])
+        upper[last] = max(min(lines.highest.at(place), upper[last]), lower[last])
+        first = last
+    knots, values = [gates.places[-1]], list[float]()
+    for (links, lines), first, last in zip(
+        parts[::-1], [*ends[-2::-1], 0], ends[::-1], strict=True
+    ):
+        if values:
+            lower[last] = upper[last] = values[-1]
+            lines = _pinned(gates, first, last, links, lines)
+        final = _final(links, lines, gates.places[first])
+        if not values:
+            values.append(final.at(knots[0]))
+        lines_of = [link.line for link in links] + [final]
+        for link, line in zip(links[::-1], lines_of[:0:-1], strict=True):
+            place = _crossing(gates, link, line)
+            knots.append(place)
+            values.append(link.line.at(place))
+        knots.append(gates.places[first])
+        values.append(min(max(lines_of[0].at(knots[-1]), lower[first]), upper[first]))
+    return Course(np.array(knots[::-1]), np.array(values[::-1]), len(knots) - 1)
+
+
+def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:
+    """The lines kept from one gate to another, and those that remain for the last segment."""
+    links: list[Link] = []
+    found = next_link(gates, first, last)
+    while isinstance(found, Link):
+        links.append(found)
+        found = next_link(gates, found.touched, last, half=found.end, rising=found.rising)
+    return links, found
+
+
+def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastLines) -> LastLines:
+    """The last lines through the one value that is left at the last gate."""
+    found: Link | LastLines
+    if links:
+        link = links[-1]
+        found = next_link(gates, link.touched, last, half=link.end, rising=link.rising)
+    else:
+        found = next_link(gates, first, last)
+    if isinstance(found, LastLines):
+        return found
+    place = gates.places[last]  # missed by a rounding error
+    top, bottom = lines.highest.at(place), lines.lowest.at(place)
+    share = (gates.lower[last] - bottom) / (top - bottom) if top > bottom else 0.5
+    through = _between(lines, gates.places[first], min(max(share, 0.0), 1.0))
+    return LastLines(through, through)
+
+
+def _final(links: list[Link], lines: LastLines, place: float) -> Line:
+    """The last line: the one that crosses the line before it first, else that in the middle."""
+    if links:
+        return lines.lowest if links[-1].rising else lines.highest
+    return _between(lines, place, 0.5)
+
+
+def _between(lines: LastLines, place: float, share: float) -> Line:
+    top, bottom = lines
+    value = (1.0 - share) * bottom.at(place) + share * top.at(place)
+    return Line(place, value, (1.0 - share) * bottom.slope + share * top.slope)
+
+
+def _crossing(gates: Gates, link: Link, line: Line) -> float:
+    """Where a line takes over from the one of ``link``."""
+    least, most = gates.places[link.touched], gates.places[link.end + 1]
+    return _meeting(link.line, line, least, most)
+
+
+def _meeting(first: Line, second: Line, least: float, most: float) -> float:
+    """Where two lines cross, which is known to be between two places."""
+    place, value, slope = first
+    turn = slope - second.slope
+    if turn == 0.0:
+        return least
+    return min(max(place + (second.at(place) - value) / turn, least), most)
+
+
+def fewest_links_around(gates: Gates) -> Course:
+    """The cycle of fewest segments through gates that repeat themselves; O(number of gates).
+
+    Where the path through the same gates over and over keeps a line above a gate that it misses
+    after one below, or the reverse, every cycle crosses the second line three times on different
+    segments: such a line is an eave (Ghosh and Maheshwari), and some cycle of fewest segments
+    contains it. So the cycle goes on from an eave until it can be joined a turn later.
+
+    Args:
+        gates: Gates of one turn, one sample apart, which no constant passes.
+
+    Returns:
+        The cycle. Of those of several eaves, one whose segments are a sample long or longer if one
+        of the first :data:`EAVES` has such a cycle.
+    """
+    n = len(gates.places)
+    around = Gates(
+        [float(k) for k in range(5 * n)], list(gates.lower) * 5, list(gates.upper) * 5, gates.slope
+    )
+    found: list[Course] = []
+    before, turn = _first(around, 0), 0
+    while len(found) < 3 * EAVES and turn < 3:
+        turn = before.touched // n
+        own = _later(before, -n * turn)
+        link = _later(_after(around, own), n * turn)
+        if link.rising != before.rising:
+            eave = _later(link, n * (1 - link.before // n))
+            lines, joints, last = _closed(around, n, eave)
+            for line in (last.highest, last.lowest, _between(last, joints[-1].touched, 0.5)):
+                cycle = _around([*lines, line, _later(eave, n).line], joints, n)
+                found.append(_turned(cycle, n))
+                if found[-1].shortest(n) >= 1.0 - BARELY_SHORT:
+                    return found[-1]
+        before = link
+    return max(found, key=lambda cycle: cycle.shortest(n))
+
+
+def _first(around: Gates, start: int) -> Link:
+    link = next_link(around, start, len(around.places) - 1)
+    assert isinstance(link, Link), "a line that is no constant misses a gate within two turns"
+    return link
+
+
+def _after(around: Gates, link: Link) -> Link:
+    after = next_link(
+        around, link.touched, len(around.places) - 1, half=link.end, rising=link.rising
+    )
+    assert isinstance(after, Link), "a line that is no constant misses a gate within two turns"
+    return after
+
+
+def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], LastLines]:
+    """The lines from an eave until it can be joined a turn later, where they cross, and the last.
+
+    A line joins it between the gate that it misses and the one that it touches first. Of the gates
+    in between, only the ends away from the missed one count.
+
+    Args:
+        around: Gates of several turns.
+        n: Gates of a turn.
+        eave: The line, the gate that it touches first in the second turn.
+    """
+    missed = eave.before - 1
+    while around.lower[missed] <= eave.line.at(missed) <= around.upper[missed]:
+        missed -= 1
+    target = _later(eave, n)
+    links = [eave]
+    while True:
+        link = links[-1]
+        window = slice(link.touched, target.before + 1)
+        lower, upper = list(around.lower[window]), list(around.upper[window])
+        free = target.before - max(missed + n, link.touched - 1)
+        ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
+        ends[len(ends) - free :] = [far] * free
+        places = list(around.places[window])
+        local = Gates(places, lower, upper, around.slope)
+        half = link.end - link.touched
+        found = next_link(local, 0, len(places) - 1, half=half, rising=link.rising)
+        if isinstance(found, LastLines):
+            break
+        links.append(_numbered(found, link.touched))
+    joint = Link(target.line, target.rising, missed + n, -1, target.before - 1)
+    return [link.line for link in links], [*links, joint], found
+
+
+def _around(lines: list[Line], links: list[Link], n: int) -> Course:
+    """The cycle of lines that cross one after the other, the last of them the first one again."""
+    knots, values = [], []
+    for line, after, link in zip(lines[:-1], lines[1:], links, strict=True):
+        place = _meeting(line, after, float(link.touched), float(link.end + 1))
+        knots.append(place)
+        values.append(line.at(place))
+    start = n * math.floor(knots[0] / n)
+    return Course(np.array(knots) - start, np.array(values), len(links))
+
+
+def _turned(cycle: Course, n: int) -> Course:
+    """The cycle, segments shorter than a sample turned about the one gate that they pass.
+
+    One is turned until it meets the line before it at the gate before, or the line after it at the
+    gate after, if that line is not too short then.
+    """
+    knots, values = cycle.knots.copy(), cycle.values.copy()
+    size = knots.size
+    for k in np.flatnonzero(np.diff(np.append(knots, knots[0] + n)) < 1.0 - BARELY_SHORT):
+        number = np.arange(k - 1, k + 3)  # knots of the line before, of this one, of that after
+        x = knots[number % size] + n * (number // size)
+        y = values[number % size]
+        gate = math.ceil(x[1] - BARELY_SHORT)
+        if size < 4 or gate > x[2] + BARELY_SHORT:
+            continue
+        before, after = (Line(x[i], y[i], (y[i + 1] - y[i]) / (x[i + 1] - x[i])) for i in (0, 2))
+        pivot = float(np.interp(gate, x, y))
+        for place, kept, other in ((gate - 1.0, before, after), (gate + 1.0, after, before)):
+            value = kept.at(place)
+            line = Line(gate, pivot, (pivot - value) / (gate - place))
+            turn = line.slope - other.slope
+            met = gate + (other.at(gate) - pivot) / turn if turn else math.inf
+            ends = sorted([place, met])
+            crosses = abs(2.0 * met - 3.0 * gate + place) <= 1.0  # from the gate to the next
+            if (
+                crosses
+                and min(ends[0] - x[0], ends[1] - ends[0], x[3] - ends[1]) >= 1.0 - BARELY_SHORT
+            ):
+                inner = number[1:3]
+                knots[inner % size] = np.array(ends) - n * (inner // size)
+                values[inner % size] = [line.at(end) for end in ends]
+                break
+    return Course(knots, values, cycle.fewest)
+
+
+def _later(link: Link, shift: int) -> Link:
+    """A line and the numbers of its gates, so many samples later."""
+    line = link.line._replace(place=link.line.place + shift)
+    return _numbered(link, shift)._replace(line=line)
+
+
+def _numbered(link: Link, shift: int) -> Link:
+    """A line and the numbers of its gates where so many more come before them."""
+    before = link.before + shift if link.before >= 0 else -1
+    return Link(link.line, link.rising, link.touched + shift, before, link.end + shift)

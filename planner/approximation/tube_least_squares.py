@@ -1,0 +1,435 @@
+"""Least squares among the curves of so many segments within a largest error: moves of knots.
+
+Two moves take turns, neither of which leaves the bounds or raises the squared error. One takes a
+single knot to the best of all samples between its neighbours, with the best value there. The other
+takes many knots at once, each within the gap between two samples where it lies: with the samples
+dealt out to the segments, the lines themselves are the unknowns of a convex QP, since the largest
+error, the bound on the slopes, and that two neighbours cross in the gap between their samples are
+linear in them once it is known which of the two is the steeper one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.objective import Candidate, Problem, candidate
+from planner.approximation.requirements import BARELY_SHORT, held
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class TubeOptions:
+    """How far the moves go.
+
+    Attributes:
+        rounds: Most rounds of both moves.
+        progress: Relative decrease of the squared error in a round that is worth another one.
+        window: Lines that one QP moves at once; its time is in proportion, and windows overlap.
+        margin: Share of the bounds that the QP leaves to its own tolerance.
+        tolerance: OSQP's tolerances, relative and absolute, in units of the largest error.
+        iterations: OSQP's iterations; a window that needs more is left as it is.
+    """
+
+    rounds: int = 6
+    progress: float = 1e-3
+    window: int = 60
+    margin: float = 1e-7
+    tolerance: float = 1e-9
+    iterations: int = 4000
+
+
+OPTIONS = TubeOptions()
+
+ROUNDING = 5e-10
+"""Relative excess over the largest error, and 1e-3 of it over a slope, that counts as none."""
+
+
+def least_squares_within(
+    problem: Problem, curve: Candidate, bound: float, options: TubeOptions = OPTIONS
+) -> Candidate:
+    """A curve with as many segments as ``curve`` and a squared error that moves of knots lower.
+
+    Args:
+        problem: What to approximate; samples of size one or less.
+        curve: A curve with no error above ``bound``, its slopes within their bound.
+        bound: Largest error at any sample.
+        options: How far to go.
+
+    Returns:
+        The curve, within the same bounds. O(n) a round.
+    """
+    for turn in range(options.rounds):
+        before = curve.error
+        for offset in (0, options.window // 2):
+            curve = _together(problem, curve, bound, offset, after=bool(turn % 2), options=options)
+        curve = _one_by_one(problem, curve, bound, options)
+        if curve.error >= (1.0 - options.progress) * before:
+            break
+    return curve
+
+
+# One knot at a time
+
+
+class _Reach(NamedTuple):
+    """Lines from a point through samples on one side, by the number of samples passed."""
+
+    least: Array  # slope
+    most: Array
+    s0: Array  # sums of w r², w t r and w t² with the samples' distances t and r from the point
+    s1: Array
+    s2: Array
+
+
+def _one_by_one(
+    problem: Problem, curve: Candidate, bound: float, options: TubeOptions
+) -> Candidate:
+    """Move each knot in turn to its best sample and value between its neighbours."""
+    n, size = problem.samples, curve.knots.size
+    knots, values = curve.knots.copy(), curve.values.copy()
+    fixed, pinned = held(replace(problem, whole=False), knots)
+    ends = set() if problem.cyclic else {0, size - 1}
+    for k in range(size):
+        if k in ends or pinned[k] or size < 3:
+            continue
+        number = np.arange(k - 1, k + 2)
+        x = knots[number % size] + n * (number // size)
+        y = values[number % size]
+        moved = _best_place(problem, x, y, bound, options, stays=bool(fixed[k]))
+        if moved is not None:
+            knots[k], values[k] = moved
+    return candidate(problem, knots, values)
+
+
+def _best_place(
+    problem: Problem, x: Array, y: Array, bound: float, options: TubeOptions, *, stays: bool
+) -> tuple[float, float] | None:
+    """Where the knot at x[1] is best, and its value, with its neighbours held; None if it stays.
+
+    The squared error of the two lines is quadratic in the value, its coefficients sums over the
+    samples before and after, and what the bounds allow is an interval for every place.
+    """
+    first, last = np.floor(x[0]) + 1.0, np.ceil(x[2]) - 1.0
+    least = np.ceil(x[0] + problem.shortest - BARELY_SHORT)
+    most = np.floor(x[2] - problem.shortest + BARELY_SHORT)
+    places = np.arange(least, most + 1.0)
+    if stays:
+        places = x[1:2]
+    if not places.size:
+        return None
+    at = np.arange(first, last + 1.0)
+    index = at.astype(np.intp) % problem.samples
+    weights, desired = problem.weights[index], problem.desired[index]
+    passed = (np.floor(places) - first + 1.0).astype(np.intp)
+    room = bound * (1.0 - options.margin)
+    steepest = problem.step * (1.0 - options.margin)
+    left = _reach(at - x[0], desired - y[0], weights, room, steepest, passed)
+    right = _reach(
+        x[2] - at[::-1], desired[::-1] - y[2], weights[::-1], room, steepest, at.size - passed
+    )
+    a, b = places - x[0], x[2] - places
+    lowest = np.maximum(y[0] + left.least * a, y[2] + right.least * b)
+    highest = np.minimum(y[0] + left.most * a, y[2] + right.most * b)
+    by_left, by_right = left.s2 / a**2, right.s2 / b**2
+    pull = by_left * y[0] + by_right * y[2] + left.s1 / a + right.s1 / b
+    curvature = np.maximum(by_left + by_right, 1e-300)
+    value = np.minimum(np.maximum(pull / curvature, lowest), highest)
+    rise, fall = (value - y[0]) / a, (value - y[2]) / b
+    cost = left.s2 * rise**2 - 2.0 * left.s1 * rise + left.s0
+    cost += right.s2 * fall**2 - 2.0 * right.s1 * fall + right.s0
+    cost[lowest > highest] = np.inf
+    best = int(np.argmin(cost))
+    now = np.interp(at, x, y) - desired
+    if not cost[best] < (1.0 - 1e-9) * float(np.sum(weights * now**2)):
+        return None
+    return float(places[best]), float(value[best])
+
+
+def _reach(
+    run: Array,
+    rise: Array,
+    weights: Array,
+    room: float,
+    steepest: float,
+    passed: npt.NDArray[np.intp],
+) -> _Reach:
+    most = np.minimum.accumulate(np.append(steepest, (rise + room) / run))
+    least = np.maximum.accumulate(np.append(-steepest, (rise - room) / run))
+    s0, s1, s2 = (
+        np.append(0.0, np.cumsum(weights * product))
+        for product in (rise * rise, run * rise, run * run)
+    )
+    return _Reach(*(row[passed] for row in (least, most, s0, s1, s2)))
+
+
+# Many knots at once
+
+
+class _Window(NamedTuple):
+    """Successive segments whose lines are sought.
+
+    Attributes:
+        x: Knots, of a cycle counted on beyond its end, shape (m + 1,).
+        y: Values there.
+        low: Least place of each knot, in the gap where it lies, shape (m + 1,).
+        high: Largest place of each knot.
+        ends: Whether the values at the first and the last knot stay.
+    """
+
+    x: Array
+    y: Array
+    low: Array
+    high: Array
+    ends: tuple[bool, bool]
+
+
+class _Deal(NamedTuple):
+    """Which samples a line passes, and its variables: value in their middle, rise over half."""
+
+    first: npt.NDArray[np.intp]
+    last: npt.NDArray[np.intp]
+    middle: Array
+    half: Array
+    level: Array  # the curve's own line
+    slope: Array
+
+
+def _together(
+    problem: Problem,
+    curve: Candidate,
+    bound: float,
+    offset: int,
+    *,
+    after: bool,
+    options: TubeOptions,
+) -> Candidate:
+    """Move the knots of one window after the other, each between knots that stay.
+
+    Args:
+        problem: What to approximate.
+        curve: The curve.
+        bound: Largest error at any sample.
+        offset: Number of the knot at which the first window begins.
+        after: Whether a knot on a sample moves in the gap after it; else in that before it.
+        options: Size of a window, and OSQP's settings.
+    """
+    n, size = problem.samples, curve.knots.size
+    knots, values = curve.knots.copy(), curve.values.copy()
+    fixed, pinned = held(problem, knots)
+    segments = size if problem.cyclic else size - 1
+    if problem.cyclic:
+        offset = offset % size
+        starts = range(offset, offset + size, options.window)
+    else:
+        starts = range(-offset, segments, options.window)
+    for start in starts:
+        end = start + options.window
+        if problem.cyclic:
+            end = min(end, offset + size)
+        else:
+            start, end = max(start, 0), min(end, segments)
+        if end <= start:
+            continue
+        number = np.arange(start, end + 1)
+        turn = n * (number // size if problem.cyclic else np.zeros(number.size, dtype=np.intp))
+        x, y = knots[number % size] + turn, values[number % size]
+        whole = np.abs(x - np.rint(x)) <= BARELY_SHORT
+        x = np.where(whole & ~fixed[number % size], np.rint(x), x)
+        low = np.where(whole, np.rint(x) - (not after), np.floor(x))
+        high = low + 1.0
+        stays = fixed[number % size] | pinned[number % size]
+        stays[[0, -1]] = True
+        low[stays] = high[stays] = x[stays]
+        edges = not problem.cyclic and start == 0, not problem.cyclic and end == segments
+        held_ends = not edges[0] or pinned[0], not edges[1] or pinned[-1]
+        window = _Window(x, y, low, high, (bool(held_ends[0]), bool(held_ends[1])))
+        moved = _moved(problem, window, bound, after, options)
+        if moved is not None:
+            knots[number % size], values[number % size] = moved[0] - turn, moved[1]
+    return candidate(problem, knots, values)
+
+
+def _moved(
+    problem: Problem, window: _Window, bound: float, after: bool, options: TubeOptions
+) -> tuple[Array, Array] | None:
+    """The best knots and values of a window; None if they are no better."""
+    deal = _dealt(window, after)
+    if deal is None:
+        return None
+    for _ in range(3):
+        lines = _solved(problem, window, deal, bound, options)
+        if lines is None:
+            return None
+        x, y = _joined(window, deal, *lines)
+        short = np.diff(x) < problem.shortest - BARELY_SHORT
+        if not np.any(short):
+            break
+        stays = np.append(short, False) | np.append(False, short)
+        low, high = (np.where(stays, window.x, side) for side in (window.low, window.high))
+        window = window._replace(low=low, high=high)
+    else:
+        return None
+    index = np.arange(deal.first[0], deal.last[-1] + 1)
+    desired, weights = (row[index % problem.samples] for row in (problem.desired, problem.weights))
+    before = np.interp(index, window.x, window.y) - desired
+    now = np.interp(index, x, y) - desired
+    if np.sum(weights * now**2) >= np.sum(weights * before**2):
+        return None
+    steepest = problem.step * (1.0 + 1e-3 * ROUNDING)
+    if np.max(np.abs(now)) > bound * (1.0 + ROUNDING) or np.any(
+        np.abs(np.diff(y)) > steepest * np.diff(x)
+    ):
+        return None
+    return x, y
+
+
+def _dealt(window: _Window, after: bool) -> _Deal | None:
+    """The samples dealt out to the lines; None if one gets none."""
+    x, y = window.x, window.y
+    last = np.where(
+        window.low < window.high, window.low, np.ceil(x) - 1.0 + after * (x == np.rint(x))
+    )
+    last[-1] = np.floor(x[-1])
+    first = last[:-1] + 1.0
+    first[0] = np.ceil(x[0])
+    last = last[1:]
+    if np.any(last < first):
+        return None
+    middle, half = 0.5 * (first + last), np.maximum(0.5 * (last - first), 0.5)
+    slope = np.diff(y) / np.diff(x)
+    level = y[:-1] + slope * (middle - x[:-1])
+    return _Deal(first.astype(np.intp), last.astype(np.intp), middle, half, level, slope)
+
+
+def _solved(
+    problem: Problem, window: _Window, deal: _Deal, bound: float, options: TubeOptions
+) -> tuple[Array, Array] | None:
+    """Levels and slopes of the best lines; None if OSQP did not end.
+
+    The unknowns are changes of level and of rise over half a line's samples, in units of ``bound``,
+    so that zero is the curve itself. It meets all conditions: where it has less room than the
+    margin, the margin gives way.
+    """
+    import osqp
+    from scipy import sparse
+
+    size = deal.level.size
+    index = np.arange(deal.first[0], deal.last[-1] + 1)
+    line = np.repeat(np.arange(size), deal.last - deal.first + 1)
+    share = (index - deal.middle[line]) / deal.half[line]
+    weights = problem.weights[index % problem.samples]
+    own = deal.level[line] + deal.slope[line] * (index - deal.middle[line])
+    missing = (problem.desired[index % problem.samples] - own) / bound
+    totals = [
+        np.bincount(line, weights * product, minlength=size)
+        for product in (1.0 + 0.0 * share, share, share * share, missing, missing * share)
+    ]
+    level, rise = np.arange(size), size + np.arange(size)
+    P = sparse.csc_matrix(
+        (
+            np.concatenate([totals[0], totals[1], totals[2] + 1e-9]),
+            (np.concatenate([level, level, rise]), np.concatenate([level, rise, rise])),
+        ),
+        shape=(2 * size, 2 * size),
+    )
+    scale = float(np.max(totals[0]))
+    q = -np.concatenate(totals[3:]) / scale
+
+    def values(at: Array, which: npt.NDArray[np.intp]) -> Any:
+        """Rows that give the change of a line's value at a place."""
+        row = np.arange(at.size)
+        along = (at - deal.middle[which]) / deal.half[which]
+        entries = (
+            np.append(np.ones(at.size), along),
+            (
+                np.append(row, row),
+                np.append(level[which], rise[which]),
+            ),
+        )
+        return sparse.csc_matrix(entries, shape=(at.size, 2 * size))
+
+    def here(at: Array, which: npt.NDArray[np.intp]) -> Array:
+        """The curve's own line there."""
+        return np.asarray(deal.level[which] + deal.slope[which] * (at - deal.middle[which]))
+
+    room = 1.0 - options.margin
+    kept = _corners(problem.desired[index % problem.samples], deal)
+    rows = [values(index[kept].astype(np.float64), line[kept])]
+    lower, upper = [missing[kept] - room], [missing[kept] + room]
+    reach, now = problem.step * room, deal.slope
+    rows.append(sparse.eye(2 * size, format="csc")[size:])
+    lower.append((-reach - now) * deal.half / bound)
+    upper.append((reach - now) * deal.half / bound)
+    before, behind = np.arange(size - 1), np.arange(1, size)
+    convex = np.where(np.diff(deal.slope) >= 0.0, 1.0, -1.0)
+    for at, way in ((window.low[1:-1], -convex), (window.high[1:-1], convex)):
+        turn = sparse.diags(way)
+        rows.append(turn @ (values(at, behind) - values(at, before)))
+        lower.append(-way * (here(at, behind) - here(at, before)) / bound)
+        upper.append(np.full(size - 1, np.inf))
+    for end, which in ((0, 0), (-1, size - 1)):
+        if window.ends[end]:
+            rows.append(values(window.x[[end]], np.array([which])))
+            lower.append(np.zeros(1))
+            upper.append(np.zeros(1))
+    A = sparse.vstack(rows, format="csc")
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        P / scale,
+        q,
+        A,
+        np.minimum(np.concatenate(lower), 0.0),
+        np.maximum(np.concatenate(upper), 0.0),
+        eps_abs=options.tolerance,
+        eps_rel=options.tolerance,
+        max_iter=options.iterations,
+        polishing=False,
+        verbose=False,
+    )
+    result = solver.solve(raise_error=False)
+    change = np.asarray(result.x, dtype=np.float64)
+    if not (str(result.info.status).startswith("solved") and np.all(np.isfinite(change))):
+        return None
+    return deal.level + bound * change[:size], deal.slope + bound * change[size:] / deal.half
+
+
+def _joined(window: _Window, deal: _Deal, level: Array, slope: Array) -> tuple[Array, Array]:
+    """Knots where the lines cross, and values there."""
+    x, y = window.x.copy(), window.y.copy()
+    at = window.low[1:-1]
+    one = level[:-1] + slope[:-1] * (at - deal.middle[:-1])
+    other = level[1:] + slope[1:] * (at - deal.middle[1:])
+    turn = np.diff(slope)
+    away = np.divide(one - other, turn, out=np.zeros(turn.size), where=turn != 0.0)
+    x[1:-1] = np.minimum(np.maximum(at + away, at), window.high[1:-1])
+    y[1:-1] = level[:-1] + slope[:-1] * (x[1:-1] - deal.middle[:-1])
+    if not window.ends[0]:
+        y[0] = level[0] + slope[0] * (x[0] - deal.middle[0])
+    if not window.ends[1]:
+        y[-1] = level[-1] + slope[-1] * (x[-1] - deal.middle[-1])
+    return x, y
+
+
+def _corners(desired: Array, deal: _Deal) -> npt.NDArray[np.intp]:
+    """Samples that bound a line within the largest error: the corners of their convex hulls."""
+    start = deal.first[0]
+    kept: set[int] = set()
+    for first, last in zip(
+        (deal.first - start).tolist(), (deal.last - start).tolist(), strict=True
+    ):
+        samples = desired[first : last + 1]
+        for ends in (samples.tolist(), (-samples).tolist()):
+            hull: list[int] = []
+            for k, end in enumerate(ends):
+                while len(hull) >= 2:
+                    i, j = hull[-2:]
+                    if (ends[j] - ends[i]) * (k - j) > (end - ends[j]) * (j - i):
+                        break
+                    hull.pop()
+                hull.append(k)
+            kept.update(first + k for k in hull)
+    return np.array(sorted(kept), dtype=np.intp)
