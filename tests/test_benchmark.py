@@ -214,3 +214,24 @@ def test_the_way_of_the_samples_through_a_call_is_counted():
         assert functions >= given >= desired >= 2
         assert files >= in_files >= 2
         assert names >= 2
+
+
+def test_another_curve_of_the_same_error_is_as_good_on_another_processor(tmp_path):
+    from benchmark.reference.processors import beside
+
+    def kept(name, **cases):
+        cases = {
+            case: {"error": error, "floor": 1e-6, "segments": 6, "knots": [knot], "seconds": 1.0}
+            for case, (error, knot) in cases.items()
+        }
+        run = {"sections": {"fits": {"pace": 1.0, "cases": cases}}}
+        (tmp_path / name).write_text(json.dumps(run))
+        return tmp_path / name
+
+    first = kept("first", equal=(1.0, 2.0), near=(1.0, 2.0), other=(1.0, 2.0), worse=(1.0, 2.0))
+    second = kept(
+        "second", equal=(1.0, 2.0), near=(1.0, 2.0 + 1e-12), other=(1.0, 3.0), worse=(1.1, 3.0)
+    )
+    table, lines = beside("that", first, second)
+    assert table.rows["fits"][:5] == (4, 1, 2, 1, 1)
+    assert lines.splitlines() == ["  fits, worse: by 0.5, loss 10 %"]

@@ -33,6 +33,7 @@ CLOSURE = Tolerance(
 )
 WITHIN_LIMITS = Tolerance(1e-12, "rad", "rounding of one subtraction; limits are kept by clipping")
 ORDERED = Tolerance(1e-6, "rad", "solvers stop near the best proof: a relative 1e-8 to 1e-5")
+STATED = Tolerance(1e-6, "rad", "CVXPY's solver stops within some 1e-8 of the optimum, scaled")
 ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")
 FOOT_ABOVE_BOUND = Tolerance(1e-9, "m", ABOVE_BOUND.reason)
 NO_WORSE = Tolerance(

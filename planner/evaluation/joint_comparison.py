@@ -13,6 +13,7 @@ import numpy as np
 from planner.evaluation.checks import (
     INSIDE,
     NO_WORSE,
+    STATED,
     WITHIN_LIMITS,
     Answer,
     Check,
@@ -25,7 +26,8 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.differences import Difference, difference
-from planner.inversion.bounds.reachable_set import LEVELS, Level
+from planner.inversion.bounds.cvxpy_statement import stated_bound
+from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.certify import Certificate, certify
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
@@ -162,6 +164,11 @@ def compare_joint(
     checks += no_worse_checks(name, METHODS["optimal"], optimal.error, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
+    problem = BoundProblem(optimal.model, optimal.desired, cyclic, optimal.norm, optimal.start)
+    for level in bounds:
+        if level != "exact":
+            apart = abs(bounds[level] - stated_bound(problem, level))
+            checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     if limits is not None:
         excess = beyond_limits(optimal.requests, limits)
         checks.append(check(name, METHODS["optimal"], INSIDE, excess, WITHIN_LIMITS))

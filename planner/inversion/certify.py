@@ -11,7 +11,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
-from planner.inversion.bounds.reachable_set import Level, Question, check_level
+from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
 from planner.inversion.limits import positive
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
@@ -105,19 +105,19 @@ def certify(
     check_norm(norm)
     check_level(level)
     start = checked_start(start, cyclic=cyclic)
-    question = Question(model, desired, cyclic, norm, start)
-    bound, gap = linear_bound(question, level), 0.0
+    problem = BoundProblem(model, desired, cyclic, norm, start)
+    bound, gap = linear_bound(problem, level), 0.0
     if level == "exact":
-        known = planned_error(question)
+        known = planned_error(problem)
         left = max(time_limit - (perf_counter() - began), 0.0)
-        bound = max(bound, exact_bound(question, known, time_limit=left))
+        bound = max(bound, exact_bound(problem, known, time_limit=left))
         gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
     return Certificate(bound, norm, level, gap, perf_counter() - began)
 
 
-def planned_error(question: Question) -> float:
+def planned_error(problem: BoundProblem) -> float:
     """The error of a plan, be it that of the desired angles as requests [rad]."""
-    model, desired, cyclic, norm, start = question
+    model, desired, cyclic, norm, start = problem
     try:
         return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error
     except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle

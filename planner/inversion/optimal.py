@@ -12,24 +12,19 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
-from planner.inversion.closed_form import closed_form, requests_along
-from planner.inversion.descent import WIDE_SEARCH, descend, improve
-from planner.inversion.goal import FollowAngles
-from planner.inversion.iterate import Stage, State
+from planner.inversion.closed_form import requests_along
+from planner.inversion.descent import WIDE_SEARCH, improve
+from planner.inversion.iterate import State
 from planner.inversion.limits import check_within, checked_limits, checked_tolerance
-from planner.inversion.line import RULES, Rule, interpolated_offset
+from planner.inversion.line import interpolated_offset
 from planner.inversion.norm import Norm, check_norm
 from planner.inversion.quiet import quieten
-from planner.inversion.refinement import MOST_WORK
 from planner.inversion.result import Inversion
 from planner.inversion.switching import switching_time
 from planner.inversion.tracking import Tracking, follow, in_reach
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
-
-GUIDE = Stage(0.3, 1e-2)
-"""The stage in which the requests are led along the ideal."""
 
 FAR_FROM_IDEAL = 1.03
 """Error over that of the ideal from which on further searches are worth their time, where the first
@@ -113,12 +108,10 @@ def invert_optimal(
 def search(problem: Tracking, desired: Array) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    The search sets out from the closed form of the ideal, the best trajectory within ±v_max, taken
-    as a line per sample, and follows the ideal first: what the joint can nearly do leads to better
-    requests than what it cannot. If the plan stays far from the ideal, a wide search sets out too.
+    The search sets out from the ideal, the best trajectory within ±v_max, and its closed form, taken
+    as a line per sample. If the plan stays far from the ideal, a wide search sets out too.
     For short cycles and joints that overshoot, where derivatives tell little, further ones set out
-    from that closed form itself, from the desired angles, from those as early as the joint is late,
-    and from the closed forms of few lines.
+    from the desired angles and from those as early as the joint is late.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
@@ -127,9 +120,8 @@ def search(problem: Tracking, desired: Array) -> Array:
     )
     first = problem.admissible(_line_per_sample(model, ideal, cyclic=problem.cyclic))
     wanted = ideal[:, np.newaxis]
-    guided = descend(problem.toward(FollowAngles(ideal)), State(first, wanted), GUIDE)
     at_most = problem.exact_error(first)
-    answers = [(State(first, wanted), at_most), improve(problem, guided)]
+    answers = [(State(first, wanted), at_most), improve(problem, State(first, wanted))]
     of_ideal, negligible = problem.error(wanted), NEGLIGIBLE * model.theta_0
     if answers[-1][1] > FARTHER * of_ideal + negligible:
         wide = improve(problem, State(first, wanted), WIDE_SEARCH)
@@ -139,7 +131,7 @@ def search(problem: Tracking, desired: Array) -> Array:
     overshooting = model.v_max_per_tick > model.theta_0
     least = min(error for _, error in answers)
     if least > FAR_FROM_IDEAL * of_ideal + negligible and (short or overshooting):
-        others = [first, *_further_starts(problem, desired)]
+        others = _further_starts(problem)
         answers += [improve(problem, State(other, wanted)) for other in others]
     best, least = min(answers, key=itemgetter(1))
     logging.getLogger(__name__).debug("joint: %d searches, best %.4g rad", len(answers), least)
@@ -161,13 +153,11 @@ def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array
     return requests[:, np.newaxis]
 
 
-def _further_starts(problem: Tracking, desired: Array) -> list[Array]:
-    """The desired angles, those as early as the joint is late, few lines: requests (n, 1) [rad]."""
+def _further_starts(problem: Tracking) -> list[Array]:
+    """The desired angles, and those as early as the joint is late: requests (n, 1) [rad]."""
     (model,) = problem.models
     early = problem.admissible(_earlier(problem, switching_time(model) / model.period))
-    rules: tuple[Rule, ...] = RULES if model.keeps_equation_13 else ("exact",)
-    few_lines = [closed_form(problem, desired, rule=r, refining=MOST_WORK)[1] for r in rules]
-    return [problem.resting, early, *few_lines]
+    return [problem.resting, early]
 
 
 def _earlier(problem: Tracking, samples: float) -> Array:

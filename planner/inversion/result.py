@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.bounds.multipliers import linear_bound
-from planner.inversion.bounds.reachable_set import Question
+from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -80,8 +80,8 @@ class Inversion:
     @cached_property
     def lower_bound(self) -> float:
         """What no requests can go below, in the plan's norm [rad]: the ``envelope`` bound."""
-        question = Question(self.model, self.desired, self.cyclic, self.norm, self.start)
-        return linear_bound(question, "envelope")
+        problem = BoundProblem(self.model, self.desired, self.cyclic, self.norm, self.start)
+        return linear_bound(problem, "envelope")
 
     @property
     def gap(self) -> float:

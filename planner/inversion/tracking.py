@@ -72,22 +72,13 @@ class Tracking:
 
     def within(self, limits: tuple[Array, Array]) -> Tracking:
         """The same problem with other limits."""
-        return self._but(goal=self.goal, norm=self.norm, limits=limits)
-
-    def toward(self, goal: Goal) -> Tracking:
-        """The same problem with another goal, in the rms norm."""
-        return self._but(goal=goal, norm="rms")
-
-    def _but(
-        self, *, goal: Goal, norm: Norm, limits: tuple[Array, Array] | None = None
-    ) -> Tracking:
         return Tracking(
             self.models,
-            goal,
+            self.goal,
             self.resting,
             cyclic=self.cyclic,
-            norm=norm,
-            limits=(self.lower, self.upper) if limits is None else limits,
+            norm=self.norm,
+            limits=limits,
             start=self.start,
             ridge=self.ridge,
         )

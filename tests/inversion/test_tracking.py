@@ -161,13 +161,3 @@ def test_the_error_is_that_of_the_norm():
     for norm, expected in (("rms", math.sqrt((0.25 + 4.0) / 3.0)), ("max", 2.0)):
         problem = follow(ERS210A, desired, cyclic=True, norm=norm)
         assert problem.error(angles) == pytest.approx(expected, rel=1e-15)
-
-
-def test_the_same_problem_toward_another_goal_differs_in_the_goal_alone():
-    problem, _, _ = stacked(8, 2, cyclic=False, limits=(-0.5, 0.5))
-    goal = FollowAngles(np.zeros(30))
-    other = problem.toward(goal)
-    assert other.goal is goal
-    assert (other.models, other.cyclic, other.norm) == (problem.models, False, "rms")
-    for name in ("resting", "lower", "upper", "start", "movable"):
-        np.testing.assert_array_equal(getattr(other, name), getattr(problem, name))

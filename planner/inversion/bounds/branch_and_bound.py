@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.inversion.bounds.hull_cuts import ANYWHERE, Place, nearest_request
-from planner.inversion.bounds.reachable_set import Question
+from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.bounds.saturation_relaxation import (
     Cut,
     Proof,
@@ -69,17 +69,17 @@ class Node(NamedTuple):
     proof: Proof
 
 
-def exact_bound(question: Question, known: float, *, time_limit: float) -> float:
+def exact_bound(problem: BoundProblem, known: float, *, time_limit: float) -> float:
     """An error that no requests go below, at most ``known`` [rad].
 
     Args:
-        question: The joint, and what is wanted of it.
+        problem: The joint, and what is wanted of it.
         known: Any error, best that of a good plan [rad]; the answer is valid whatever it is, as
             all conclusions are about responses that are better.
         time_limit: When to stop [s].
     """
     until = perf_counter() + time_limit
-    task = Task(question, known)
+    task = Task(problem, known)
     root = _root(task, perf_counter() + SHARE * time_limit)
     order = count()
     nodes = [(root.bound, next(order), root)]

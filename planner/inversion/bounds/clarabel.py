@@ -26,10 +26,19 @@ class Cones(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Where the solver stopped, and multipliers within the dual cones."""
+    """Where the solver stopped, and multipliers within the dual cones.
+
+    Attributes:
+        unknowns: The solver's point, shape (unknowns,).
+        multipliers: One for each row; all zero where the solver has none.
+        status: The solver's own word for how it ended.
+        usable: Whether it has multipliers.
+    """
 
     unknowns: Array
     multipliers: Array
+    status: str
+    usable: bool
 
 
 def minimise(
@@ -75,11 +84,12 @@ def minimise(
 def _feasible(solution: Any, cones: Cones) -> Answer:
     """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
     unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
-    if not np.all(np.isfinite(multipliers)):
+    usable = bool(np.all(np.isfinite(multipliers)))
+    if not usable:
         multipliers = np.zeros(len(multipliers))
     end = cones.zero + cones.at_most
     multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
     if cones.ball:
         length = float(np.linalg.norm(multipliers[end + 1 :]))
         multipliers[end] = max(multipliers[end], length)
-    return Answer(unknowns, multipliers)
+    return Answer(unknowns, multipliers, str(solution.status), usable)

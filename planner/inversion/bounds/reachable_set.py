@@ -19,15 +19,15 @@ Level = Literal["slope", "envelope", "exact"]
 LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
-class Question(NamedTuple):
-    """How close can a joint come to what is wanted of it?
+class BoundProblem(NamedTuple):
+    """A joint and what is desired of it: what a lower bound is about.
 
     Attributes:
         model: The joint.
-        desired: Wanted angles [rad], shape (n,).
+        desired: Desired angles D [rad], shape (n,).
         cyclic: Whether the trajectory repeats for ever.
         norm: Which error.
-        start: From rest: where the joint rests before [rad]; None where any start will do.
+        start: From rest: where the joint rests before the first request [rad]; None for any start.
     """
 
     model: JointModel
@@ -37,17 +37,17 @@ class Question(NamedTuple):
     start: float | None
 
 
-class Reachable(NamedTuple):
-    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limit``.
+class ReachableSet(NamedTuple):
+    """A set that contains every trajectory the joint can make: ``matrix @ angles <= limits``.
 
     Attributes:
         matrix: G, shape (rows, ticks).
-        limit: h [rad], shape (rows,).
+        limits: g [rad], shape (rows,).
         sampled: Indices of the angles that are compared with the desired ones, shape (n,).
     """
 
     matrix: sparse.csr_array
-    limit: Array
+    limits: Array
     sampled: npt.NDArray[np.int_]
 
 
@@ -58,37 +58,37 @@ def reachable_set(
     cyclic: bool,
     level: Level,
     start: float | None = None,
-) -> Reachable:
+) -> ReachableSet:
     """Linear conditions that every response of the joint meets, tick by tick.
 
     Args:
         model: The joint.
         samples: Number of requests n.
         cyclic: Whether the trajectory repeats for ever.
-        level: "slope" for condition 1, "envelope" for conditions 1 and 2.
-        start: From rest: see :func:`lower_bound`.
+        level: "slope" for condition 1, otherwise conditions 1 and 2.
+        start: From rest: where the joint rests before the first request [rad], for condition 3.
 
     Returns:
-        The conditions, on the angles at every tick (``slope``: at every sample, which is the same).
+        The conditions, on the angles at every tick.
     """
-    stride = 1 if level == "slope" else model.hold
-    ticks = samples * stride if cyclic else (samples - 1) * stride + 1
+    ticks = samples * model.hold if cyclic else (samples - 1) * model.hold + 1
     steps = _differences(ticks, cyclic=cyclic)  # speeds [rad/tick] from angles
-    farthest = model.v_max_per_tick * (model.hold if level == "slope" else 1)
     rows = [steps, -steps]
-    limits = [np.full(steps.shape[0], farthest)] * 2
-    if level == "envelope":
+    limits = [np.full(steps.shape[0], model.v_max_per_tick)] * 2
+    if level != "slope":
         kept, gain = envelope(model)
         changes = _differences_of_speed(steps, kept, cyclic=cyclic)
         rows += [changes, -changes]
         limits += [np.full(changes.shape[0], gain)] * 2
     if start is not None:
-        farthest_from_start = setting_off(model, ticks, level)
+        farthest_from_start = distance_from_rest(model, ticks, level)
         near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
         rows += [near_start, -near_start]
         limits += [farthest_from_start + start, farthest_from_start - start]
-    return Reachable(
-        sparse.csr_array(sparse.vstack(rows)), np.concatenate(limits), np.arange(0, ticks, stride)
+    return ReachableSet(
+        sparse.csr_array(sparse.vstack(rows)),
+        np.concatenate(limits),
+        np.arange(0, ticks, model.hold),
     )
 
 
@@ -123,15 +123,15 @@ def _differences_of_speed(
     return sparse.csr_array(steps[1:] - kept * steps[:-1])
 
 
-def setting_off(model: JointModel, ticks: int, level: Level) -> Array:
+def distance_from_rest(model: JointModel, ticks: int, level: Level) -> Array:
     """How far the first angles can be from the start [rad]: condition 3.
 
     The joint rests until the second request acts; then only the weights of the requests that may
-    differ from the first one can carry it away.
+    differ from the first one can carry it away. The level "slope" leaves the latter out.
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
     if level == "slope":
-        return resting[:: model.hold][:ticks]
+        return resting[:ticks]
     changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
     return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]
 

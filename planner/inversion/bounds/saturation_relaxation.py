@@ -15,14 +15,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from planner.inversion.bounds.clarabel import Answer, Cones, minimise
 from planner.inversion.bounds.hull_cuts import ANYWHERE, HullCut, Place, separate
-from planner.inversion.bounds.reachable_set import Question, setting_off
+from planner.inversion.bounds.multipliers import dual_value, nearest_point
+from planner.inversion.bounds.reachable_set import BoundProblem, distance_from_rest
 from planner.model.joint import JointModel
 from planner.trajectory import Array
-
-TOLERANCE = 1e-8
-"""The solver's, on a problem in units of v_max; what is proved does not depend on it."""
 
 Indices = npt.NDArray[np.int_]
 
@@ -76,9 +73,9 @@ class Task:
         pinned: Requests that are known, as from rest the first.
     """
 
-    def __init__(self, question: Question, known: float) -> None:
+    def __init__(self, problem: BoundProblem, known: float) -> None:
         """Scale the problem: one is what the joint can move in a tick."""
-        model, desired, cyclic, norm, start = question
+        model, desired, cyclic, norm, start = problem
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.gain = unit / model.theta_0
@@ -114,7 +111,7 @@ class Task:
         nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
         least, most = nearest - farthest - after, nearest + farthest + after
         if self.start is not None:
-            near = setting_off(self.model, self.ticks, "envelope") / self.unit
+            near = distance_from_rest(self.model, self.ticks, "envelope") / self.unit
             least[: len(near)] = np.maximum(least[: len(near)], self.start - near)
             most[: len(near)] = np.minimum(most[: len(near)], self.start + near)
         return Ranges(least, most, np.full(self.ticks, -1.0), np.full(self.ticks, 1.0))
@@ -246,20 +243,25 @@ def _cut_rows(task: Task, cuts: list[Cut]) -> sparse.csr_array:
 def nearest(task: Task, ranges: Ranges, cuts: list[Cut]) -> Proof:
     """The relaxation's distance from the desired angles, proved by multipliers as in (9)."""
     matrix, limits = rows(task, ranges, cuts)
-    answer = _solved(task, matrix, limits)
-    multipliers = answer.multipliers[: len(limits)]
-    point = answer.unknowns[: task.size]
-    pull = matrix.T @ multipliers
-    # What is not compared is free, so there the pull should vanish; what is left of it counts.
+    answer = nearest_point(
+        matrix,
+        limits,
+        task.sampled,
+        task.desired,
+        norm=task.norm,
+        equations=task.driven.shape[0],
+    )
+    point, multipliers = answer.unknowns, answer.multipliers
     angles = np.clip(point[: task.ticks], ranges.least, ranges.most)
-    away = np.ones(task.size)
-    away[: task.ticks] = np.maximum(ranges.most - angles, angles - ranges.least)
-    away[task.sampled] = 0.0
+    # What is compared with nothing may be anywhere in its range.
+    room = np.ones(task.size)
+    room[: task.ticks] = np.maximum(ranges.most - angles, angles - ranges.least)
+    room[task.sampled] = 0.0
     compared = np.zeros(task.size)
     compared[: task.ticks] = angles
     compared[task.sampled] = task.desired
-    proved = float(multipliers @ (matrix @ compared - limits) - np.abs(pull) @ away)
-    at_samples = pull[task.sampled]
+    proved, gradient = dual_value(matrix, limits, multipliers, compared, room)
+    at_samples = gradient[task.sampled]
     return Proof(
         angles=point[: task.ticks],
         calls=point[task.ticks :],
@@ -271,35 +273,6 @@ def nearest(task: Task, ranges: Ranges, cuts: list[Cut]) -> Proof:
         proved=proved,
         weights=multipliers[len(limits) - len(cuts) :],
     )
-
-
-def _solved(task: Task, matrix: sparse.csr_array, limits: Array) -> Answer:
-    """The nearest point as the solver has it, by whichever norm."""
-    equations = task.driven.shape[0]
-    cones = Cones(equations, len(limits) - equations)
-    samples = len(task.desired)
-    slope = np.zeros(task.size)
-    if task.norm == "rms":
-        curvature = np.zeros(task.size)
-        curvature[task.sampled] = 2.0
-        slope[task.sampled] = -2.0 * task.desired
-        answers = minimise([slope], matrix, limits, cones, curvature=curvature, tolerance=TOLERANCE)
-        return answers[0]
-    picked = sparse.eye_array(task.size, format="csr")[task.sampled]
-    # The column of one more unknown, the largest error.
-    largest = sparse.csr_array(-np.ones((samples, 1)))
-    first = sparse.csr_array((matrix.shape[0], 1))
-    rows = sparse.csr_array(sparse.vstack([matrix, picked, -picked]))
-    column = sparse.csr_array(sparse.vstack([first, largest, largest]))
-    system = sparse.hstack([rows, column])
-    answers = minimise(
-        [np.append(slope, 1.0)],
-        sparse.csr_array(system),
-        np.concatenate([limits, task.desired, -task.desired]),
-        cones._replace(at_most=cones.at_most + 2 * samples),
-        tolerance=TOLERANCE,
-    )
-    return answers[0]
 
 
 def _distance(task: Task, proved: float, pull: Array) -> float:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import SolverFailed
-from planner.inversion.bounds.reachable_set import Reachable
+from planner.inversion.bounds.reachable_set import ReachableSet
 from planner.inversion.foot.configuration_minima import Distance, minima
 from planner.inversion.norm import Norm
 from planner.trajectory import Array
@@ -43,7 +43,7 @@ class Relaxation(NamedTuple):
     """
 
     distance: Distance
-    sets: Sequence[Reachable]
+    sets: Sequence[ReachableSet]
     norm: Norm
     room: tuple[Array, Array]
 
@@ -92,7 +92,7 @@ def _pulls(task: Relaxation, conditions: Sequence[Array]) -> tuple[Array, float]
         pull = each.matrix.T @ given
         pulls.append(pull[each.sampled].copy())
         pull[each.sampled] = 0.0  # what is left pulls at ticks between samples
-        constant += float(np.sum(np.minimum(pull * low, pull * high)) - each.limit @ given)
+        constant += float(np.sum(np.minimum(pull * low, pull * high)) - each.limits @ given)
     return np.stack(pulls, axis=1), constant
 
 
@@ -116,7 +116,7 @@ def near_by(task: Relaxation, angles: Array) -> tuple[Array, Multipliers]:
 
 def nothing(task: Relaxation) -> Multipliers:
     """Multipliers that take no notice of the joints: they prove how far poses are from the path."""
-    none = [np.zeros(len(each.limit)) for each in task.sets]
+    none = [np.zeros(len(each.limits)) for each in task.sets]
     return Multipliers(np.full(task.samples, 1.0 / task.samples), none)
 
 
@@ -132,7 +132,7 @@ def _step(task: Relaxation, angles: Array) -> tuple[Array, Multipliers]:
         errors[:, axis] + cvxpy.sum(cvxpy.multiply(jacobians[:, axis], moves), axis=1)
         for axis in range(3)
     ]
-    met = [each.matrix @ tick <= each.limit for each, tick in zip(task.sets, ticks, strict=True)]
+    met = [each.matrix @ tick <= each.limits for each, tick in zip(task.sets, ticks, strict=True)]
     conditions = [*met, sampled >= task.distance.lower, sampled <= task.distance.upper]
     seen = float(np.mean(np.sum(jacobians**2, axis=1)))
     cost = PROXIMITY * seen / task.samples * cvxpy.sum_squares(moves)
@@ -175,7 +175,7 @@ def best_known(
     size = float(np.sum(around**2))
     if size == 0.0:
         return centre, 0.0
-    given: list[Any] = [cvxpy.Variable(len(each.limit), nonneg=True) for each in task.sets]
+    given: list[Any] = [cvxpy.Variable(len(each.limits), nonneg=True) for each in task.sets]
     pulled = [each.matrix.T @ row for each, row in zip(task.sets, given, strict=True)]
     pulls = cvxpy.vstack(task.at_samples(pulled)).T
     least = cvxpy.Variable(task.samples)
@@ -192,7 +192,7 @@ def best_known(
     ]
     value = cvxpy.sum(least)
     for each, row, pull, low, high in zip(task.sets, given, pulled, *task.room, strict=True):
-        value -= each.limit @ row
+        value -= each.limits @ row
         between = np.setdiff1d(np.arange(each.matrix.shape[1]), each.sampled)
         if len(between):
             value += cvxpy.sum(cvxpy.minimum(pull[between] * low, pull[between] * high))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from operator import itemgetter
 from typing import Literal
 
 import numpy as np
@@ -34,12 +33,9 @@ RIDGE = 1e-4
 UNMOVED = 1e-9
 """Movement of the foot per radian, relative to the last link's length, that is none."""
 
-SEARCHES = tuple(
-    tuple(stage._replace(steps=16) for stage in search) for search in (WIDE_SEARCH, SEARCH)
-)
-"""Two searches, of which the better one is kept. The joints must leave the plans that were best for
-each alone, which wide corners let them; the second is for paths that the joints can follow. Where
-joints can stand in for one another, it takes many steps until they have settled it."""
+FOOT_SEARCH = tuple(stage._replace(steps=16) for stage in (*WIDE_SEARCH[:2], *SEARCH))
+"""Wide corners first: the joints must leave the plans that were best for each alone. Where joints
+can stand in for one another, it takes many steps until they have settled it."""
 
 
 CALMING_ROUNDS = 3
@@ -192,9 +188,8 @@ def _search(problem: Tracking) -> Array:
     angles = problem.exact_angles(first)
     state = State(first, nearest if angles is None else angles)
     at_most = problem.exact_error(first)
-    answers = [improve(problem, state, search) for search in SEARCHES]
-    best, least = min(answers, key=itemgetter(1))
-    logging.getLogger(__name__).debug("foot: %d searches, best cost %.4g", len(answers), least)
+    best, least = improve(problem, state, FOOT_SEARCH)
+    logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     problem, best = without_idle_motion(problem, best, nearest, at_most=at_most)

@@ -1,4 +1,4 @@
-"""The command line: ``scripts/reference record FILE``, ``compare FILE`` and ``trace``."""
+"""The command line of ``scripts/reference``: record, compare, processors, trace."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 from benchmark.reference import fits, identifications, plans, trace
 from benchmark.reference.compare import checks_of, compared, table_of, worst_cases
+from benchmark.reference.processors import compare_processors
 from benchmark.reference.record import Section, load, record, recorded
 
 SECTIONS: dict[str, Section] = {
@@ -35,6 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if unknown:
         parser.error(f"no section {', '.join(unknown)}; there are {', '.join(SECTIONS)}")
     sections = {name: make for name, make in SECTIONS.items() if not only or name in only}
+    if given.command == "processors":
+        return compare_processors([*sections], given.every)
     if given.command == "record":
         record(given.file, sections, given.every)
         return 0
@@ -56,18 +59,24 @@ def described() -> argparse.ArgumentParser:
         epilog=f"sections: {', '.join(SECTIONS)}",
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    shared = argparse.ArgumentParser(add_help=False)
-    shared.add_argument("file", type=Path, metavar="FILE", help="the recorded results, JSON")
-    shared.add_argument("--only", default="", metavar="A,B", help="these sections; all by default")
-    shared.add_argument(
+    cases = argparse.ArgumentParser(add_help=False)
+    cases.add_argument("--only", default="", metavar="A,B", help="these sections; all by default")
+    cases.add_argument(
         "--every", type=int, default=1, metavar="N", help="one case in so many, for a quick look"
     )
-    commands.add_parser("record", parents=[shared], help="run every case and write FILE")
+    kept = argparse.ArgumentParser(add_help=False)
+    kept.add_argument("file", type=Path, metavar="FILE", help="the recorded results, JSON")
+    commands.add_parser("record", parents=[kept, cases], help="run every case and write FILE")
     compare = commands.add_parser(
-        "compare", parents=[shared], help="run them again; status 1 where too much was lost"
+        "compare", parents=[kept, cases], help="run them again; status 1 where too much was lost"
     )
     compare.add_argument(
         "--with", type=Path, dest="with_file", metavar="NEW", help="compare this record instead"
+    )
+    commands.add_parser(
+        "processors",
+        parents=[cases],
+        help="run them as on other processors; status 1 if any differ",
     )
     commands.add_parser("trace", help="count the functions, files and names that a call passes")
     return parser

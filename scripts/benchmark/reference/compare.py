@@ -16,6 +16,9 @@ Cases = dict[str, Numbers]
 WORSE = 1e-3
 """Relative loss from which on a case counts as worse."""
 
+RESTS = {"seconds", "steepest", "over optimum", "solver gap"}
+"""Numbers that are no results, or are what two results differ by."""
+
 ROUNDING = 1e-9
 """Relative change that is none."""
 
@@ -133,11 +136,14 @@ def worse(losses: Sequence[float]) -> float:
 
 
 def difference(old: Numbers, new: Numbers) -> float:
-    """Largest relative difference of any two numbers; inf where their kinds differ."""
-    kept = old.keys() - {"seconds"}
-    if kept != new.keys() - {"seconds"} or old.get("failed") != new.get("failed"):
+    """Largest relative difference of any two numbers; inf where their kinds differ.
+
+    Errors are relative to the floor at least. What is the rest of two equal numbers is left out.
+    """
+    kept = old.keys() - RESTS
+    if kept != new.keys() - RESTS or old.get("failed") != new.get("failed"):
         return math.inf
-    largest = 0.0
+    largest, floor = 0.0, old.get("floor", 0.0)
     for name in kept - {"failed"}:
         before, after = (np.atleast_1d(np.array(run[name], float)) for run in (old, new))
         if before.shape != after.shape:
@@ -148,7 +154,7 @@ def difference(old: Numbers, new: Numbers) -> float:
         if not np.array_equal(before[~finite], after[~finite], equal_nan=True):
             return math.inf
         apart = float(np.max(np.abs(after[finite] - before[finite])))
-        size = float(np.max(np.abs(before[finite])))
+        size = max(float(np.max(np.abs(before[finite]))), floor)
         largest = max(largest, apart / size if size > 0.0 else math.inf)
     return largest
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from planner import invert_optimal
 from planner.inversion.bounds.branch_and_bound import Node, branches, exact_bound, strengthen
-from planner.inversion.bounds.reachable_set import Question
+from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.bounds.saturation_relaxation import Task, nearest, rows
 from planner.inversion.bounds.tightening import tighten
 from planner.inversion.certify import certify, lower_bound, planned_error
@@ -77,7 +77,7 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
     known = 1.0001 * error(angles, desired, norm)
-    task = Task(Question(model, desired, cyclic, norm, start), known)
+    task = Task(BoundProblem(model, desired, cyclic, norm, start), known)
     point, scaled = unknowns(
         task, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
@@ -107,7 +107,7 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = exact_bound(Question(model, desired, True, norm, None), known, time_limit=1.0)
+    bound = exact_bound(BoundProblem(model, desired, True, norm, None), known, time_limit=1.0)
     assert bound <= min(known, best)
 
 
@@ -117,7 +117,7 @@ def test_what_no_response_goes_below_is_proved_to_the_full():
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=24)
     known = 0.5 * lower_bound(model, desired)
-    bound = exact_bound(Question(model, desired, True, "rms", None), known, time_limit=5.0)
+    bound = exact_bound(BoundProblem(model, desired, True, "rms", None), known, time_limit=5.0)
     assert bound == pytest.approx(known, rel=1e-3)
 
 
@@ -136,7 +136,7 @@ def test_plans_of_the_reference_walk_are_within_a_thousandth_of_the_best(joint):
 def test_two_angles_are_bounded_too(cyclic):
     model = random_model(np.random.default_rng(0), whole=False)
     desired = np.array([0.0, 1.0])
-    known = planned_error(Question(model, desired, cyclic, "rms", None))
+    known = planned_error(BoundProblem(model, desired, cyclic, "rms", None))
     assert known == pytest.approx(0.5)
     bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=3.0)
     assert lower_bound(model, desired, cyclic=cyclic) <= bound <= known

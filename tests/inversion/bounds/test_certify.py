@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import clarabel
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,8 +13,14 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
+from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.multipliers import certified_error
-from planner.inversion.bounds.reachable_set import Reachable, envelope, reachable_set
+from planner.inversion.bounds.reachable_set import (
+    BoundProblem,
+    ReachableSet,
+    envelope,
+    reachable_set,
+)
 from planner.inversion.certify import lower_bound
 from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel
@@ -76,10 +83,9 @@ def test_every_response_meets_the_conditions_of_every_level(cyclic, model, reque
     every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
     for level in LINEAR_LEVELS:
         reachable = reachable_set(model, len(requests), cyclic=cyclic, level=level)
-        stride = model.hold if level == "slope" else 1
-        angles = every_tick[::stride][: reachable.matrix.shape[1]]
+        angles = every_tick[: reachable.matrix.shape[1]]
         assert angles.shape == (reachable.matrix.shape[1],)
-        assert np.max(reachable.matrix @ angles - reachable.limit) <= 1e-10
+        assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
 
 
 @given(model=models(), requests=trajectories(least=4))
@@ -90,9 +96,8 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests):
     )
     for level in LINEAR_LEVELS:
         reachable = reachable_set(model, len(requests), cyclic=False, level=level, start=start)
-        stride = model.hold if level == "slope" else 1
-        angles = every_tick[::stride][: reachable.matrix.shape[1]]
-        assert np.max(reachable.matrix @ angles - reachable.limit) <= 1e-10
+        angles = every_tick[: reachable.matrix.shape[1]]
+        assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
 
 
 @pytest.mark.parametrize("norm", NORMS)
@@ -186,10 +191,10 @@ def test_no_multipliers_prove_nothing():
     assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
 
 
-def least_distance(reachable: Reachable, desired):
+def least_distance(reachable: ReachableSet, desired):
     """Rms distance of the set by Lawson and Hanson's least-distance programming; hold is 1."""
     G = reachable.matrix.toarray()
-    below = G @ desired - reachable.limit  # -G z >= below for z = x - desired
+    below = G @ desired - reachable.limits  # -G z >= below for z = x - desired
     stacked = np.vstack([-G.T, below])
     target = np.zeros(len(desired) + 1)
     target[-1] = 1.0
@@ -199,7 +204,7 @@ def least_distance(reachable: Reachable, desired):
     return float(np.sqrt(np.mean(z**2)))
 
 
-def least_largest_error(reachable: Reachable, desired):
+def least_largest_error(reachable: ReachableSet, desired):
     """Largest error of the nearest trajectory by linear programming."""
     rows, ticks = reachable.matrix.shape
     picks = np.zeros((len(desired), ticks))
@@ -208,7 +213,7 @@ def least_largest_error(reachable: Reachable, desired):
     A = np.block(
         [[reachable.matrix.toarray(), np.zeros((rows, 1))], [picks, -ones], [-picks, -ones]]
     )
-    b = np.concatenate([reachable.limit, desired, -desired])
+    b = np.concatenate([reachable.limits, desired, -desired])
     cost = np.append(np.zeros(ticks), 1.0)
     return float(linprog(cost, A_ub=A, b_ub=b, bounds=(None, None)).fun)
 
@@ -282,14 +287,28 @@ def test_the_bound_takes_two_samples():
         assert bound == pytest.approx(expected, rel=OPTIMAL)
 
 
-def test_a_solver_that_stops_short_is_an_error(monkeypatch):
-    import cvxpy
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(hold, kind, level, norm):
+    rng = np.random.default_rng([hold, len(kind)])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=25)
+    start = float(desired[0] + 0.2) if kind == "from a start" else None
+    stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start), level)
+    bound = lower_bound(
+        model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start
+    )
+    assert bound == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
 
-    def refuse(_problem, **_options):
-        raise cvxpy.SolverError("out of luck")
 
-    monkeypatch.setattr(cvxpy.Problem, "solve", refuse)
-    with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*out of luck"):
+def test_a_solver_without_an_answer_is_an_error(monkeypatch):
+    class Nothing:
+        x, z, status = np.full(3, np.nan), np.full(12, np.nan), "NumericalError"
+
+    monkeypatch.setattr(clarabel.DefaultSolver, "solve", lambda _: Nothing)
+    with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*NumericalError"):
         lower_bound(ERS210A, [0.0, 1.0, 0.0])
 
 

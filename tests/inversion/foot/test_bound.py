@@ -113,7 +113,7 @@ def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm)
     for size in (0.0, 0.01, 0.1, 1.0):
         shares = rng.uniform(size=16) if norm == "max" else np.ones(16)
         guess = Multipliers(
-            shares / np.sum(shares), [size * rng.exponential(size=len(s.limit)) for s in task.sets]
+            shares / np.sum(shares), [size * rng.exponential(size=len(s.limits)) for s in task.sets]
         )
         proved, _ = proved_by(task, guess, plan.predicted)
         assert proved <= 1.0 + ROUNDING  # the plan's own squared error

@@ -1,0 +1,84 @@
+"""The same results on every processor: run under other settings of OpenBLAS and NumPy, compared."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmark.reference.compare import compared, difference
+from benchmark.reference.record import load
+from benchmark.table import Table
+
+SETTINGS = {
+    "Haswell": {"OPENBLAS_CORETYPE": "Haswell"},
+    "SkylakeX": {"OPENBLAS_CORETYPE": "SkylakeX"},
+    "Zen": {"OPENBLAS_CORETYPE": "Zen"},
+    "Nehalem": {"OPENBLAS_CORETYPE": "Nehalem"},
+    "NumPy without AVX2": {"NPY_DISABLE_CPU_FEATURES": "X86_V4 X86_V3"},
+}
+"""Environments that stand for other processors."""
+
+SAME = 1e-9
+"""Largest relative difference of two results that count as the same."""
+
+SHOWN = 10
+"""Cases that are named for each section."""
+
+
+def compare_processors(sections: Sequence[str], every: int) -> int:
+    """Run the sections under every setting and print how they differ; 1 where some do, else 0."""
+    settings = {name: SETTINGS[name] for name in SETTINGS if name != "SkylakeX" or _avx512()}
+    with tempfile.TemporaryDirectory() as folder:
+        first = Path(folder) / "first.json"
+        _record(first, {}, sections, every)
+        differ = 0
+        for name, setting in settings.items():
+            other = Path(folder) / "other.json"
+            _record(other, setting, sections, every)
+            table, beyond = beside(name, first, other)
+            print(f"{table}\n{beyond}", flush=True)
+            differ += bool(beyond)
+    return 1 if differ else 0
+
+
+def _record(path: Path, setting: dict[str, str], sections: Sequence[str], every: int) -> None:
+    """Record in a process of its own, since the libraries choose when they are loaded."""
+    command = [sys.executable, "-P", "-m", "benchmark.reference", "record", str(path)]
+    command += ["--only", ",".join(sections), "--every", str(every)]
+    subprocess.run(command, check=True, env={**os.environ, **setting})
+
+
+def beside(name: str, first: Path, other: Path) -> tuple[Table, str]:
+    """A row for each section, and the cases whose quality differs."""
+    columns = ("cases", "same bits", "within 1e-9", "as good", "differ", "largest loss or gain, %")
+    table = Table(f"{name} beside this processor", columns, stub="section")
+    lines = []
+    for section, runs in compared(load(first), load(other)).items():
+        apart = {case: difference(runs.old[case], runs.new[case]) for case in runs.new}
+        beyond = [case for case, each in apart.items() if each > SAME]
+        # As good: other requests, or knots where none is needed, of the same error to 1e-9.
+        worse = [case for case in beyond if not abs(runs.losses.get(case, math.inf)) <= SAME]
+        table.add(
+            section,
+            len(apart),
+            sum(each == 0.0 for each in apart.values()),
+            len(apart) - len(beyond),
+            len(beyond) - len(worse),
+            len(worse),
+            100.0 * max(map(abs, runs.losses.values()), default=math.nan),
+        )
+        for case in worse[:SHOWN]:
+            loss = runs.losses.get(case, math.nan)
+            lines.append(f"  {section}, {case}: by {apart[case]:.2g}, loss {100.0 * loss:.2g} %\n")
+    return table, "".join(lines)
+
+
+def _avx512() -> bool:
+    """Whether this processor can run SkylakeX's kernels."""
+    described = Path("/proc/cpuinfo")
+    return described.is_file() and "avx512f" in described.read_text(encoding="utf-8")
