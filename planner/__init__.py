@@ -30,13 +30,12 @@ if TYPE_CHECKING:
     from planner.identification.identify import identify
     from planner.identification.log import Log
     from planner.inversion.certify import Certificate, certify, lower_bound
-    from planner.inversion.closed_form import invert_closed_form
+    from planner.inversion.closed_form import closed_form_requests, invert_closed_form
     from planner.inversion.foot.invert import invert_foot
     from planner.inversion.foot.result import FootInversion
-    from planner.inversion.line import line_offset
+    from planner.inversion.line_inverse import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
-    from planner.inversion.switching import closed_form_requests
     from planner.model.joint import JointModel
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
@@ -113,13 +112,12 @@ _HOMES = {
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
     "planner.inversion.certify": ("Certificate", "certify", "lower_bound"),
-    "planner.inversion.closed_form": ("invert_closed_form",),
+    "planner.inversion.closed_form": ("closed_form_requests", "invert_closed_form"),
     "planner.inversion.foot.invert": ("invert_foot",),
     "planner.inversion.foot.result": ("FootInversion",),
-    "planner.inversion.line": ("line_offset",),
+    "planner.inversion.line_inverse": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
-    "planner.inversion.switching": ("closed_form_requests",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),

@@ -14,9 +14,9 @@ from planner.cli.say import naming
 
 if TYPE_CHECKING:
     from planner.cli.wanted import Wanted
+    from planner.inversion.arguments import Norm
     from planner.inversion.foot.result import FootInversion
-    from planner.inversion.line import Rule
-    from planner.inversion.norm import Norm
+    from planner.inversion.line_inverse import Rule
     from planner.inversion.result import Inversion
     from planner.model.joint import JointModel
     from planner.trajectory import Array

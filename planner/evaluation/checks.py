@@ -13,8 +13,8 @@ import numpy as np
 from planner.evaluation.independent import independent_angles, next_cycle
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.bounds.reachable_set import Level
-from planner.inversion.descent import AS_WELL
 from planner.inversion.result import Inversion
+from planner.inversion.smoothing import OPTIONS as SMOOTHING
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -27,6 +27,8 @@ class Tolerance(NamedTuple):
     reason: str
 
 
+SHARE = SMOOTHING.error_share
+
 AGREEMENT = Tolerance(1e-9, "rad", "rounding, summed over a cycle; cycles close to 1e-12")
 CLOSURE = Tolerance(
     1e-9, "rad", "rounding of the first tick, or of one more cycle, run independently"
@@ -37,10 +39,14 @@ STATED = Tolerance(1e-6, "rad", "CVXPY's solver stops within some 1e-8 of the op
 ABOVE_BOUND = Tolerance(1e-9, "rad", "a bound is proved up to rounding, whatever its solver did")
 FOOT_ABOVE_BOUND = Tolerance(1e-9, "m", ABOVE_BOUND.reason)
 NO_WORSE = Tolerance(
-    1e-6, "rad", f"a step of the Aibo's requests; and {AS_WELL:g} of the error, for quieter ones"
+    1e-6,
+    "rad",
+    f"a step of the Aibo's requests; and {SHARE:g} of the error, for smoother ones",
 )
 FOOT_NO_WORSE = Tolerance(
-    1e-6, "m", f"a thousandth of a millimetre; and {AS_WELL:g} of the error, for quieter requests"
+    1e-6,
+    "m",
+    f"a thousandth of a millimetre; and {SHARE:g} of the error, for smoother requests",
 )
 
 AGREES = "predicted angles agree with the independent simulation"
@@ -185,6 +191,13 @@ def no_worse_checks(
 ) -> list[Check]:
     """That a plan's error is no larger than that of each other one, in the tolerance's unit."""
     return [
-        check(subject, plan, f"no worse than {other}", error - least, allowed, more=AS_WELL * least)
+        check(
+            subject,
+            plan,
+            f"no worse than {other}",
+            error - least,
+            allowed,
+            more=SHARE * least,
+        )
         for other, least in others.items()
     ]

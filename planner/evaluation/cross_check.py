@@ -23,11 +23,11 @@ from planner.evaluation.given_joints import (
 from planner.evaluation.joint_comparison import JointComparison, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.given import as_flag, shown
+from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.leg_joints import checked_leg, model_of_each, range_of_each
-from planner.inversion.line import RULES
-from planner.inversion.norm import Norm, check_norm
+from planner.inversion.foot.arguments import checked_leg, model_of_each, range_of_each
+from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel

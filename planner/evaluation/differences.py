@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.inversion.closed_form import switching_time
 from planner.inversion.result import Inversion
-from planner.inversion.switching import switching_time
 from planner.trajectory import Array
 
 Reason = Literal["saturated", "limit", "corner", "free", "after_end"]

@@ -28,10 +28,10 @@ from planner.evaluation.checks import (
 from planner.evaluation.joint_comparison import METHODS, JointComparison
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
+from planner.inversion.arguments import Norm
 from planner.inversion.foot.bound import LONGEST
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
-from planner.inversion.norm import Norm
 from planner.inversion.result import Inversion
 from planner.trajectory import Array
 

@@ -15,7 +15,7 @@ from planner.gait import ReferenceWalk, reference_walk
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
-from planner.inversion.line import Rule
+from planner.inversion.line_inverse import Rule
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel

@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory, SolverFailed
+from planner.inversion.arguments import Norm, check_norm, positive
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
-from planner.inversion.limits import positive
-from planner.inversion.norm import Norm, check_norm
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start

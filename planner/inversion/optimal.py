@@ -12,16 +12,19 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed
-from planner.inversion.closed_form import requests_along
-from planner.inversion.descent import WIDE_SEARCH, improve
-from planner.inversion.iterate import State
-from planner.inversion.limits import check_within, checked_limits, checked_tolerance
-from planner.inversion.line import interpolated_offset
-from planner.inversion.norm import Norm, check_norm
-from planner.inversion.quiet import quieten
+from planner.inversion.arguments import (
+    Norm,
+    check_norm,
+    check_within,
+    checked_limits,
+    checked_tolerance,
+)
+from planner.inversion.closed_form import requests_along, switching_time
+from planner.inversion.gauss_newton import OPTIONS, State, minimise
+from planner.inversion.line_inverse import interpolated_offset
 from planner.inversion.result import Inversion
-from planner.inversion.switching import switching_time
-from planner.inversion.tracking import Tracking, follow, in_reach
+from planner.inversion.smoothing import smoothed
+from planner.inversion.tracking_problem import TrackingProblem, in_reach, track
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
@@ -88,7 +91,7 @@ def invert_optimal(
     checked = None if limits is None else checked_limits(limits)
     if checked is not None:
         check_within(checked, desired=desired, start=start, model=model)
-    problem = follow(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
+    problem = track(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
     column = search(problem, desired)
     best = column[:, 0].copy()
     best.setflags(write=False)
@@ -105,11 +108,11 @@ def invert_optimal(
     )
 
 
-def search(problem: Tracking, desired: Array) -> Array:
+def search(problem: TrackingProblem, desired: Array) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    The search sets out from the ideal, the best trajectory within ±v_max, and its closed form, taken
-    as a line per sample. If the plan stays far from the ideal, a wide search sets out too.
+    The search sets out from the ideal, the best trajectory within ±v_max, and its closed form,
+    taken as a line per sample. If the plan stays far from the ideal, a wide search sets out too.
     For short cycles and joints that overshoot, where derivatives tell little, further ones set out
     from the desired angles and from those as early as the joint is late.
     """
@@ -121,10 +124,10 @@ def search(problem: Tracking, desired: Array) -> Array:
     first = problem.admissible(_line_per_sample(model, ideal, cyclic=problem.cyclic))
     wanted = ideal[:, np.newaxis]
     at_most = problem.exact_error(first)
-    answers = [(State(first, wanted), at_most), improve(problem, State(first, wanted))]
+    answers = [(State(first, wanted), at_most), minimise(problem, State(first, wanted))]
     of_ideal, negligible = problem.error(wanted), NEGLIGIBLE * model.theta_0
     if answers[-1][1] > FARTHER * of_ideal + negligible:
-        wide = improve(problem, State(first, wanted), WIDE_SEARCH)
+        wide = minimise(problem, State(first, wanted), OPTIONS.wide)
         if wide[1] < (1.0 - WORTH_UNREST) * answers[-1][1]:
             answers.append(wide)
     short = len(desired) <= 2 * problem.reach.oldest
@@ -132,12 +135,12 @@ def search(problem: Tracking, desired: Array) -> Array:
     least = min(error for _, error in answers)
     if least > FAR_FROM_IDEAL * of_ideal + negligible and (short or overshooting):
         others = _further_starts(problem)
-        answers += [improve(problem, State(other, wanted)) for other in others]
+        answers += [minimise(problem, State(other, wanted)) for other in others]
     best, least = min(answers, key=itemgetter(1))
     logging.getLogger(__name__).debug("joint: %d searches, best %.4g rad", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return quieten(problem, best.requests, at_most=at_most, seam=best.angles[-1])
+    return smoothed(problem, best.requests, at_most=at_most, seam=best.angles[-1])
 
 
 def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array:
@@ -153,14 +156,14 @@ def _line_per_sample(model: JointModel, angles: Array, *, cyclic: bool) -> Array
     return requests[:, np.newaxis]
 
 
-def _further_starts(problem: Tracking) -> list[Array]:
+def _further_starts(problem: TrackingProblem) -> list[Array]:
     """The desired angles, and those as early as the joint is late: requests (n, 1) [rad]."""
     (model,) = problem.models
     early = problem.admissible(_earlier(problem, switching_time(model) / model.period))
     return [problem.resting, early]
 
 
-def _earlier(problem: Tracking, samples: float) -> Array:
+def _earlier(problem: TrackingProblem, samples: float) -> Array:
     """The requests that would hold the desired angles, so many samples early [rad], (n, 1)."""
     later = np.arange(len(problem.resting)) + round(samples)
     count = len(problem.resting)

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.inversion.arguments import Norm
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
-from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array

@@ -11,7 +11,7 @@ import pytest
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.inversion.closed_form import invert_closed_form, requests_along
-from planner.inversion.line import RULES, line_offset
+from planner.inversion.line_inverse import RULES, line_offset
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import from_rest

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.line import RULES
+from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate

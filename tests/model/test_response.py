@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.inversion.line import line_offset
+from planner.inversion.line_inverse import line_offset
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import equation_3, from_rest, next_cycle

@@ -13,9 +13,9 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.exceptions import SolverFailed
+from planner.inversion.arguments import Norm
 from planner.inversion.bounds.clarabel import Answer, Cones, minimise
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, ReachableSet, reachable_set
-from planner.inversion.norm import Norm
 from planner.trajectory import Array
 
 TOLERANCE = 1e-10

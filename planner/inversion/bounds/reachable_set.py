@@ -10,7 +10,7 @@ from scipy import sparse
 
 from planner.exceptions import InvalidInput
 from planner.given import is_one_of, shown
-from planner.inversion.norm import Norm
+from planner.inversion.arguments import Norm
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 

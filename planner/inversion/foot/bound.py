@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.leg import Leg
+from planner.inversion.arguments import Norm
 from planner.inversion.bounds.reachable_set import reachable_set
 from planner.inversion.foot.bundle_method import (
     Column,
@@ -28,7 +29,6 @@ from planner.inversion.foot.bundle_method import (
     proved_by,
 )
 from planner.inversion.foot.configuration_minima import Distance
-from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import SolverFailed
+from planner.inversion.arguments import Norm
 from planner.inversion.bounds.reachable_set import ReachableSet
 from planner.inversion.foot.configuration_minima import Distance, minima
-from planner.inversion.norm import Norm
 from planner.trajectory import Array
 
 STEPS = 12

@@ -14,16 +14,16 @@ from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.given import as_flag, as_reals, freeze, shown
-from planner.inversion.descent import SEARCH, WIDE_SEARCH, improve
+from planner.inversion.arguments import Norm, check_norm
+from planner.inversion.foot.arguments import checked_leg, joints_of, limits_of, model_of_each
 from planner.inversion.foot.result import FootInversion
-from planner.inversion.goal import Errors
-from planner.inversion.iterate import State
-from planner.inversion.leg_joints import checked_leg, joints_of, limits_of, model_of_each
-from planner.inversion.norm import Norm, check_norm
+from planner.inversion.gauss_newton import OPTIONS as SEARCH
+from planner.inversion.gauss_newton import State, minimise
+from planner.inversion.kkt_step import Mask
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.quiet import quieten
-from planner.inversion.still import without_idle_motion
-from planner.inversion.tracking import Tracking
+from planner.inversion.smoothing import OPTIONS as SMOOTHING
+from planner.inversion.smoothing import ROUNDING, smoothed
+from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -33,13 +33,23 @@ RIDGE = 1e-4
 UNMOVED = 1e-9
 """Movement of the foot per radian, relative to the last link's length, that is none."""
 
-FOOT_SEARCH = tuple(stage._replace(steps=16) for stage in (*WIDE_SEARCH[:2], *SEARCH))
+FOOT_SEARCH = tuple(stage._replace(steps=16) for stage in (*SEARCH.wide[:2], *SEARCH.narrow))
 """Wide corners first: the joints must leave the plans that were best for each alone. Where joints
 can stand in for one another, it takes many steps until they have settled it."""
 
 
-CALMING_ROUNDS = 3
-"""Rounds of calming: their cost is small beside that of the searches."""
+SMOOTHING_ROUNDS = 3
+"""Rounds of smoothing: their cost is small beside that of the search."""
+
+STATIONARY = 1e-9
+"""Range of the angles of a joint that does not move [rad]."""
+
+UNSEEN = 2e-5
+"""Error that is none, in radians of a typical joint's turn: a thousandth of a degree, a tenth of
+what is left where the joints can follow."""
+
+SHARPENING = tuple(stage._replace(steps=16) for stage in SEARCH.narrow if stage.radius < 0.1)
+"""The stages that a plan goes through once more when a joint is held."""
 
 
 class FollowFoot:
@@ -158,12 +168,12 @@ def _problem(
     limits: tuple[Array, Array],
     cyclic: bool,
     norm: Norm,
-) -> Tracking:
+) -> TrackingProblem:
     """What the joints should do together, if these angles (n, k) bring the foot nearest [rad]."""
     lower, upper = limits
     offsets = np.array([model.offset for model in joints])
     nearest = np.clip(angles, lower + offsets, upper + offsets)
-    return Tracking(
+    return TrackingProblem(
         joints,
         FollowFoot(leg, wanted, _scale(weights, leg.jacobians(nearest), leg)),
         nearest - offsets,
@@ -175,7 +185,7 @@ def _problem(
     )
 
 
-def _search(problem: Tracking) -> Array:
+def _search(problem: TrackingProblem) -> Array:
     """The best requests found for the foot, from the plans for its joints one by one: (n, k)."""
     nearest = problem.resting + problem.offsets
     singly = [
@@ -188,12 +198,47 @@ def _search(problem: Tracking) -> Array:
     angles = problem.exact_angles(first)
     state = State(first, nearest if angles is None else angles)
     at_most = problem.exact_error(first)
-    best, least = improve(problem, state, FOOT_SEARCH)
+    best, least = minimise(problem, state, FOOT_SEARCH)
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    problem, best = without_idle_motion(problem, best, nearest, at_most=at_most)
-    return quieten(problem, best.requests, at_most=at_most, rounds=CALMING_ROUNDS)
+    problem, best = with_stationary_joints(problem, best, nearest, at_most=at_most)
+    return smoothed(problem, best.requests, at_most=at_most, rounds=SMOOTHING_ROUNDS)
+
+
+def with_stationary_joints(
+    problem: TrackingProblem, found: State, desired: Array, *, at_most: float
+) -> tuple[TrackingProblem, State]:
+    """The plan with the joints at rest that need not move, if it then is as good.
+
+    A joint that stays where it is all along the path can still make up for a little of what the
+    others miss. Where that is next to nothing, it had better not move at all.
+
+    Args:
+        problem: What the joints should do together.
+        found: A good plan.
+        desired: The angles that bring the foot to the path [rad], shape (n, joints).
+        at_most: Error that is not to be passed in any case.
+
+    Returns:
+        The problem with those joints held, and the plan for it; or what was given.
+    """
+    stationary: Mask = np.ptp(desired, axis=0) <= STATIONARY
+    if not np.any(stationary) or np.all(stationary):
+        return problem, found
+    held = holding(problem, stationary)
+    error = problem.exact_error(found.requests, found.angles[-1])
+    as_good = min(error * (1.0 + SMOOTHING.error_share) + UNSEEN, at_most + ROUNDING)
+    begin = State(held.admissible(found.requests), found.angles)
+    answer, error = minimise(held, begin, SHARPENING)
+    return (held, answer) if error <= as_good else (problem, found)
+
+
+def holding(problem: TrackingProblem, stationary: Mask) -> TrackingProblem:
+    """The same problem with some of the joints where they rest, from the first sample on."""
+    place = problem.resting[0]
+    lower, upper = (np.where(stationary, place, limit) for limit in (problem.lower, problem.upper))
+    return problem.within((lower, upper))
 
 
 def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
+from planner.inversion.arguments import Norm
 from planner.inversion.foot.bound import foot_bound
-from planner.inversion.norm import Norm
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array

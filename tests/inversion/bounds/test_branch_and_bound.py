@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner import invert_optimal
+from planner.inversion.arguments import NORMS
 from planner.inversion.bounds.branch_and_bound import Node, branches, exact_bound, strengthen
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.bounds.saturation_relaxation import Task, nearest, rows
 from planner.inversion.bounds.tightening import tighten
 from planner.inversion.certify import certify, lower_bound, planned_error
-from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import REFERENCE_JOINTS, random_model, saturating

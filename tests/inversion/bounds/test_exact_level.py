@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import invert_optimal
+from planner.inversion.arguments import NORMS
 from planner.inversion.bounds.saturation_relaxation import contributions
 from planner.inversion.certify import certify, lower_bound
-from planner.inversion.norm import NORMS
 from planner.model.joint import JointModel, saturation
 from planner.model.response import simulate
 from tests.instances import random_model, saturating

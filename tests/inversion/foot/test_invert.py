@@ -14,7 +14,7 @@ from planner.gait import reference_walk
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
-from planner.inversion.line import RULES
+from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
 from planner.model.response import simulate

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.inversion.goal import FollowAngles
-from planner.inversion.tracking import Tracking, follow
+from planner.inversion.tracking_problem import FollowAngles, TrackingProblem, track
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import TICK, random_model, saturating
@@ -34,7 +33,7 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
     models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
     resting = np.stack([saturating(rng, model, samples=samples) for model in models], axis=1)
     offsets = np.array([model.offset for model in models])
-    problem = Tracking(
+    problem = TrackingProblem(
         models,
         Nothing(),
         resting,
@@ -63,18 +62,18 @@ def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
 def test_from_the_exact_angles_every_period_leads_to_the_next_one(hold, cyclic):
     problem, requests, _ = stacked(2, 3, hold=hold, cyclic=cyclic)
     angles = problem.exact_angles(requests)
-    reached = problem.respond(angles, requests, smoothing=0.0).reached
+    reached = problem.respond(angles, requests, radius=0.0).reached
     np.testing.assert_allclose(reached, angles, rtol=0.0, atol=SAME)
-    assert np.max(np.abs(problem.respond(angles, requests, smoothing=0.3).reached - angles)) > 1e-3
+    assert np.max(np.abs(problem.respond(angles, requests, radius=0.3).reached - angles)) > 1e-3
 
 
 def test_from_rest_nothing_comes_before_the_first_sample():
     problem, requests, _ = stacked(3, 2, cyclic=False)
     angles = np.random.default_rng(3).normal(size=requests.shape)
-    response = problem.respond(angles, requests, smoothing=0.1)
+    response = problem.respond(angles, requests, radius=0.1)
     assert np.all(response.by_angle[0] == 0.0)
     angles[-1] += 1.0
-    again = problem.respond(angles, requests, smoothing=0.1)
+    again = problem.respond(angles, requests, radius=0.1)
     np.testing.assert_array_equal(again.reached, response.reached)
 
 
@@ -84,7 +83,7 @@ def test_joints_answer_together_as_they_do_alone(cyclic):
     together = problem.exact_angles(requests, seam)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
-        single = follow(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
+        single = track(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
         column = requests[:, joint : joint + 1]
         alone = single.exact_angles(column, seam[joint : joint + 1])
         np.testing.assert_array_equal(together[:, joint], alone[:, 0])
@@ -102,7 +101,7 @@ def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam
     # Far from the seam every tick is saturated: the end of the cycle moves with its start.
     knots, degrees = [0, 13, 15, 17, 25, 36, 38, 43], [-102, -117, -41, 54, 93, 57, -51, -97]
     requests = np.radians(np.interp(np.arange(44), knots, degrees))
-    problem = follow(ERS210A, np.zeros(44), cyclic=True)
+    problem = track(ERS210A, np.zeros(44), cyclic=True)
     angles = problem.exact_angles(requests[:, np.newaxis], np.array([seam]))
     np.testing.assert_allclose(angles[:, 0], simulate(ERS210A, requests), rtol=0.0, atol=SAME)
 
@@ -110,7 +109,7 @@ def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam
 def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
     monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
     goal = FollowAngles(np.zeros(88))
-    problem = Tracking([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
+    problem = TrackingProblem([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
     requests = np.zeros((88, 2))
     assert problem.exact_angles(requests) is not None
     requests[:, 1] = np.repeat([-1e3, 1e3], [43, 45])  # at v_max throughout, and up for longer
@@ -126,7 +125,7 @@ def test_the_exact_error_is_that_of_the_simulated_angles(norm, hold, cyclic):
     model = random_model(rng, whole=False, hold=hold, offset=True)
     desired = saturating(rng, model, samples=30)
     start = None if cyclic else 0.7
-    problem = follow(model, desired, cyclic=cyclic, norm=norm, start=start)
+    problem = track(model, desired, cyclic=cyclic, norm=norm, start=start)
     requests = problem.admissible(rng.uniform(-1.0, 1.0, (30, 1)))
     angles = simulate(model, requests[:, 0], cyclic=cyclic, start=start)
     errors = np.abs(angles - desired)
@@ -159,5 +158,14 @@ def test_the_error_is_that_of_the_norm():
     desired = np.array([1.0, 2.0, 3.0])
     angles = np.array([[1.0], [2.5], [1.0]])
     for norm, expected in (("rms", math.sqrt((0.25 + 4.0) / 3.0)), ("max", 2.0)):
-        problem = follow(ERS210A, desired, cyclic=True, norm=norm)
+        problem = track(ERS210A, desired, cyclic=True, norm=norm)
         assert problem.error(angles) == pytest.approx(expected, rel=1e-15)
+
+
+def test_angles_miss_desired_ones_by_their_difference():
+    goal = FollowAngles(np.array([0.5, -1.0, 2.0]))
+    angles = np.array([[0.0], [-1.0], [2.5]])
+    errors = goal.errors(angles)
+    np.testing.assert_array_equal(errors.values, [[-0.5], [0.0], [0.5]])
+    np.testing.assert_array_equal(errors.jacobians, np.ones((3, 1, 1)))
+    np.testing.assert_array_equal(goal.distances(angles), [0.5, 0.0, 0.5])

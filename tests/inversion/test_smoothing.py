@@ -1,25 +1,26 @@
-"""Quieter requests under which the joints do the same."""
+"""Smoother requests under which the joints do the same."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from planner.gait import reference_walk
-from planner.inversion import descent
-from planner.inversion.calming import restlessness
-from planner.inversion.descent import AS_WELL
+from planner.inversion import gauss_newton, smoothing
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.quiet import (
-    CALMING,
+from planner.inversion.smoothing import (
+    OPTIONS,
     ROUNDING,
-    idle_between,
     neighbours,
-    quieten,
-    with_idle_smoothed,
+    room_of_saturated,
+    saturated_averaged,
+    smoothed,
+    squared_changes,
 )
-from planner.inversion.tracking import follow
+from planner.inversion.tracking_problem import track
 from planner.model.joint import JointModel
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
@@ -40,7 +41,7 @@ def ragged(seed, *, cyclic=True, hold=1, limits=None):
     model = random_model(rng, whole=False, hold=hold, offset=True)
     desired = 2.0 * saturating(rng, model, samples=50)
     start = None if cyclic else float(desired[0])
-    problem = follow(model, desired, cyclic=cyclic, start=start, limits=limits)
+    problem = track(model, desired, cyclic=cyclic, start=start, limits=limits)
     jumps = rng.normal(scale=2.0 * model.theta_0, size=(50, 1))
     return problem, problem.admissible(problem.resting + jumps)
 
@@ -48,34 +49,35 @@ def ragged(seed, *, cyclic=True, hold=1, limits=None):
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("seed", range(4))
-def test_idle_requests_change_nothing_between_their_bounds(seed, hold, cyclic):
+def test_saturated_requests_change_nothing_between_their_bounds(seed, hold, cyclic):
     problem, requests = ragged(seed, cyclic=cyclic, hold=hold)
     angles = problem.exact_angles(requests)
-    lower, upper = idle_between(problem, requests, angles)
+    lower, upper = room_of_saturated(problem, requests, angles)
     assert np.all((lower <= requests) & (requests <= upper))
     lower, upper = np.maximum(lower, -99.0), np.minimum(upper, 99.0)
-    idle = np.flatnonzero((lower < upper)[:, 0])
-    assert idle.size
+    saturated = np.flatnonzero((lower < upper)[:, 0])
+    assert saturated.size
     if not cyclic:
-        assert idle[0] > 0
-    for number in idle:
+        assert saturated[0] > 0
+    for number in saturated:
         for bound in (lower, upper):
             moved = requests.copy()
             moved[number] = bound[number]
-            np.testing.assert_allclose(problem.exact_angles(moved), angles, rtol=0.0, atol=SAME)
+            answer = problem.exact_angles(moved, angles[-1])
+            np.testing.assert_allclose(answer, angles, rtol=0.0, atol=SAME)
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("seed", range(4))
-def test_quieter_requests_lead_to_the_same_angles_by_a_shorter_way(seed, cyclic):
+def test_smoother_requests_lead_to_the_same_angles_by_a_shorter_way(seed, cyclic):
     limits = None if seed % 2 else (-1.0, 1.0)
     problem, requests = ragged(seed, cyclic=cyclic, limits=limits)
-    quieter = with_idle_smoothed(problem, requests, problem.exact_angles(requests))
-    assert travel(quieter) < travel(requests)
+    smoother = saturated_averaged(problem, requests, problem.exact_angles(requests))
+    assert travel(smoother) < travel(requests)
     np.testing.assert_allclose(
-        problem.exact_angles(quieter), problem.exact_angles(requests), rtol=0.0, atol=SAME
+        problem.exact_angles(smoother), problem.exact_angles(requests), rtol=0.0, atol=SAME
     )
-    assert np.all((problem.lower <= quieter) & (quieter <= problem.upper))
+    assert np.all((problem.lower <= smoother) & (smoother <= problem.upper))
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -84,33 +86,30 @@ def test_quieter_requests_lead_to_the_same_angles_by_a_shorter_way(seed, cyclic)
     list(zip(REFERENCE_JOINTS, (0.95, 0.7, 0.85), strict=True)),
     ids=[joint.name for joint in REFERENCE_JOINTS],
 )
-def test_of_two_plans_that_track_equally_well_the_quieter_one_is_given(
+def test_of_two_plans_that_track_equally_well_the_smoother_one_is_given(
     joint, travelled, cyclic, monkeypatch
 ):
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, cyclic=cyclic)
-    monkeypatch.setattr("planner.inversion.quiet.SMOOTHINGS", 0)
-    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
+    monkeypatch.setattr(smoothing, "OPTIONS", replace(OPTIONS, stages=(), averages=0))
     jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits, cyclic=cyclic)
     assert travel(plan.requests) < travelled * travel(jumping.requests)
     assert plan.largest_step < 0.85 * jumping.largest_step
-    assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
+    assert plan.rms <= jumping.rms * (1.0 + OPTIONS.error_share)
 
 
-def test_the_largest_error_bears_quieter_requests_too(monkeypatch):
+def test_the_largest_error_bears_smoother_requests_too(monkeypatch):
     joint = REFERENCE_JOINTS[1]
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, norm="max")
-    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
+    monkeypatch.setattr(smoothing, "OPTIONS", replace(OPTIONS, stages=()))
     jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits, norm="max")
     assert travel(plan.requests) < 0.85 * travel(jumping.requests)
     assert plan.largest_step < 0.85 * jumping.largest_step
-    assert plan.max_error <= jumping.max_error * (1.0 + AS_WELL)
+    assert plan.max_error <= jumping.max_error * (1.0 + OPTIONS.error_share)
 
 
 @pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
-def test_quieter_plans_of_random_joints_are_quieter_at_next_to_no_cost(
-    cyclic, limited, monkeypatch
-):
+def test_plans_of_random_joints_are_smoothed_at_next_to_no_cost(cyclic, limited, monkeypatch):
     ways = []
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -119,65 +118,69 @@ def test_quieter_plans_of_random_joints_are_quieter_at_next_to_no_cost(
         beyond = model.theta_0 / 2.0
         limits = (desired.min() - beyond, desired.max() + beyond) if limited else None
         plans = []
-        for calming in (CALMING, ()):
-            monkeypatch.setattr("planner.inversion.quiet.CALMING", calming)
+        for stages in (OPTIONS.stages, ()):
+            monkeypatch.setattr(smoothing, "OPTIONS", replace(OPTIONS, stages=stages))
             plans.append(invert_optimal(model, desired, limits=limits, cyclic=cyclic))
         plan, jumping = plans
-        assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
+        assert plan.rms <= jumping.rms * (1.0 + OPTIONS.error_share)
         ways.append(travel(plan.requests) / travel(jumping.requests))
     assert np.mean(ways) < 0.97
     assert np.max(ways) < 1.01
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
-def test_calmer_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic):
+def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic):
     joint = REFERENCE_JOINTS[1]
     plan = invert_optimal(ERS210A, joint.desired, cyclic=cyclic)
     start = None if cyclic else float(joint.desired[0])
-    problem = follow(ERS210A, joint.desired, cyclic=cyclic, start=start)
+    problem = track(ERS210A, joint.desired, cyclic=cyclic, start=start)
     requests = plan.requests[:, np.newaxis]
     given = problem.exact_error(requests)
-    calmer = quieten(problem, requests, at_most=given)
-    assert problem.exact_error(calmer) <= given + ROUNDING
+    smoother = smoothed(problem, requests, at_most=given)
+    assert problem.exact_error(smoother) <= given + ROUNDING
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
-@pytest.mark.parametrize("wanted", [0.0, 0.7], ids=["at zero", "elsewhere"])
-def test_what_does_not_change_is_left_alone(wanted, norm):
-    problem = follow(ERS210A, np.full(20, wanted), cyclic=True, norm=norm)
-    np.testing.assert_array_equal(quieten(problem, problem.resting), problem.resting)
+@pytest.mark.parametrize("desired", [0.0, 0.7], ids=["at zero", "elsewhere"])
+def test_what_does_not_change_is_left_alone(desired, norm):
+    problem = track(ERS210A, np.full(20, desired), cyclic=True, norm=norm)
+    np.testing.assert_array_equal(smoothed(problem, problem.resting), problem.resting)
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS[::2], ids=lambda joint: joint.name)
-def test_a_pull_makes_the_last_stages_quieter_at_next_to_no_cost(joint, monkeypatch):
-    monkeypatch.setattr("planner.inversion.quiet.CALMING", ())
+def test_a_regularisation_makes_the_last_stages_smoother_at_next_to_no_cost(joint, monkeypatch):
+    monkeypatch.setattr(smoothing, "OPTIONS", replace(OPTIONS, stages=()))
     plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
-    weak = tuple(s._replace(pull=min(s.pull, 1e-8), steps=12) for s in descent.SEARCH[3:])
-    monkeypatch.setattr(descent.improve, "__defaults__", ((*descent.SEARCH[:3], *weak),))
+    search = gauss_newton.OPTIONS
+    weak = tuple(s._replace(weight=min(s.weight, 1e-8), steps=12) for s in search.narrow[3:])
+    stages = (*search.narrow[:3], *weak)
+    monkeypatch.setattr(gauss_newton, "OPTIONS", replace(search, narrow=stages))
     jumping = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
     assert travel(plan.requests) < travel(jumping.requests)
-    assert plan.rms <= jumping.rms * (1.0 + AS_WELL)
+    assert plan.rms <= jumping.rms * (1.0 + OPTIONS.error_share)
 
 
 def test_neighbours_of_a_cycle_are_around_it_and_from_rest_none_is_before_the_first():
-    cycle = neighbours(follow(ERS210A, np.zeros(30), cyclic=True))
+    cycle = neighbours(track(ERS210A, np.zeros(30), cyclic=True))
     assert cycle[:, 0].tolist() == [27, 28, 29, 0, 1, 2, 3]
-    resting = neighbours(follow(ERS210A, np.zeros(30), cyclic=False, start=0.0))
+    resting = neighbours(track(ERS210A, np.zeros(30), cyclic=False, start=0.0))
     assert resting[:, 0].tolist() == [0, 0, 0, 0, 1, 2, 3]
     assert resting[:, 29].tolist() == [26, 27, 28, 29, 29, 29, 29]
 
 
 def test_requests_without_a_cycle_are_left_alone(monkeypatch):
-    monkeypatch.setattr("planner.inversion.tracking.MOST_CYCLES", 2)
-    problem = follow(ERS210A, np.zeros(88), cyclic=True)
+    monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
+    problem = track(ERS210A, np.zeros(88), cyclic=True)
     requests = np.repeat([-1e3, 1e3], [43, 45])[:, np.newaxis]
-    assert quieten(problem, requests) is requests
+    assert smoothed(problem, requests) is requests
 
 
-def test_further_rounds_make_a_plan_for_the_foot_calmer_where_its_error_bears_it(monkeypatch):
+def test_further_rounds_make_a_plan_for_the_foot_smoother_where_its_error_bears_it(monkeypatch):
     walk = reference_walk()
     plan = invert_foot(ERS210A, walk.leg, walk.desired_foot, norm="max")
-    monkeypatch.setattr("planner.inversion.foot.invert.CALMING_ROUNDS", 1)
+    monkeypatch.setattr("planner.inversion.foot.invert.SMOOTHING_ROUNDS", 1)
     once = invert_foot(ERS210A, walk.leg, walk.desired_foot, norm="max")
-    assert restlessness(plan.requests, cyclic=True) < 0.8 * restlessness(once.requests, cyclic=True)
-    assert plan.max_error <= once.max_error * (1.0 + AS_WELL)
+    assert squared_changes(plan.requests, cyclic=True) < 0.8 * squared_changes(
+        once.requests, cyclic=True
+    )
+    assert plan.max_error <= once.max_error * (1.0 + OPTIONS.error_share)

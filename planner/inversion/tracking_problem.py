@@ -4,31 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
-from planner.inversion.goal import FollowAngles, Goal
-from planner.inversion.limits import Limits
-from planner.inversion.norm import Norm
-from planner.inversion.stencil import Stencil, stencil
-from planner.model.joint import JointModel, Reach, reach
+from planner.inversion.arguments import Limits, Norm
+from planner.model.joint import JointModel, Reach, acting, reach
 from planner.model.response import steady_cycle
 from planner.model.sensitivity import Response, periods, reach_of
 from planner.model.symbolic import exact_run
 from planner.trajectory import Array
 
+Indices = npt.NDArray[np.int_]
 
-class Tracking:
-    """Joints that should reach a goal by requests within limits, and how far they miss it.
+
+class TrackingProblem:
+    """Joints that should reach a goal by requests within limits: (10) of ``docs/math.md``.
 
     Attributes:
         models: The joints, whose requests are sent together.
         goal: What they should do.
-        resting: Requests towards which the search leans where nothing else decides [rad],
-            shape (n, joints).
+        resting: Requests that would hold the desired angles, R_0 of (10) [rad], (n, joints).
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
         lower, upper: Limits on the requests [rad], shape (joints,).
@@ -70,9 +69,9 @@ class Tracking:
         """Whether any request has a limit."""
         return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
 
-    def within(self, limits: tuple[Array, Array]) -> Tracking:
+    def within(self, limits: tuple[Array, Array]) -> TrackingProblem:
         """The same problem with other limits."""
-        return Tracking(
+        return TrackingProblem(
             self.models,
             self.goal,
             self.resting,
@@ -89,9 +88,9 @@ class Tracking:
         return reach_of(self.models)
 
     @cached_property
-    def stencil(self) -> Stencil:
+    def windows(self) -> Windows:
         """Where requests act."""
-        return stencil(self.reach, *self.resting.shape, cyclic=self.cyclic)
+        return windows_of(self.reach, *self.resting.shape, cyclic=self.cyclic)
 
     def admissible(self, requests: Array) -> Array:
         """The nearest requests within the limits, from rest with those that hold the start."""
@@ -101,7 +100,7 @@ class Tracking:
         return np.clip(nearest, self.lower, self.upper)
 
     def error(self, angles: Array) -> float:
-        """What is to be made small."""
+        """The error of the angles in the norm that counts."""
         distances = self.goal.distances(angles)
         return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
 
@@ -117,7 +116,7 @@ class Tracking:
             requests: Requests [rad], shape (n, joints).
             seam: Angles near which the cycles' seams are sought [rad], shape (joints,).
         """
-        windows = self.stencil.windows(requests)
+        windows = self.windows.of(requests)
         seam = self.resting[-1] + self.offsets if seam is None else seam
         answer = np.empty_like(requests)
         for joint, model in enumerate(self.models):
@@ -130,19 +129,19 @@ class Tracking:
             answer[:, joint] = angles
         return answer
 
-    def respond(self, angles: Array, requests: Array, *, smoothing: float) -> Response:
+    def respond(self, angles: Array, requests: Array, *, radius: float) -> Response:
         """Where every request period of the smoothed models leads from these angles.
 
         Args:
             angles: Angles at the samples, whether the models reach them or not [rad], (n, joints).
             requests: Requests [rad], shape (n, joints).
-            smoothing: Radius of the saturation's corners [theta_0].
+            radius: Radius of the saturation's corners [theta_0].
         """
-        before = angles[self.stencil.before]
+        before = angles[self.windows.before]
         if self.start is not None:
             before[0] = self.start
         evaluate = periods(self.models, len(angles))
-        response = evaluate(before, self.stencil.windows(requests), smoothing)
+        response = evaluate(before, self.windows.of(requests), radius)
         if self.start is not None:
             response.by_angle[0] = 0.0  # nothing comes before the first sample that could change
         return response
@@ -159,7 +158,7 @@ class Tracking:
             return None
 
 
-def follow(
+def track(
     model: JointModel,
     desired: Array,
     *,
@@ -167,9 +166,9 @@ def follow(
     norm: Norm = "rms",
     limits: Limits | None = None,
     start: float | None = None,
-) -> Tracking:
+) -> TrackingProblem:
     """The problem of one joint that should follow desired angles [rad], shape (n,)."""
-    return Tracking(
+    return TrackingProblem(
         [model],
         FollowAngles(desired),
         desired[:, np.newaxis] - model.offset,
@@ -191,3 +190,104 @@ def in_reach(model: JointModel, angles: Array, start: float | None) -> Array:
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
     farthest = model.v_max * model.period * moving
     return np.clip(angles, start - farthest, start + farthest)
+
+
+class Errors(NamedTuple):
+    """Errors of every sample and their derivatives by the joints' angles."""
+
+    values: Array  # (n, m)
+    jacobians: Array  # (n, m, joints)
+
+
+class Goal(Protocol):
+    """Something that angles can miss, sample by sample."""
+
+    def distances(self, angles: Array) -> Array:
+        """How far the angles (n, joints) miss it: (n,)."""
+        ...
+
+    def errors(self, angles: Array) -> Errors:
+        """By which errors, whose lengths are the distances, and their derivatives."""
+        ...
+
+
+class FollowAngles:
+    """One joint that should follow desired angles."""
+
+    def __init__(self, desired: Array) -> None:
+        """Take the desired angles [rad], shape (n,)."""
+        self.desired = desired
+        self._jacobians = np.ones((len(desired), 1, 1))
+
+    def distances(self, angles: Array) -> Array:
+        """Absolute errors [rad], (n,)."""
+        distances: Array = np.abs(angles[:, 0] - self.desired)
+        return distances
+
+    def errors(self, angles: Array) -> Errors:
+        """Angles minus desired [rad]."""
+        return Errors(angles - self.desired[:, np.newaxis], self._jacobians)
+
+
+class Windows:
+    """Which requests act before which samples, for joints of one reach.
+
+    What each request has at the samples has shape (width, n, joints), the youngest request first.
+
+    Attributes:
+        acting: Number of the j-th youngest request that acts before sample k, -1 for one before the
+            first, shape (width, n).
+        before, after: The sample before and after each, shape (n,). From rest, too, the last one
+            comes before the first: nothing of it is kept there.
+    """
+
+    def __init__(self, reach: Reach, samples: int, joints: int, *, cyclic: bool) -> None:
+        """Work out the indices once."""
+        self.reach = reach
+        self.samples = samples
+        self.joints = joints
+        self.cyclic = cyclic
+        every = np.arange(samples)
+        self.acting = np.ascontiguousarray(acting(reach, samples, cyclic=cyclic).T)
+        self._of_first = np.maximum(self.acting, 0)  # before the first request it was the first
+        ages = np.arange(reach.width)[:, np.newaxis]
+        answering = self.wrap(every + reach.youngest + ages)
+        self._answers = np.where(
+            answering < 0, reach.width * samples, ages * samples + answering
+        )  # where each request's entries are, among those of all; behind them where nowhere
+        self.before, self.after = np.roll(every, 1), np.roll(every, -1)
+
+    def wrap(self, index: Indices) -> Indices:
+        """Numbers of samples, on a cycle modulo its length; from rest -1 where there is none."""
+        if self.cyclic:
+            return index % self.samples
+        return np.where((index < 0) | (index >= self.samples), -1, index)
+
+    def of(self, requests: Array) -> Array:
+        """The requests that act before each sample, youngest first: (width, n, joints)."""
+        windows: Array = requests.take(self._of_first, axis=0)
+        return windows
+
+    def spread(self, weights: Array) -> Array:
+        """Something of each request where the request acts, 0 before the first: (width, n, k)."""
+        if not self.cyclic:
+            weights = np.concatenate([weights, np.zeros((1, self.joints))])
+        spread: Array = weights.take(self.acting, axis=0)  # -1 is the row of zeros
+        return spread
+
+    def gathered(self, entries: Array, combine: np.ufunc = np.add, nothing: float = 0.0) -> Array:
+        """The sum over all samples of what each request has there: (n, joints).
+
+        ``combine`` may put something else in the sum's place, and ``nothing`` what is its zero.
+        """
+        flat = entries.reshape(-1, self.joints)
+        if not self.cyclic:
+            flat = np.concatenate([flat, np.full((1, self.joints), nothing)])
+        answer: Array = combine.reduce(flat.take(self._answers, axis=0), axis=0)
+        return answer
+
+
+@lru_cache(maxsize=32)
+def windows_of(reach: Reach, samples: int, joints: int, *, cyclic: bool) -> Windows:
+    """The windows for this reach and size: worked out at the first call, then kept."""
+    return Windows(reach, samples, joints, cyclic=cyclic)

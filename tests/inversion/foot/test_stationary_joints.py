@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.gait import reference_walk
-from planner.inversion import still
+from planner.inversion.foot import invert
 from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 
@@ -38,7 +38,7 @@ def test_a_joint_that_could_only_make_up_for_next_to_nothing_rests(norm, monkeyp
     path = stepping(10.0)
     plan = invert_foot(ERS210A, LEG, path, norm=norm)
     assert np.ptp(plan.requests[:, 1]) == 0.0
-    monkeypatch.setattr(still, "STILL", -1.0)
+    monkeypatch.setattr(invert, "STATIONARY", -1.0)
     moving = invert_foot(ERS210A, LEG, path, norm=norm)
     assert np.ptp(moving.requests[:, 1]) > math.radians(0.01)
     assert plan.error <= moving.error + UNSEEN
@@ -48,7 +48,7 @@ def test_a_joint_that_makes_up_for_what_others_miss_moves(monkeypatch):
     path = stepping(40.0)
     plan = invert_foot(ERS210A, LEG, path)
     assert np.ptp(plan.requests[:, 1]) > math.radians(1.0)
-    monkeypatch.setattr(still, "UNSEEN", math.inf)
+    monkeypatch.setattr(invert, "UNSEEN", math.inf)
     resting = invert_foot(ERS210A, LEG, path)
     assert np.ptp(resting.requests[:, 1]) == 0.0
     assert plan.rms < 0.99 * resting.rms

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
 from planner.given import as_reals, shown
-from planner.inversion.limits import checked_limits
+from planner.inversion.arguments import checked_limits
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 

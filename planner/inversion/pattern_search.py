@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.line import AT_TOP_SPEED, Rule, interpolated_offset
-from planner.inversion.tracking import Tracking
+from planner.inversion.line_inverse import AT_TOP_SPEED, Rule, interpolated_offset
+from planner.inversion.tracking_problem import TrackingProblem
 from planner.trajectory import Array
 
 COARSEST = 2.0
@@ -39,7 +39,9 @@ class Move(NamedTuple):
 class Evaluation:
     """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
 
-    def __init__(self, problem: Tracking, curve: PiecewiseLinear, rule: Rule, ahead: float) -> None:
+    def __init__(
+        self, problem: TrackingProblem, curve: PiecewiseLinear, rule: Rule, ahead: float
+    ) -> None:
         """Take what stays the same for every move."""
         self.problem = problem
         self.curve = curve
@@ -75,7 +77,7 @@ class Evaluation:
 
 
 def refined_curve(
-    problem: Tracking,
+    problem: TrackingProblem,
     curve: PiecewiseLinear,
     *,
     rule: Rule,

@@ -11,8 +11,8 @@ import planner
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.stack import CurveStack, lines_in_force
 from planner.exceptions import InvalidInput
-from planner.inversion.line import RULES, line_offset
-from planner.inversion.switching import closed_form_requests, switching_time
+from planner.inversion.closed_form import closed_form_requests, switching_time
+from planner.inversion.line_inverse import RULES, line_offset
 from planner.model.joint import JointModel
 from tests.instances import REFERENCE_JOINTS, random_model
 

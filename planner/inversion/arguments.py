@@ -1,15 +1,21 @@
-"""Limits on the requests."""
+"""Arguments of the inversions: the norm of the error, limits on the requests, a tolerance."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput
-from planner.given import as_number, shown
+from planner.given import as_number, is_one_of, shown
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+
+Norm = Literal["rms", "max"]
+
+NORMS: tuple[Norm, ...] = ("rms", "max")
+"""The error that counts: the root mean square, or the largest."""
 
 Limits = tuple[float, float]
 
@@ -19,6 +25,14 @@ ON_THE_LIMIT = 1e-9
 NEGLIGIBLE_SAG = 1e-3
 """So much of a sag does not put a path out of reach [rad]: a fifth of a count of the ERS-210A's
 sensor, and as much as an identification makes of none."""
+
+
+def check_norm(norm: str) -> None:
+    """Raise InvalidInput unless ``norm`` is the name of a norm."""
+    if not is_one_of(norm, NORMS):
+        raise InvalidInput(
+            f"norm: got {shown(norm)}, expected one of {', '.join(map(repr, NORMS))}"
+        )
 
 
 def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from planner.inversion.stencil import Stencil, stencil
-from planner.inversion.step import Damping, Pull, Quadratic, gauss_newton_step
+from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, kkt_step, schur_band
+from planner.inversion.tracking_problem import Windows, windows_of
 from planner.model.joint import Reach, reach
 from planner.model.sensitivity import Response
 from planner.trajectory import Array
@@ -27,21 +27,21 @@ class Problem:
     """One random step, its arguments by name."""
 
     reach: Reach
-    stencil: Stencil
+    windows: Windows
     response: Response
     cost: Quadratic
-    pull: Pull
-    lacking: Array
+    regularisation: Regularisation
+    defects: Array
     damping: Damping
     free: np.ndarray
 
     def solve(self):
-        return gauss_newton_step(
-            self.stencil,
+        return kkt_step(
+            self.windows,
             self.response,
             self.cost,
-            pull=self.pull,
-            lacking=self.lacking,
+            regularisation=self.regularisation,
+            defects=self.defects,
             damping=self.damping,
             free=self.free,
         )
@@ -52,8 +52,8 @@ class Problem:
         for k, change in enumerate(angles):
             total += 2.0 * self.cost.gradient[k] @ change
             total += change @ self.cost.curvature[k] @ change
-        pulled = self.pull.weight * np.sum((self.pull.away + requests) ** 2)
-        return float(total + self.pull.least + pulled)
+        penalty = self.regularisation.weight * np.sum((self.regularisation.away + requests) ** 2)
+        return float(total + self.regularisation.constant + penalty)
 
 
 def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
@@ -78,13 +78,13 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
     definite = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(joints)
     return Problem(
         reach=union,
-        stencil=Stencil(union, samples, joints, cyclic=cyclic),
+        windows=Windows(union, samples, joints, cyclic=cyclic),
         response=Response(np.empty(0), by_angle, by_request, np.empty(0)),
         cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
-        pull=Pull(
+        regularisation=Regularisation(
             float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints)), rng.normal()
         ),
-        lacking=rng.normal(size=(samples, joints)),
+        defects=rng.normal(size=(samples, joints)),
         damping=Damping(
             10.0 ** rng.uniform(-4, 0, (samples, joints)), rng.uniform(0.0, 1.0, (samples, joints))
         ),
@@ -99,10 +99,10 @@ def dense_matrices(problem):
     for k in range(samples):
         for i in range(joints):
             row = k * joints + i
-            if k > 0 or problem.stencil.cyclic:
+            if k > 0 or problem.windows.cyclic:
                 B[row, (k - 1) % samples * joints + i] -= problem.response.by_angle[k, i]
             for j in range(width):
-                request = problem.stencil.acting[j, k]
+                request = problem.windows.acting[j, k]
                 if request >= 0:
                     H[row, request * joints + i] += problem.response.by_request[j, k, i]
     return B, H
@@ -113,9 +113,9 @@ def dense_step(problem):
     B, H = dense_matrices(problem)
     free = problem.free.ravel()
     J = np.linalg.solve(B, H)[:, free]
-    caught_up = np.linalg.solve(B, problem.lacking.ravel())
+    caught_up = np.linalg.solve(B, problem.defects.ravel())
     C = block_diag(*problem.cost.curvature) + np.diag(problem.damping.angles.ravel())
-    weight, away, _ = problem.pull
+    weight, away, _ = problem.regularisation
     quadratic = J.T @ C @ J + np.diag(weight + problem.damping.requests.ravel()[free])
     gradient = problem.cost.gradient.ravel() + C @ caught_up
     right = -J.T @ gradient - weight * away.ravel()[free]
@@ -142,25 +142,25 @@ def test_the_step_is_the_dense_solution(samples, joints, hold, cyclic):
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("joints", [1, 3])
 @pytest.mark.parametrize("samples", [2, 5, 40])
-def test_the_expected_cost_is_that_of_the_proposed_change(samples, joints, cyclic):
+def test_the_predicted_cost_is_that_of_the_proposed_change(samples, joints, cyclic):
     rng = np.random.default_rng([samples, joints, cyclic])
     problem = random_problem(rng, samples, joints, cyclic=cyclic)
     step = problem.solve()
-    assert step.expected == pytest.approx(problem.value(step.requests, step.angles), rel=1e-12)
+    assert step.predicted == pytest.approx(problem.value(step.requests, step.angles), rel=1e-12)
 
 
 @pytest.mark.parametrize("joints", [1, 3])
-def test_where_nothing_lacks_a_step_is_expected_to_help(joints):
+def test_without_defects_a_step_is_predicted_to_help(joints):
     problem = random_problem(np.random.default_rng(joints), 40, joints)
-    problem.lacking[:] = 0.0
+    problem.defects[:] = 0.0
     nothing = np.zeros((40, joints))
-    assert problem.solve().expected < problem.value(nothing, nothing)
+    assert problem.solve().predicted < problem.value(nothing, nothing)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3])
 def test_no_shorter_or_longer_step_is_better(joints):
     problem = random_problem(np.random.default_rng(joints), 40, joints, hold=2)
-    problem.lacking[:] = 0.0
+    problem.defects[:] = 0.0
     step = problem.solve()
 
     def damped(share):
@@ -178,20 +178,22 @@ def test_a_request_that_is_not_free_does_not_move(cyclic):
     assert not problem.free.all()
     step = problem.solve()
     assert np.all(step.requests[~problem.free] == 0.0)
-    assert np.all(step.pushes[~problem.free] != 0.0)
+    assert np.all(step.reduced_gradient[~problem.free] != 0.0)
 
 
 def test_a_request_that_may_move_goes_where_it_is_pushed():
     problem = random_problem(np.random.default_rng(5), 30, 2)
     step, free = problem.solve(), problem.free
-    weights = problem.pull.weight + problem.damping.requests
-    np.testing.assert_allclose((step.requests * weights)[free], step.pushes[free], rtol=ROUNDING)
+    weights = problem.regularisation.weight + problem.damping.requests
+    np.testing.assert_allclose(
+        (step.requests * weights)[free], -step.reduced_gradient[free], rtol=ROUNDING
+    )
 
 
 def test_a_step_with_nothing_free_goes_nowhere():
     problem = random_problem(np.random.default_rng(4), 12, 2)
     problem.free[:] = False
-    problem.lacking[:] = 0.0
+    problem.defects[:] = 0.0
     step = problem.solve()
     assert np.all(step.requests == 0.0)
     np.testing.assert_allclose(step.angles, 0.0, rtol=0.0, atol=ROUNDING)
@@ -204,16 +206,16 @@ def test_joints_that_the_cost_does_not_couple_are_solved_one_by_one():
     together = problem.solve()
     for joint in range(3):
         only = slice(joint, joint + 1)
-        response, cost = problem.response, problem.cost
+        response, cost, term = problem.response, problem.cost, problem.regularisation
         alone = Problem(
             reach=problem.reach,
-            stencil=Stencil(problem.reach, 25, 1, cyclic=True),
+            windows=Windows(problem.reach, 25, 1, cyclic=True),
             response=response._replace(
                 by_angle=response.by_angle[:, only], by_request=response.by_request[..., only]
             ),
             cost=Quadratic(0.0, cost.gradient[:, only], cost.curvature[:, only, only]),
-            pull=problem.pull._replace(away=problem.pull.away[:, only]),
-            lacking=problem.lacking[:, only],
+            regularisation=term._replace(away=term.away[:, only]),
+            defects=problem.defects[:, only],
             damping=Damping(*(weights[:, only] for weights in problem.damping)),
             free=problem.free[:, only],
         ).solve()
@@ -231,11 +233,15 @@ def test_a_cost_that_curves_downward_is_refused():
 def test_the_band_of_a_cycle_is_no_wider_than_twice_that_from_rest(joints):
     at = reach(random_model(np.random.default_rng(1)))
     assert at.width > 2
-    straight = Stencil(at, 500, joints, cyclic=False).bandwidth
+    straight = schur_band(Windows(at, 500, joints, cyclic=False)).bandwidth
     assert straight == (at.width - 1) * joints
-    assert straight < Stencil(at, 500, joints, cyclic=True).bandwidth < 2 * at.width * joints
+    assert (
+        straight
+        < schur_band(Windows(at, 500, joints, cyclic=True)).bandwidth
+        < 2 * at.width * joints
+    )
     # Angles follow one another even where only one request acts.
-    assert Stencil(Reach(3, 3), 500, joints, cyclic=False).bandwidth == 2 * joints - 1
+    assert schur_band(Windows(Reach(3, 3), 500, joints, cyclic=False)).bandwidth == 2 * joints - 1
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -247,22 +253,24 @@ def test_what_is_gathered_is_the_transpose_of_what_is_felt(samples, cyclic):
         _, H = dense_matrices(problem)
         change, multipliers = rng.normal(size=(2, samples, joints))
         by_request = problem.response.by_request
-        forward = (by_request * problem.stencil.felt(change)).sum(axis=0)
-        backward = problem.stencil.gathered(by_request * multipliers)
+        forward = (by_request * problem.windows.spread(change)).sum(axis=0)
+        backward = problem.windows.gathered(by_request * multipliers)
         np.testing.assert_allclose(forward.ravel(), H @ change.ravel(), atol=ROUNDING)
         np.testing.assert_allclose(backward.ravel(), H.T @ multipliers.ravel(), atol=ROUNDING)
 
 
 def test_windows_hold_the_requests_that_act_youngest_first():
     requests = np.arange(12.0).reshape(6, 2)
-    cycle = Stencil(Reach(1, 3), 6, 2, cyclic=True).windows(requests)
+    cycle = Windows(Reach(1, 3), 6, 2, cyclic=True).of(requests)
     np.testing.assert_array_equal(cycle[:, 0, 0], requests[[5, 4, 3], 0])
     np.testing.assert_array_equal(cycle[:, 4, 1], requests[[3, 2, 1], 1])
-    resting = Stencil(Reach(1, 3), 6, 2, cyclic=False).windows(requests)
+    resting = Windows(Reach(1, 3), 6, 2, cyclic=False).of(requests)
     np.testing.assert_array_equal(resting[:, 1, 0], requests[[0, 0, 0], 0])
     np.testing.assert_array_equal(resting[:, 4, 1], requests[[3, 2, 1], 1])
 
 
-def test_a_stencil_is_worked_out_once():
-    assert stencil(Reach(2, 5), 30, 3, cyclic=True) is stencil(Reach(2, 5), 30, 3, cyclic=True)
-    assert stencil(Reach(2, 5), 30, 3, cyclic=True) is not stencil(Reach(2, 5), 30, 3, cyclic=False)
+def test_windows_and_their_band_are_worked_out_once():
+    windows = windows_of(Reach(2, 5), 30, 3, cyclic=True)
+    assert windows is windows_of(Reach(2, 5), 30, 3, cyclic=True)
+    assert windows is not windows_of(Reach(2, 5), 30, 3, cyclic=False)
+    assert schur_band(windows) is schur_band(windows)

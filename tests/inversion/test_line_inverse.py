@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.inversion.line import line_offset
+from planner.inversion.line_inverse import line_offset
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import windowed

@@ -1,0 +1,358 @@
+"""Gauss-Newton with Levenberg-Marquardt terms, on a saturation whose corners sharpen in stages.
+
+Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
+one carries on from its answer with sharper corners and less regularisation: a homotopy. Angles and
+requests are unknowns both, so no step waits for a simulation (direct multiple shooting: J. T.
+Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010). Until the steps
+have closed them, the dynamics have defects; an augmented Lagrangian judges the steps (J. Nocedal,
+S. J. Wright, *Numerical Optimization*, 2006, section 17.3), and the exact models the answers.
+Requests at a limit are held there by an active set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.inversion.kkt_step import Damping, Mask, Quadratic, Regularisation, Step, kkt_step
+from planner.inversion.tracking_problem import Errors, TrackingProblem
+from planner.model.sensitivity import Response
+from planner.trajectory import Array
+
+
+class Stage(NamedTuple):
+    """One problem of a search.
+
+    Attributes:
+        radius: Radius of the saturation's corners [theta_0].
+        weight: Weight of the regularisation, rho of (10), relative to that of the squared errors.
+        power: The errors' exponent in the cost.
+        steps: Steps at most: the next stage carries on where this one stops.
+        smoothing: Whether the regularisation is the sum of the squared changes from one request to
+            the next, not the squared distance from the requests that hold the desired angles.
+    """
+
+    radius: float
+    weight: float
+    power: float = 2.0
+    steps: int = 6
+    smoothing: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussNewtonOptions:
+    """What steers the search.
+
+    Attributes:
+        narrow: The stages. A regularisation keeps the first ones out of the plains where saturated
+            requests no longer count, and the last ones from jumping where nothing is gained.
+        wide: The stages of a search that leaves the place where it begins: under corners so wide
+            every request counts. Hardly any regularisation is left at the end, which matters where
+            next to no error is.
+        largest: Where the largest error counts, the stages that follow those of wide corners: it
+            is approached through sums of powers of the errors.
+        simulated: Radius below which what a stage ends with is worth a simulation [theta_0].
+        least_decrease: A stage ends when a step lowers its merit by less than this fraction.
+        least_damping: Least weight of the Levenberg-Marquardt term, relative to that of the errors.
+        first_damping: Least weight in a stage's first step.
+        most_damping: A stage ends when its steps fail under this weight.
+        defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
+            curvature of the cost.
+        shortening: Share of a step that is tried after one that was too long.
+        lengths: Lengths of a step that are tried before it is computed anew.
+        active_set_rounds: How often a step is taken anew with the requests held that it would take
+            beyond their limits.
+    """
+
+    narrow: tuple[Stage, ...] = (
+        Stage(0.5, 1e-2),
+        Stage(0.2, 1e-3),
+        Stage(0.1, 1e-4),
+        Stage(0.04, 5e-5),
+        Stage(0.02, 5e-5),
+        Stage(0.008, 5e-5),
+        Stage(0.006, 1e-5, steps=2),
+    )
+    wide: tuple[Stage, ...] = (
+        Stage(2.0, 1e-3),
+        Stage(1.0, 1e-3),
+        Stage(0.5, 1e-4),
+        Stage(0.2, 1e-4),
+        Stage(0.08, 1e-4),
+        Stage(0.02, 1e-5),
+        Stage(0.008, 1e-8),
+    )
+    largest: tuple[Stage, ...] = tuple(
+        Stage(radius, 1e-5, power=power, steps=8)
+        for radius, power in ((0.1, 4), (0.1, 8), (0.1, 16), (0.05, 32), (0.02, 64), (0.006, 64))
+    )
+    simulated: float = 0.1
+    least_decrease: float = 5e-4
+    least_damping: float = 1e-9
+    first_damping: float = 3e-4
+    most_damping: float = 1e2
+    defect_penalty: float = 60.0
+    shortening: float = 0.4
+    lengths: int = 4
+    active_set_rounds: int = 3
+
+
+OPTIONS = GaussNewtonOptions()
+
+
+class State(NamedTuple):
+    """Where a search is, and what it has learnt for its next step."""
+
+    requests: Array  # (n, joints) [rad]
+    angles: Array  # (n, joints) [rad]
+    damping: float = 0.0
+    multipliers: Array | None = None
+    held: Mask | None = None  # requests that stay at their limits
+
+
+def minimise(
+    problem: TrackingProblem, state: State, stages: Sequence[Stage] | None = None
+) -> tuple[State, float]:
+    """The best of where the stages lead, judged by the exact models, and that error.
+
+    Args:
+        problem: What to reach, and within which limits.
+        state: Where to start; its requests within the limits.
+        stages: The stages to go through; the narrow ones by default.
+    """
+    best, least = state, problem.exact_error(state.requests)
+    for stage in stages_for(problem, OPTIONS.narrow if stages is None else stages):
+        state = descend(problem, state, stage)
+        if stage.radius >= OPTIONS.simulated:
+            continue
+        error = problem.exact_error(state.requests, state.angles[-1])
+        if error < least:
+            best, least = state, error
+    return best, least
+
+
+def stages_for(problem: TrackingProblem, stages: Sequence[Stage]) -> Sequence[Stage]:
+    """The stages, and where the largest error counts those that turn to it."""
+    if problem.norm == "rms":
+        return stages
+    widest = OPTIONS.largest[0].radius
+    return [*(stage for stage in stages if stage.radius >= widest), *OPTIONS.largest]
+
+
+def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
+    """Lower one stage's cost by damped Gauss-Newton steps."""
+    unit = 1.0
+    if stage.power > 2.0:
+        unit = max(float(np.max(problem.goal.distances(state.angles))), np.finfo(np.float64).tiny)
+    damping = max(state.damping, OPTIONS.first_damping)
+    multipliers, held = state.multipliers, state.held
+    current = iterate(problem, state.requests, state.angles, stage, unit)
+    penalty = OPTIONS.defect_penalty * float(current.cost.curvature.max())
+    for _ in range(stage.steps):
+        try:
+            step, held = _step_within_limits(problem, current, damping, multipliers, held)
+        except np.linalg.LinAlgError:  # the matrix is singular to working precision
+            damping *= 10.0
+            continue
+        merit = current.merit(step.multipliers, penalty)
+        predicted_reduction = merit - step.predicted
+        following, length = _line_search(problem, current, step, stage, unit, penalty)
+        if following is None:
+            damping *= 3.0
+            negligible = predicted_reduction < 0.1 * OPTIONS.least_decrease * merit
+            if damping > OPTIONS.most_damping or negligible:
+                break
+            continue
+        after = following.merit(step.multipliers, penalty)
+        reduction = merit - after
+        if length < 1.0:
+            damping *= 2.0
+        elif reduction > 0.6 * predicted_reduction:
+            damping = max(damping / 3.0, OPTIONS.least_damping)
+        elif reduction < 0.2 * predicted_reduction:
+            damping *= 3.0
+        current, multipliers = following, step.multipliers
+        if reduction < OPTIONS.least_decrease * after:
+            break
+    return State(current.requests, current.angles, damping, multipliers, held)
+
+
+class Iterate(NamedTuple):
+    """Requests, angles, how the smoothed models answer, and what they cost."""
+
+    requests: Array
+    angles: Array
+    response: Response
+    defects: Array  # by how much the angles fall short of where the models lead, (n, joints)
+    cost: Quadratic
+    regularisation: Regularisation
+    value: float  # the stage's cost
+
+    def merit(self, multipliers: Array, penalty: float) -> float:
+        """The augmented Lagrangian: to first order, the cost once the defects are closed.
+
+        Args:
+            multipliers: Of the conditions, (n, joints).
+            penalty: Weight on the squares of the defects.
+        """
+        worth = np.vdot(penalty * self.defects - 2.0 * multipliers, self.defects)
+        return self.value + float(worth)
+
+
+def iterate(
+    problem: TrackingProblem, requests: Array, angles: Array, stage: Stage, unit: float = 1.0
+) -> Iterate:
+    """What the smoothed models and the stage make of requests and angles."""
+    response = problem.respond(angles, requests, radius=stage.radius)
+    errors = problem.goal.errors(angles)
+    cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)
+    if stage.smoothing:
+        regularisation = smoothing_term(requests, stage.weight, cyclic=problem.cyclic)
+    else:
+        regularisation = Regularisation(stage.weight, requests - problem.resting)
+    defects = response.reached - angles
+    value = cost.value + regularisation.value
+    return Iterate(requests, angles, response, defects, cost, regularisation, value)
+
+
+def _line_search(
+    problem: TrackingProblem,
+    current: Iterate,
+    step: Step,
+    stage: Stage,
+    unit: float,
+    penalty: float,
+) -> tuple[Iterate | None, float]:
+    """The first share of the step that lowers the merit, and how large a share; None if none."""
+    length, merit = 1.0, current.merit(step.multipliers, penalty)
+    for _ in range(OPTIONS.lengths):
+        requests = problem.admissible(current.requests + length * step.requests)
+        angles = current.angles + length * step.angles
+        following = iterate(problem, requests, angles, stage, unit)
+        if following.merit(step.multipliers, penalty) < merit:
+            return following, length
+        length *= OPTIONS.shortening
+    return None, length
+
+
+def _step_within_limits(
+    problem: TrackingProblem,
+    current: Iterate,
+    damping: float,
+    multipliers: Array | None,
+    held: Mask | None,
+) -> tuple[Step, Mask | None]:
+    """The Gauss-Newton step, and the requests held at the limits that they would leave."""
+    below, above = current.requests <= problem.lower, current.requests >= problem.upper
+    free = problem.movable if held is None else problem.movable & ~(held & (below | above))
+    for _ in range(OPTIONS.active_set_rounds):
+        step = kkt_step(
+            problem.windows,
+            current.response,
+            current.cost,
+            regularisation=current.regularisation,
+            defects=current.defects,
+            damping=_damping(problem, current, damping, multipliers),
+            free=free,
+        )
+        if not problem.limited:
+            return step, None
+        slope = step.reduced_gradient
+        outward = (below & (slope > 0.0)) | (above & (slope < 0.0))
+        before, free = free, problem.movable & ~outward
+        if np.all(free >= before):  # those that may come back do so in the next step
+            break
+    return step, problem.movable & ~free
+
+
+def _damping(
+    problem: TrackingProblem, current: Iterate, damping: float, multipliers: Array | None
+) -> Damping:
+    """An even weight, and the curvature of the Lagrangian at the corners where it is positive.
+
+    See ``docs/math.md``, section 6.
+    """
+    even = np.full_like(current.requests, damping)
+    if multipliers is None:
+        return Damping(even, np.zeros_like(even))
+    bending = np.maximum(-multipliers * current.response.bending, 0.0)
+    after = bending.sum(axis=0)[problem.windows.after]  # bends by the angle before each sample
+    return Damping(even + problem.windows.gathered(bending), after)
+
+
+LEAST_WEIGHT = 1e-6
+"""Least weight on an error, relative to that on an error of one unit in a sum of squares."""
+
+LARGEST_SHARE = 1e4
+"""Error in units from which on a cost counts as this large: its highest power is still a number."""
+
+
+def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Quadratic:
+    """The sum of ``unit^2 |error / unit|^power`` to second order in the angles: (13).
+
+    Gauss-Newton: the errors themselves are taken to be linear in the angles.
+
+    Args:
+        errors: Errors and their derivatives.
+        power: 2 for least squares; large powers approach the largest error.
+        unit: Error that counts as one.
+        ridge: Added to the curvature, so that it is definite where the errors do not see an angle.
+    """
+    gradient = np.einsum("kmi,km->ki", errors.jacobians, errors.values)
+    curvature = np.einsum("kmi,kmj->kij", errors.jacobians, errors.jacobians)
+    if power == 2.0:
+        value = float(np.vdot(errors.values, errors.values))
+    else:
+        lengths = np.linalg.norm(errors.values, axis=1)
+        # Beyond this a power overflows; such a step is refused for its cost in any case.
+        share = np.minimum(lengths / unit, LARGEST_SHARE)
+        value = unit**2 * float(np.sum(share**power))
+        weights = power / 2.0 * np.maximum(share ** (power - 2.0), LEAST_WEIGHT)
+        radial = gradient / np.maximum(lengths, np.finfo(np.float64).tiny)[:, np.newaxis]
+        curvature += (power - 2.0) * radial[:, :, np.newaxis] * radial[:, np.newaxis]
+        gradient = weights[:, np.newaxis] * gradient
+        curvature *= weights[:, np.newaxis, np.newaxis]
+    if ridge > 0.0:
+        curvature = curvature + ridge * np.eye(curvature.shape[-1])
+    return Quadratic(value, gradient, curvature)
+
+
+STIFFNESS = 3.0
+"""Curvature that stands for that of the squared changes, which is 0 to 4: below the 4 of an upper
+bound, since steps are judged anyway and long ones save some."""
+
+
+def changes(requests: Array, *, cyclic: bool) -> Array:
+    """From each request to the next, in a cycle from the last to the first: (n, joints).
+
+    From rest there is one less.
+    """
+    if cyclic:
+        following: Array = np.concatenate([requests[1:], requests[:1]]) - requests
+        return following
+    steps: Array = requests[1:] - requests[:-1]
+    return steps
+
+
+def smoothing_term(requests: Array, weight: float, *, cyclic: bool) -> Regularisation:
+    """The regularisation that stands for ``weight`` times the squared changes of the requests.
+
+    With differences D, ``|D (R + d)|^2 = |D R|^2 + 2 d' D'D R + |D d|^2`` couples neighbours, which
+    the solve of a step does without. Here ``STIFFNESS |d|^2`` takes the place of the last term:
+    each request is drawn towards the mean of its neighbours. Value and slope are those of the
+    squared changes.
+    """
+    steps = changes(requests, cyclic=cyclic)
+    slope = np.zeros_like(requests)  # D'D R
+    if cyclic:
+        slope[0] = steps[-1] - steps[0]
+        slope[1:] = steps[:-1] - steps[1:]
+    else:
+        slope[:-1] -= steps
+        slope[1:] += steps
+    away = slope / STIFFNESS
+    constant = float(np.vdot(steps, steps)) - STIFFNESS * float(np.vdot(away, away))
+    return Regularisation(weight * STIFFNESS, away, weight * constant)

@@ -1,0 +1,242 @@
+"""One Gauss-Newton step of the optimised inversion, at a cost in proportion to the length.
+
+Angles and requests are unknowns both; that each angle follows from the one before it and from the
+requests is a condition, linearised to ``B dM = H dR + l`` (B bidiagonal, H banded, l the defects
+of the dynamics, as in multiple shooting). The step solves (11) of ``docs/math.md``,
+
+    minimise  2 g' dM + dM' (C + E) dM + rho |R + dR - R0|^2 + dR' D dR   subject to the above
+
+over the free requests, where g and C are gradient and curvature of the cost, sample by sample, and
+D and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers y are solved for
+first: one unknown per sample and joint, and the banded positive definite Schur complement
+``B (C + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + D`` (12). A cycle is folded, first sample beside
+last, so that its matrix is banded too.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.inversion.tracking_problem import Indices, Windows
+from planner.model.sensitivity import Response
+from planner.trajectory import Array
+
+Mask = npt.NDArray[np.bool_]
+
+LEAST_PIVOT = 1e-14
+"""Added to the matrix's diagonal, relative to its largest entry: a saturated cycle is singular."""
+
+
+class Quadratic(NamedTuple):
+    """A cost to second order: ``value + 2 sum gradient . d + sum d' curvature d``."""
+
+    value: float
+    gradient: Array  # (n, joints)
+    curvature: Array  # (n, joints, joints), positive definite
+
+
+class Regularisation(NamedTuple):
+    """``weight |requests - centre|^2 + constant``: decides among requests that track alike."""
+
+    weight: float
+    away: Array  # requests - centre [rad], (n, joints)
+    constant: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Its share of the cost."""
+        return self.constant + self.weight * float(np.vdot(self.away, self.away))
+
+
+class Damping(NamedTuple):
+    """Levenberg-Marquardt terms: weights on the squares of a step, not part of the cost."""
+
+    requests: Array  # D > 0, (n, joints)
+    angles: Array  # E >= 0, (n, joints)
+
+
+class Step(NamedTuple):
+    """A proposed change, and what the linearisation predicts of it."""
+
+    requests: Array  # (n, joints) [rad]
+    angles: Array  # (n, joints) [rad]
+    multipliers: Array  # of the conditions, y of docs/math.md, (n, joints)
+    reduced_gradient: Array  # half the cost's derivative by each request, free or not, (n, joints)
+    predicted: float  # cost afterwards
+
+
+def kkt_step(
+    windows: Windows,
+    response: Response,
+    cost: Quadratic,
+    *,
+    regularisation: Regularisation,
+    defects: Array,
+    damping: Damping,
+    free: Mask,
+) -> Step:
+    """The step of the module's problem: (11) and (12) of ``docs/math.md``.
+
+    Args:
+        windows: Where requests act.
+        response: Derivatives at the current angles and requests.
+        cost: The cost of the angles.
+        regularisation: The cost of the requests.
+        defects: l, by how much the angles fall short of where the periods lead, (n, joints).
+        damping: The Levenberg-Marquardt terms.
+        free: Requests that may change, shape (n, joints).
+
+    Returns:
+        The change of requests and of angles, and the cost that the linearisation predicts.
+
+    Raises:
+        numpy.linalg.LinAlgError: The matrix is not positive definite to working precision.
+    """
+    inverse_q = free / (regularisation.weight + damping.requests)
+    inverse = _inverse(cost.curvature, damping.angles)
+    weighted = response.by_request * windows.spread(inverse_q)
+    band = schur_band(windows)
+    matrix = band.matrix(response.by_angle, response.by_request, inverse, weighted)
+    steepest = _times(inverse, cost.gradient)
+    slope = regularisation.weight * regularisation.away
+    right = response.by_angle * steepest[windows.before] - steepest - defects
+    right += (weighted * windows.spread(slope)).sum(axis=0)
+    multipliers = band.solve(matrix, right)
+    reduced_gradient = slope - windows.gathered(response.by_request * multipliers)
+    requests = -inverse_q * reduced_gradient
+    # (B' y)[k] = y[k] - by_angle[k+1] y[k+1]
+    forces = multipliers - (response.by_angle * multipliers)[windows.after]
+    angles = -steepest - _times(inverse, forces)
+    moved = regularisation._replace(away=regularisation.away + requests)
+    predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + moved.value
+    predicted += float(np.vdot(angles, _times(cost.curvature, angles)))
+    return Step(requests, angles, multipliers, reduced_gradient, predicted)
+
+
+def _inverse(curvature: Array, added: Array) -> Array:
+    """Inverse of each matrix with something added to its diagonal."""
+    if added.shape[-1] == 1:
+        reciprocals: Array = 1.0 / (curvature + added[:, :, np.newaxis])
+        return reciprocals
+    every = np.arange(added.shape[-1])
+    matrices = curvature.copy()
+    matrices[:, every, every] += added
+    return np.asarray(np.linalg.inv(matrices), dtype=np.float64)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    """Each matrix times its vector: (n, joints)."""
+    if matrices.shape[-1] == 1:
+        return matrices[:, 0] * vectors
+    product: Array = np.einsum("kij,kj->ki", matrices, vectors)
+    return product
+
+
+class SchurBand:
+    """The matrix of (12) as the lower band that LAPACK reads, a cycle folded."""
+
+    def __init__(self, windows: Windows) -> None:
+        """Find the place of every entry once."""
+        self.windows = windows
+        self.joints = windows.joints
+        self.width = windows.reach.width
+        every = np.arange(windows.samples)
+        if windows.cyclic:  # 0, n-1, 1, n-2, ...
+            self.position = np.where(
+                every < (windows.samples + 1) // 2, 2 * every, 2 * (windows.samples - every) - 1
+            )
+        else:
+            self.position = every
+        self._fold(windows)
+
+    def _fold(self, windows: Windows) -> None:
+        """Find where in the folded lower band the entries of every pair of samples go.
+
+        Samples up to the width apart share requests, joint by joint; samples one apart share
+        an angle, which couples the joints.
+        """
+        joint = np.arange(self.joints)
+        here = np.arange(windows.samples)[:, np.newaxis]
+        apart = np.arange(self.width)[:, np.newaxis, np.newaxis]
+        onwards = np.arange(windows.samples + self.width - 1)
+        last = windows.samples - 1
+        self._onwards = onwards % (last + 1) if windows.cyclic else onwards.clip(0, last)
+        shared = self._places(here, windows.wrap(here + apart), joint, joint)
+        there = windows.wrap(here + 1)[:, :, np.newaxis]
+        one, other = joint[:, np.newaxis], joint
+        own = self._places(here[:, :, np.newaxis], here[:, :, np.newaxis], one, other)
+        beside = self._places(here[:, :, np.newaxis], there, one, other)
+        # Joints couple both ways within a sample; the band holds one of the two.
+        own = own[0], own[1], np.broadcast_to((one >= other).astype(np.float64), own[0].shape)
+        # What lies on the diagonal though it couples two ends counts for both: a cycle so short
+        # that it meets itself.
+        shared[2][1:] *= 1.0 + (shared[0][1:] == 0)
+        beside[2][:] *= 1.0 + ((beside[0] == 0) & (one == other))
+        parts = shared, own, beside
+        self.bandwidth = max(int(below.max()) for below, _, _ in parts)
+        self._place = np.concatenate(
+            [(column * (self.bandwidth + 1) + below).ravel() for below, column, _ in parts]
+        )
+        self._factor = np.concatenate([factor.ravel() for _, _, factor in parts])
+
+    def _places(
+        self, one: Indices, other: Indices, i: Indices, j: Indices
+    ) -> tuple[Indices, Indices, Array]:
+        """Where the entry of joint i at sample ``one`` and joint j at sample ``other`` goes.
+
+        How far below the diagonal, in which column, and times what: 0 where there is no sample.
+        """
+        row, column = self.position[one] * self.joints + i, self.position[other] * self.joints + j
+        missing = np.broadcast_to(other < 0, np.broadcast_shapes(row.shape, column.shape))
+        below = np.where(missing, 0, np.abs(row - column))
+        return below, np.minimum(row, column), np.where(missing, 0.0, 1.0)
+
+    def matrix(self, by_angle: Array, by_request: Array, inverse: Array, weighted: Array) -> Array:
+        """``B C^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints).
+
+        Args:
+            by_angle: B's derivatives, (n, joints).
+            by_request: H, (width, n, joints).
+            inverse: C^-1, (n, joints, joints).
+            weighted: H Q^-1, like H.
+        """
+        size = self.windows.samples * self.joints
+        shared = np.empty((self.width, size))
+        weighted = weighted.reshape(self.width, size)
+        onwards = by_request.take(self._onwards, axis=1).reshape(self.width, -1)
+        for apart in range(self.width):
+            later = onwards[apart:, apart * self.joints :][:, :size]
+            np.einsum("ij,ij->j", weighted[: self.width - apart], later, out=shared[apart])
+        kept = by_angle[:, :, np.newaxis]
+        own = inverse + kept * inverse[self.windows.before] * by_angle[:, np.newaxis]
+        beside = -inverse * by_angle[self.windows.after][:, np.newaxis]
+        entries = np.concatenate([shared.ravel(), own.ravel(), beside.ravel()])
+        entries *= self._factor
+        entries = np.bincount(self._place, entries, minlength=(self.bandwidth + 1) * size)
+        band = np.asarray(entries.reshape(size, self.bandwidth + 1), dtype=np.float64)
+        band[:, 0] += LEAST_PIVOT * band[:, 0].max()
+        return band.T  # laid out as LAPACK reads it
+
+    def solve(self, matrix: Array, right: Array) -> Array:
+        """The multipliers of the folded system, (n, joints); overwrites the matrix."""
+        from scipy.linalg.lapack import dpbsv
+
+        folded = np.empty_like(right)
+        folded[self.position] = right
+        _, solved, info = dpbsv(
+            matrix, folded.reshape(-1, 1), lower=1, overwrite_ab=1, overwrite_b=1
+        )
+        if info:
+            raise np.linalg.LinAlgError(f"the step's matrix is not positive definite at row {info}")
+        multipliers: Array = solved.reshape(right.shape)[self.position]
+        return multipliers
+
+
+@lru_cache(maxsize=32)
+def schur_band(windows: Windows) -> SchurBand:
+    """The band for these windows: worked out at the first call, then kept."""
+    return SchurBand(windows)
