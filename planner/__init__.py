@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from planner._version import __version__
     from planner.approximation.curve import PiecewiseLinear
+    from planner.approximation.curve_batch import CurveStack
     from planner.approximation.fit import fit_pwl
-    from planner.approximation.stack import CurveStack
     from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
         Infeasible,
@@ -91,7 +91,7 @@ _HOMES = {
     "planner._version": ("__version__",),
     "planner.approximation.curve": ("PiecewiseLinear",),
     "planner.approximation.fit": ("fit_pwl",),
-    "planner.approximation.stack": ("CurveStack",),
+    "planner.approximation.curve_batch": ("CurveStack",),
     "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
         "Infeasible",

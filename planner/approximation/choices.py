@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.fit import PiecewiseLinearFit, fit_pwl
-from planner.approximation.ideal import ideal_of
-from planner.approximation.objective import Problem
+from planner.approximation.problem import Problem
+from planner.approximation.slope_projection import ideal_of
 from planner.trajectory import Array
 
 MOST = 12

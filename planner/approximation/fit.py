@@ -26,9 +26,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.arguments import Ends, Question, Required, question_of
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.largest_error import BARELY
-from planner.approximation.question import Ends, Question, Required, question_of
 from planner.approximation.solve import knots_and_values
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array, as_trajectory

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.approximation.ideal import attainable_error
 from planner.approximation.links_on_samples import fewest_links_on, stride
 from planner.approximation.minimum_link import Course, Gates, cut, gates_of, minimum_link
-from planner.approximation.objective import Candidate, Problem, candidate
-from planner.approximation.requirements import BARELY_SHORT
+from planner.approximation.problem import BARELY_SHORT, Candidate, Problem, candidate
+from planner.approximation.slope_projection import attainable_error
 from planner.approximation.tube_least_squares import least_squares_within
 from planner.exceptions import Infeasible
 
@@ -78,7 +77,7 @@ def within_largest_error(
         other = fewest_segments(problem, spare)
         if other is not None and _segments(problem, other) == count:
             tight, high = other, spare
-    if not problem.whole and problem.shortest <= 1.0:
+    if not problem.on_samples and problem.shortest <= 1.0:
         for _ in range(halvings):
             middle = 0.5 * (low + high)
             other = fewest_segments(problem, middle)
@@ -106,7 +105,7 @@ def fewest_segments(problem: Problem, bound: float) -> Course | None:
     """
     course = minimum_link(problem, bound)
     period = problem.samples if problem.cyclic else None
-    if not problem.whole and course.shortest(period) >= problem.shortest - BARELY_SHORT:
+    if not problem.on_samples and course.shortest(period) >= problem.shortest - BARELY_SHORT:
         return course
     longest = 2.0 * problem.samples / course.fewest
     apart = stride(problem.samples, longest)
@@ -126,7 +125,7 @@ def fewest_segments(problem: Problem, bound: float) -> Course | None:
         found = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
     if found is None:
         return None
-    exact = problem.whole and not problem.cyclic and apart == 1
+    exact = problem.on_samples and not problem.cyclic and apart == 1
     return found if exact else found._replace(fewest=course.fewest)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.minimum_link import Course, Extreme, Gates, Line
-from planner.approximation.requirements import BARELY_SHORT
+from planner.approximation.problem import BARELY_SHORT
 
 WORK = 3_000_000
 """Gates times the length of a segment in gates up to which every gate may be a knot; about 5 s."""

@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.objective import Problem
-from planner.approximation.requirements import BARELY_SHORT
+from planner.approximation.problem import BARELY_SHORT, Problem
 from planner.trajectory import Array
 
 EAVES = 8

@@ -7,16 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.approximation.choose import automatic, within_rms
-from planner.approximation.exact import LARGEST_EXACT, proved_best
-from planner.approximation.feasible import check_feasible
-from planner.approximation.fixed import best_at
+from planner.approximation.arguments import KNOT_UNIT, Question, check_feasible
+from planner.approximation.branch_and_bound import LARGEST_EXACT, proved_best
+from planner.approximation.knot_search import KnotSearch
 from planner.approximation.largest_error import BARELY, within_largest_error
-from planner.approximation.objective import Problem
-from planner.approximation.question import KNOT_UNIT, Question
-from planner.approximation.repair import within_slopes
-from planner.approximation.requirements import keeping_pins, spread
-from planner.approximation.search import Search
+from planner.approximation.problem import Problem, even_knots, with_pins
+from planner.approximation.qp import values_within, within_slopes
+from planner.approximation.segment_count import automatic, within_rms
 from planner.exceptions import Infeasible, InvalidInput
 from planner.trajectory import Array
 
@@ -43,7 +40,7 @@ def knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
         shortest=question.shortest,
         required=question.required,
         pins=question.pins,
-        whole=question.on_samples,
+        on_samples=question.on_samples,
     )
     if half_range == 0.0:
         return *_constant(in_rad, question), None if question.max_error is None else 1
@@ -57,14 +54,14 @@ def knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
     if question.max_error is None or question.knots is not None:
         knots, values = _found(problem, question, half_range)
     else:
-        search = Search(problem)
+        search = KnotSearch(problem)
         bound = question.max_error / half_range
         curve, fewest = within_largest_error(search.given, bound, question.segments, half_range)
-        knots, values = search.pose.restore(curve)
+        knots, values = search.form.restore(curve)
     knots = _snapped(in_rad, knots)
     lengths = np.diff(np.append(knots, knots[0] + in_rad.samples) if question.cyclic else knots)
     values = within_slopes(
-        keeping_pins(in_rad, knots, middle + half_range * values),
+        with_pins(in_rad, knots, middle + half_range * values),
         question.v_max * (lengths * question.tick),
         cyclic=question.cyclic,
         towards=_pinned_course(in_rad, knots) if pins.size else None,
@@ -76,7 +73,7 @@ def _found(problem: Problem, question: Question, unit: float) -> tuple[Array, Ar
     """Knots and values of the curve that answers the question, in the search's unit [rad]."""
     if question.knots is not None:
         return _at_given_knots(problem, question, unit)
-    search = Search(problem)
+    search = KnotSearch(problem)
     if question.exact:
         return _exact(search, question, unit)
     if question.max_rms is not None:
@@ -88,7 +85,7 @@ def _found(problem: Problem, question: Question, unit: float) -> tuple[Array, Ar
     return search.settled(curve)
 
 
-def _exact(search: Search, question: Question, unit: float) -> tuple[Array, Array]:
+def _exact(search: KnotSearch, question: Question, unit: float) -> tuple[Array, Array]:
     """The proved best curve of so many segments, or of the fewest that keep the rms error."""
     n = search.problem.samples
     if n > LARGEST_EXACT:
@@ -120,7 +117,7 @@ def _at_given_knots(problem: Problem, question: Question, unit: float) -> tuple[
         knots = np.union1d(knots, [0.0, problem.samples - 1.0])
     _check_given(problem, knots)
     bound = None if question.max_error is None else question.max_error / unit
-    values = best_at(problem, knots, bound, unit)
+    values = values_within(problem, knots, bound, unit)
     if question.max_rms is not None:
         residual = np.interp(
             np.arange(problem.samples),
@@ -147,7 +144,7 @@ def _check_given(problem: Problem, knots: Array) -> None:
             f"{ends[k + 1] - ends[k]:g} samples apart, expected at least shortest = "
             f"{problem.shortest:g}; leave one away or allow shorter segments"
         )
-    if problem.whole and np.any(knots != np.floor(knots)):
+    if problem.on_samples and np.any(knots != np.floor(knots)):
         between = knots[knots != np.floor(knots)][0]
         raise InvalidInput(f"knots: got {between:g} with on_samples, expected whole numbers")
 
@@ -161,7 +158,7 @@ def _constant(problem: Problem, question: Question) -> tuple[Array, Array]:
         _check_given(problem, knots)
     else:
         segments = question.segments if question.max_error is None else None
-        knots = spread(problem, 1 if segments is None else segments)
+        knots = even_knots(problem, 1 if segments is None else segments)
     return knots, np.full(knots.size, problem.desired[0])
 
 

@@ -10,14 +10,20 @@ linear in them once it is known which of the two is the steeper one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.objective import Candidate, Problem, candidate
-from planner.approximation.requirements import BARELY_SHORT, held
+from planner.approximation.problem import (
+    BARELY_SHORT,
+    Candidate,
+    Problem,
+    candidate,
+    fixed_variables,
+    required_knots,
+)
 from planner.trajectory import Array
 
 
@@ -91,7 +97,7 @@ def _one_by_one(
     """Move each knot in turn to its best sample and value between its neighbours."""
     n, size = problem.samples, curve.knots.size
     knots, values = curve.knots.copy(), curve.values.copy()
-    fixed, pinned = held(replace(problem, whole=False), knots)
+    fixed, pinned = required_knots(problem, knots)
     ends = set() if problem.cyclic else {0, size - 1}
     for k in range(size):
         if k in ends or pinned[k] or size < 3:
@@ -219,7 +225,7 @@ def _together(
     """
     n, size = problem.samples, curve.knots.size
     knots, values = curve.knots.copy(), curve.values.copy()
-    fixed, pinned = held(problem, knots)
+    fixed, pinned = fixed_variables(problem, knots)
     segments = size if problem.cyclic else size - 1
     if problem.cyclic:
         offset = offset % size

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.curve_batch import CurveStack, lines_in_force
 from planner.approximation.fit import fit_pwl
-from planner.approximation.stack import CurveStack, lines_in_force
 from planner.exceptions import InvalidInput
 from planner.given import as_flag
 from planner.inversion.line_inverse import AT_TOP_SPEED, Rule, check_rule, line_offset

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.ideal import slope_bounded
+from planner.approximation.slope_projection import slope_bounded
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import (
     Norm,

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from planner.approximation.ideal import attainable_error
+from planner.approximation.fit import fit_pwl
 from planner.approximation.minimum_link import minimum_link
-from planner.approximation.objective import Problem
+from planner.approximation.problem import Problem
+from planner.approximation.slope_projection import attainable_error
 from tests.approximation.samples import KINDS, problems, samples_of
 
 ROUNDING = 1e-12
@@ -123,3 +124,13 @@ def test_the_fewest_segments_are_the_same_shifted_mirrored_and_reversed(given, s
         assert fewest(np.roll(desired, shift), bound * (1.0 + 1e-9)) <= own
     else:
         assert fewest(desired[:-1], bound * (1.0 + 1e-9)) <= own
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
+    rng = np.random.default_rng(4)
+    desired = np.resize(samples_of("sines", 90, rng), 2700)
+    fit = fit_pwl(desired, v_max=2.0, tick=1.0, cyclic=cyclic, max_error=0.1)
+    assert fit.max_error <= 0.1 * (1.0 + 1e-9)
+    short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
+    assert fit.segments <= 1.1 * 30 * short.segments

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.approximation.objective import Problem
-from planner.approximation.thinned import FEW, in_full, thinned
+from planner.approximation.canonical_form import MEANS, from_means, to_means
+from planner.approximation.problem import Problem
 
 SAMPLES = 5000
 
@@ -15,11 +15,11 @@ SAMPLES = 5000
 def test_means_keep_weights_a_constant_and_the_slope_per_time(cyclic):
     weights = np.random.default_rng(0).uniform(0.5, 1.5, size=SAMPLES)
     problem = Problem(desired=np.full(SAMPLES, 0.7), step=0.01, cyclic=cyclic, weights=weights)
-    few = thinned(problem)
+    few = to_means(problem)
     np.testing.assert_allclose(few.desired, 0.7, rtol=1e-12)
-    assert few.samples == FEW
+    assert few.samples == MEANS
     assert np.mean(few.weights) == pytest.approx(1.0)
-    lasts = (FEW, SAMPLES) if cyclic else (FEW - 1, SAMPLES - 1)
+    lasts = (MEANS, SAMPLES) if cyclic else (MEANS - 1, SAMPLES - 1)
     assert few.step * lasts[0] == pytest.approx(problem.step * lasts[1])
 
 
@@ -27,8 +27,8 @@ def test_means_keep_weights_a_constant_and_the_slope_per_time(cyclic):
 def test_every_sample_is_in_the_mean_nearest_to_it(cyclic):
     turns = np.arange(SAMPLES) / SAMPLES
     desired = np.sin(2.0 * np.pi * turns)
-    few = thinned(Problem(desired=desired, step=1.0, cyclic=cyclic))
-    at = np.arange(FEW) * (SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0))
+    few = to_means(Problem(desired=desired, step=1.0, cyclic=cyclic))
+    at = np.arange(MEANS) * (SAMPLES / MEANS if cyclic else (SAMPLES - 1.0) / (MEANS - 1.0))
     expected = np.interp(at, np.arange(SAMPLES), desired)
     # Half a sample's slope, as far as a stretch's middle may be off; a path's ends are one-sided.
     inner = slice(1, -1)
@@ -42,8 +42,8 @@ def test_a_curve_through_the_means_goes_through_all_samples(cyclic):
     problem = Problem(
         desired=np.interp(np.arange(SAMPLES), corners, values), step=1.0, cyclic=cyclic
     )
-    spacing = SAMPLES / FEW if cyclic else (SAMPLES - 1.0) / (FEW - 1.0)
+    spacing = SAMPLES / MEANS if cyclic else (SAMPLES - 1.0) / (MEANS - 1.0)
     few = slice(None, -1) if cyclic else slice(None)
-    curve = in_full(problem, corners[few] / spacing, values[few])
+    curve = from_means(problem, corners[few] / spacing, values[few])
     assert curve.error <= 1e-20 * SAMPLES
     np.testing.assert_allclose(curve.knots, corners[few], rtol=1e-12)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from planner.approximation.knot_search import SEARCH, KnotSearch
 from planner.approximation.largest_error import BARELY
-from planner.approximation.objective import Candidate
-from planner.approximation.search import MANY_SAMPLES, Search
+from planner.approximation.problem import Candidate
 from planner.exceptions import Infeasible
 from planner.trajectory import Array
 
@@ -38,7 +38,7 @@ NEARLY = 1.001
 """Squared error over its bound up to which the values at a curve's knots are sought anew."""
 
 
-def automatic(search: Search) -> Candidate:
+def automatic(search: KnotSearch) -> Candidate:
     """The fewest segments that come close to the ideal, or the exact curve if there is one."""
     if search.exact is not None:
         return search.exact
@@ -60,7 +60,7 @@ def noise(desired: Array) -> float:
     return float(np.median(bend)) / (0.6745 * math.sqrt(6.0))  # of a normal variable: median, Δ²
 
 
-def within_rms(search: Search, bound: float, most: int | None, unit: float) -> Candidate:
+def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) -> Candidate:
     """The fewest segments whose rms error is within ``bound``.
 
     Args:
@@ -101,9 +101,9 @@ def within_rms(search: Search, bound: float, most: int | None, unit: float) -> C
     return found
 
 
-def _is_long(search: Search) -> bool:
+def _is_long(search: KnotSearch) -> bool:
     """Whether one number of segments more takes long."""
-    return search.problem.samples > MANY_SAMPLES
+    return search.problem.samples > SEARCH.many_samples
 
 
 def _fewest(

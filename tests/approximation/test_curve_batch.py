@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.stack import CurveStack
+from planner.approximation.curve_batch import CurveStack
 from planner.exceptions import InvalidInput
 
 OVER = {"samples": 10, "tick": 0.5}

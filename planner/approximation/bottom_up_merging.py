@@ -12,8 +12,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from planner.approximation.objective import Problem
-from planner.approximation.requirements import in_place, nodes_of, spread
+from planner.approximation.problem import Problem, even_knots, nearest_samples, with_required
 from planner.trajectory import Array
 
 FINENESS = 2**20
@@ -29,8 +28,12 @@ class MergedKnots:
         n = problem.samples
         every = np.arange(n, dtype=np.float64)
         if problem.shortest > 1.0 or problem.required.size:
-            every = spread(
-                replace(problem, whole=True, required=nodes_of(problem.required).astype(np.float64))
+            every = even_knots(
+                replace(
+                    problem,
+                    on_samples=True,
+                    required=nearest_samples(problem.required).astype(np.float64),
+                )
             )
         last = n if problem.cyclic else n - 1
         self._first = int(every[0])
@@ -39,7 +42,7 @@ class MergedKnots:
         turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
         weights = np.resize(np.roll(problem.weights, -self._first), last + 1)
         self._price = _LinePrice(turned, weights, problem.step)
-        fixed = nodes_of(problem.required) - self._first
+        fixed = nearest_samples(problem.required) - self._first
         stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
         stays[[0, -1]] = True
         self._removed = np.array(self._merge(stays.tolist()), dtype=np.intp)
@@ -52,7 +55,7 @@ class MergedKnots:
             return None
         keep = np.append(self._stay, self._removed[self._removed.size - more :])
         knots = np.sort(keep).astype(np.float64) + self._first
-        return in_place(self._problem, knots[:-1] if self._problem.cyclic else knots)
+        return with_required(self._problem, knots[:-1] if self._problem.cyclic else knots)
 
     def _merge(self, stays: list[bool]) -> list[int]:
         """Samples in the order in which they cease to be knots."""

@@ -1,22 +1,20 @@
-"""The QP in the values at given knots, against an independent solver; the exact repair."""
+"""The quadratic programmes against independent solvers; the exact repair."""
 
 from __future__ import annotations
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.approximation.descent import best_values
-from planner.approximation.objective import Problem, candidate
-from planner.approximation.repair import within_slopes
-from planner.approximation.values import solve_values
+from planner.approximation.problem import Problem, candidate
+from planner.approximation.qp import minimize_quadratic, solve_values, within_slopes
+from planner.approximation.sqp import best_values
 
 
 def on_the_reference_of(problem, knots):
     """Squared error of the best values, by cvxpy with Clarabel."""
-    import cvxpy as cp
-
     n, size = problem.samples, knots.size
     index = np.arange(n, dtype=float)
     basis = np.empty((n, size))
@@ -42,7 +40,7 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
     if not cyclic:
         knots[[0, -1]] = 0.0, 59.0
     expected = on_the_reference_of(problem, knots)
-    for values in (solve_values(problem, knots), best_values(problem, knots).values):
+    for values in (solve_values(problem, knots), best_values(problem, [knots])[0].values):
         assert candidate(problem, knots, values).error == pytest.approx(expected, rel=1e-6)
 
 
@@ -68,3 +66,21 @@ def test_repaired_values_keep_every_limit_in_floating_point(values, limit, cycli
 def test_values_within_their_limits_stay_as_they_are():
     values = np.array([0.1, 0.7, -0.3])
     assert np.array_equal(within_slopes(values, np.ones(2), cyclic=False), values)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
+    rng = np.random.default_rng(seed)
+    root, rows = rng.normal(size=(6, 6)), rng.normal(size=(9, 6))
+    hessian, gradient = root @ root.T + 0.1 * np.eye(6), 3.0 * rng.normal(size=6)
+    bounds = rng.uniform(0.0, 0.5, size=9) * (rng.random(9) < 0.7)
+    step = minimize_quadratic(hessian, gradient, rows, bounds)
+    x = cp.Variable(6)
+    cost = 0.5 * cp.quad_form(x, cp.psd_wrap(hessian)) + gradient @ x
+    expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
+    assert np.all(rows @ step <= bounds + 1e-9)
+    assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
+
+
+def test_a_hessian_that_is_not_convex_has_no_minimum():
+    assert minimize_quadratic(-np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1)) is None

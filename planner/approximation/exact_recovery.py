@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.approximation.objective import Candidate, Problem, candidate
+from planner.approximation.problem import Candidate, Problem, candidate
 from planner.trajectory import Array
 
 STRAIGHT = 1e-10
@@ -24,7 +24,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
         The curve; None if it is too steep somewhere or has more than one segment in three samples.
     """
     d, n = problem.desired, problem.samples
-    if problem.required.size or problem.whole:
+    if problem.required.size or problem.on_samples:
         return None
     bent = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1)) > STRAIGHT
     if not problem.cyclic:

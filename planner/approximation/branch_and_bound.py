@@ -10,11 +10,16 @@ from itertools import product
 
 import numpy as np
 
-from planner.approximation.ideal import ideal_of
-from planner.approximation.objective import Candidate, Problem
-from planner.approximation.potentials import climb, first_potentials
-from planner.approximation.relaxation import Levels, Potentials, Relaxation
-from planner.approximation.whole import WholeKnots
+from planner.approximation.knots_on_samples import KnotsOnSamples
+from planner.approximation.lagrangian_bound import (
+    Levels,
+    Potentials,
+    Relaxation,
+    climb,
+    first_potentials,
+)
+from planner.approximation.problem import Candidate, Problem
+from planner.approximation.slope_projection import ideal_of
 from planner.exceptions import SolverFailed
 
 PROVED = 1e-6
@@ -71,11 +76,11 @@ class _BranchAndBound:
     def __init__(self, problem: Problem, start: Candidate) -> None:
         self._problem = problem
         self._relaxation = Relaxation(problem)
-        self._curves = WholeKnots(problem)
+        self._curves = KnotsOnSamples(problem)
         order = np.argsort(np.mod(start.knots, problem.samples) if problem.cyclic else start.knots)
         knots = start.knots[order]
         knots = np.mod(knots, problem.samples) if problem.cyclic else knots
-        self.best = self._curves.nudged(knots)
+        self.best = self._curves.moved(knots)
         if problem.cyclic:
             knots = np.sort(np.mod(self.best.knots, problem.samples))
             self.best = self._curves.curve(knots)

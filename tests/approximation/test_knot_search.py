@@ -1,4 +1,4 @@
-"""The search for knots: its derivatives, its small QP, and its answers against an exact oracle."""
+"""The search for knots: moves, kinks of the squared error at samples, many samples."""
 
 from __future__ import annotations
 
@@ -6,20 +6,64 @@ import subprocess
 import sys
 from itertools import combinations
 
-import cvxpy as cp
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.objective import (
-    Problem,
-    constraint_rows,
-    evaluate,
-    slacks,
-)
-from planner.approximation.small_qp import minimize_quadratic
+from planner.approximation.knot_search import knots_at_kinks, moved, with_moved_knots
+from planner.approximation.problem import Problem, candidate
 from tests.approximation.samples import KINDS, samples_of
+
+TENT = np.interp(np.arange(21.0), [0.0, 10.0, 20.0], [0.0, 1.0, 0.0])
+"""A corner at sample 10."""
+
+
+def tent_with(at_corner, knot):
+    """The tent with its middle sample moved, and a curve whose knot is near it."""
+    desired = TENT.copy()
+    desired[10] = at_corner
+    problem = Problem(desired=desired, step=1.0, cyclic=False)
+    return problem, candidate(problem, np.array([0.0, knot, 20.0]), np.array([0.0, 1.0, 0.0]))
+
+
+def test_a_knot_next_to_a_convex_kink_is_put_into_it_and_stays():
+    # The curve bends down and lies below the sample: a step to either side costs at once.
+    problem, curve = tent_with(1.5, 10.05)
+    here, hold = knots_at_kinks(problem, curve)
+    np.testing.assert_array_equal(here.knots, [0.0, 10.0, 20.0])
+    np.testing.assert_array_equal(hold, [False, True, False])
+
+
+@pytest.mark.parametrize(("at_corner", "knot"), [(0.5, 10.05), (1.5, 10.3)])
+def test_a_knot_at_a_concave_kink_or_far_from_a_sample_is_free(at_corner, knot):
+    problem, curve = tent_with(at_corner, knot)
+    here, hold = knots_at_kinks(problem, curve)
+    assert here is curve
+    assert not np.any(hold)
+
+
+def test_a_kink_too_near_another_knot_is_left_alone():
+    problem, _ = tent_with(1.5, 10.05)
+    knots = np.array([0.0, 10.05, 11.05, 20.0])
+    curve = candidate(problem, knots, np.array([0.0, 1.0, 0.9, 0.0]))
+    here, hold = knots_at_kinks(problem, curve)
+    assert np.min(np.diff(here.knots)) >= problem.shortest - 1e-9
+    assert hold.shape == knots.shape
+
+
+def test_moves_keep_the_ends_and_the_shortest_segment():
+    problem, curve = tent_with(1.0, 1.5)
+    for each in moved(problem, curve):
+        assert each.knots[0] == 0.0
+        assert each.knots[-1] == 20.0
+        assert np.min(np.diff(each.knots)) >= 1.0 - 1e-9
+
+
+def test_a_curve_with_moved_knots_is_never_worse():
+    problem, curve = tent_with(1.0, 7.0)
+    assert with_moved_knots(problem, curve).error <= curve.error
+
 
 CLOSED = 1e3
 """Weight of the condition that a cycle closes, in units of the samples' own."""
@@ -72,53 +116,6 @@ def test_the_search_reaches_an_exact_oracle_on_nearly_every_instance():
     assert np.mean(np.array(ratios) <= 1.01) >= 0.95
 
 
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
-    rng = np.random.default_rng(0)
-    weights = rng.uniform(0.5, 1.5, size=40)
-    problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic, weights=weights)
-    at = np.r_[0.3, 7.2, 18.9, 30.4, 38.6, rng.normal(size=5)]
-    here = evaluate(problem, at[:5], at[5:])
-    for i, way in enumerate(1e-6 * np.eye(10)):
-        ahead = evaluate(problem, *np.split(at + way, 2))
-        behind = evaluate(problem, *np.split(at - way, 2))
-        half = 0.5 * (ahead.error - behind.error) / 2e-6
-        assert here.gradient[i] == pytest.approx(half, rel=1e-6, abs=1e-7)
-        change = (ahead.gradient - behind.gradient) / 2e-6
-        np.testing.assert_allclose(here.hessian[i], change, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_a_step_along_the_rows_uses_up_the_slacks(cyclic):
-    rng = np.random.default_rng(1)
-    problem = Problem(desired=np.zeros(40), step=0.7, cyclic=cyclic)
-    knots, values = np.array([1.0, 9.0, 20.0, 33.0]), rng.normal(size=4)
-    step = rng.normal(size=8)
-    expected = (
-        slacks(problem, knots, values) - constraint_rows(4, problem.step, cyclic=cyclic) @ step
-    )
-    moved = slacks(problem, knots + step[:4], values + step[4:])
-    np.testing.assert_allclose(moved, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
-    rng = np.random.default_rng(seed)
-    root, rows = rng.normal(size=(6, 6)), rng.normal(size=(9, 6))
-    hessian, gradient = root @ root.T + 0.1 * np.eye(6), 3.0 * rng.normal(size=6)
-    bounds = rng.uniform(0.0, 0.5, size=9) * (rng.random(9) < 0.7)
-    step = minimize_quadratic(hessian, gradient, rows, bounds)
-    x = cp.Variable(6)
-    cost = 0.5 * cp.quad_form(x, cp.psd_wrap(hessian)) + gradient @ x
-    expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
-    assert np.all(rows @ step <= bounds + 1e-9)
-    assert 0.5 * step @ hessian @ step + gradient @ step == pytest.approx(expected, abs=1e-7)
-
-
-def test_a_hessian_that_is_not_convex_has_no_minimum():
-    assert minimize_quadratic(-np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1)) is None
-
-
 def test_ten_thousand_samples_are_fitted_with_hundreds_of_segments():
     rng = np.random.default_rng(0)
     desired = np.resize(samples_of("sines", 100, rng), 10_000) + 0.01 * rng.normal(size=10_000)
@@ -145,13 +142,3 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024)
 """
     child = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert int(child.stdout) <= GROWTH
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
-    rng = np.random.default_rng(4)
-    desired = np.resize(samples_of("sines", 90, rng), 2700)
-    fit = fit_pwl(desired, v_max=2.0, tick=1.0, cyclic=cyclic, max_error=0.1)
-    assert fit.max_error <= 0.1 * (1.0 + 1e-9)
-    short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
-    assert fit.segments <= 1.1 * 30 * short.segments

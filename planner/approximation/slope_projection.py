@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.approximation.objective import Problem
-from planner.approximation.values import solve_values
+from planner.approximation.problem import Problem
+from planner.approximation.qp import solve_values
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 

@@ -11,15 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.exact import PROVED, halves_of, proved_best
+from planner.approximation.branch_and_bound import PROVED, halves_of, proved_best
 from planner.approximation.fit import fit_pwl
-from planner.approximation.objective import Candidate, Problem
-from planner.approximation.potentials import first_potentials
-from planner.approximation.relaxation import Relaxation
-from planner.approximation.whole import WholeKnots
+from planner.approximation.knots_on_samples import KnotsOnSamples
+from planner.approximation.lagrangian_bound import Relaxation, first_potentials
+from planner.approximation.problem import Candidate, Problem
 from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
-from tests.approximation.test_search import least_error
+from tests.approximation.test_knot_search import least_error
 
 CLOSE = 1.01
 """Error over the oracle's that the search is allowed, in at least 95 % of instances."""
@@ -110,7 +109,7 @@ def test_the_proof_respects_what_is_required(cyclic):
 def test_no_potentials_lift_the_bound_above_the_optimum(kind):
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of(kind, 30, rng), step=0.2, cyclic=True)
-    start = WholeKnots(problem).nudged(np.array([2.0, 11.0, 20.0]))
+    start = KnotsOnSamples(problem).moved(np.array([2.0, 11.0, 20.0]))
     best = proved_best(problem, start)
     relaxation = Relaxation(problem)
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
@@ -128,7 +127,7 @@ def test_the_bound_of_one_set_of_knots_is_attained_by_its_own_potentials(cyclic,
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=cyclic)
     knots = [2, 11, 20] if cyclic else [0, 9, 17, 29]
-    curve = WholeKnots(problem).curve(np.array(knots, dtype=float))
+    curve = KnotsOnSamples(problem).curve(np.array(knots, dtype=float))
     relaxation = Relaxation(problem)
     potentials = first_potentials(problem, curve, relaxation.nodes)
     found = relaxation.bound([np.array([knot]) for knot in knots], potentials)
@@ -171,7 +170,7 @@ def test_a_start_that_is_best_already_is_proved_so():
     problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0] * 3), step=5.0, cyclic=False)
     knots = np.array([0.0, 5.0, 11.0])
     best = proved_best(problem, Candidate(knots, np.zeros(3), 6.0))
-    assert best.error <= WholeKnots(problem).curve(knots).error
+    assert best.error <= KnotsOnSamples(problem).curve(knots).error
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -1,0 +1,153 @@
+"""One form for all shifts, mirror images, reversals and scales of the same samples.
+
+A search that meets them in one form finds the same curve for all of them. Where there are very many
+samples, means of neighbours stand for them while knots are sought.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.approximation.problem import Candidate, Problem, candidate
+from planner.trajectory import Array
+
+RESOLUTION = 2.0**-36
+"""Samples and slope are searched as multiples of this; the last QP takes them as they are."""
+
+MEANS = 1024
+"""Means that stand for very many samples."""
+
+
+def at_resolution(given: Problem) -> Problem:
+    """The problem with samples and slope as multiples of :data:`RESOLUTION`."""
+    mantissa, exponent = math.frexp(given.step)
+    return replace(
+        given,
+        desired=to_resolution(given.desired),
+        step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
+    )
+
+
+def to_resolution(samples: Array) -> Array:
+    """The samples as multiples of :data:`RESOLUTION`."""
+    return np.asarray(np.round(samples / RESOLUTION) * RESOLUTION)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanonicalForm:
+    """How samples as given become canonical: rolled to their first, reversed, mirrored.
+
+    Attributes:
+        samples: Number of samples n.
+        cyclic: Whether the first sample follows the last.
+        first: Given sample that comes first; 0 unless cyclic.
+        backwards: Whether time runs backwards.
+        sign: -1 if the samples are mirrored, else 1.
+    """
+
+    samples: int
+    cyclic: bool
+    first: int
+    backwards: bool
+    sign: float
+
+    @classmethod
+    def of(cls, desired: Array, ideal: Array, *, cyclic: bool) -> CanonicalForm:
+        """The sharpest corner of a cycle first, the larger half last, the first extreme above."""
+        n = desired.size
+        first = _sharpest_corner(desired, ideal) if cyclic else 0
+        rolled = np.roll(desired, -first)
+        k = np.arange(n)
+        # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise.
+        side = np.sin(2.0 * np.pi * k / n) if cyclic else 0.5 * (n - 1) - k
+        backwards = bool(side @ (rolled - np.mean(rolled)) ** 2 > 0.0)
+        form = cls(samples=n, cyclic=cyclic, first=first, backwards=backwards, sign=1.0)
+        samples = form.apply(desired)
+        extreme = samples[np.argmax(np.abs(samples) > (1.0 - 1e-9) * np.max(np.abs(samples)))]
+        return replace(form, sign=-1.0 if extreme < 0.0 else 1.0)
+
+    def apply(self, given: Array) -> Array:
+        """Samples in this form."""
+        return self.sign * self.in_order(given)
+
+    def in_order(self, given: Array) -> Array:
+        """What belongs to samples, in the order of this form."""
+        ordered = np.roll(given, -self.first)
+        if self.backwards:
+            ordered = np.roll(ordered[::-1], 1) if self.cyclic else ordered[::-1]
+        return np.ascontiguousarray(ordered)
+
+    def of_problem(self, given: Problem) -> Problem:
+        """A problem in this form."""
+        places, pins = given.required - self.first, self.sign * given.pins
+        if self.backwards:
+            places = (0.0 if self.cyclic else self.samples - 1.0) - places
+        places = np.mod(places, self.samples) if self.cyclic else places
+        order = np.argsort(places)
+        return replace(
+            given,
+            desired=self.apply(given.desired),
+            weights=self.in_order(given.weights),
+            required=places[order],
+            pins=pins[order],
+        )
+
+    def restore(self, curve: Candidate) -> tuple[Array, Array]:
+        """Knots and values for the samples as given, in order and within the cycle."""
+        knots, values = curve.knots, self.sign * curve.values
+        if self.backwards:
+            last = 0.0 if self.cyclic else self.samples - 1.0
+            knots, values = last - knots[::-1], values[::-1]
+        if self.cyclic:
+            knots = np.mod(knots + self.first, self.samples)
+            order = np.argsort(knots)
+            knots, values = knots[order], values[order]
+        return knots, values
+
+
+def _sharpest_corner(desired: Array, ideal: Array) -> int:
+    """Where the ideal bends most; of many turns at top speed, where the samples bend most."""
+    reach = max(1, ideal.size // 32)
+    bend, own_bend = (
+        np.abs(np.roll(curve, -reach) - 2.0 * curve + np.roll(curve, reach))
+        for curve in (ideal, desired)
+    )
+    return int(np.argmax(bend + 1e-3 * own_bend))
+
+
+def to_means(problem: Problem) -> Problem:
+    """The problem with few samples, each the mean of those that are nearest to it; O(n) once.
+
+    Sample k of these few is at k (n - 1) / (m - 1) of a path's samples, at k n / m of a cycle's, so
+    that the ends stay the ends. The slopes keep the same bound.
+    """
+    spacing = _spacing(problem)
+    at = spacing * np.arange(MEANS + 1)
+    cuts = np.ceil(at - 0.5 * spacing).astype(np.intp)
+    first = -int(cuts[0]) if problem.cyclic else 0
+    cuts = np.maximum(cuts + first, 0)[:MEANS]
+    weights = np.roll(problem.weights, first)
+    weighed = np.add.reduceat(np.roll(problem.weights * problem.desired, first), cuts)
+    totals = np.add.reduceat(weights, cuts)
+    return replace(
+        problem,
+        desired=weighed / totals,
+        weights=totals / np.mean(totals),
+        step=problem.step * spacing,
+    )
+
+
+def from_means(problem: Problem, knots: Array, values: Array) -> Candidate:
+    """The curve through all samples that one through the means of :func:`to_means` stands for."""
+    knots = knots * _spacing(problem)
+    if not problem.cyclic:
+        knots[-1] = problem.samples - 1.0
+    return candidate(problem, knots, values)
+
+
+def _spacing(problem: Problem) -> float:
+    samples = problem.samples
+    return samples / MEANS if problem.cyclic else (samples - 1.0) / (MEANS - 1.0)

@@ -1,0 +1,322 @@
+"""The search for knots: starts from grids, descents, and moves of single knots.
+
+Nothing is proved here. Chains of :mod:`planner.approximation.dynamic_programming` are starts of
+descents (:mod:`planner.approximation.sqp`); a lattice around the best of them gives more. The
+squared error has a kink wherever a knot meets a sample, so a local minimum between any two samples
+is possible; so the knots of the best two curves are moved across samples, one at a time, each move
+with a descent of its own. Beyond 32 segments, knots come from bottom-up merging and one descent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.approximation.bottom_up_merging import MergedKnots
+from planner.approximation.canonical_form import (
+    CanonicalForm,
+    at_resolution,
+    from_means,
+    to_means,
+    to_resolution,
+)
+from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.dynamic_programming import CHAINS, ChainProposals, lattice_chain
+from planner.approximation.exact_recovery import exact_curve
+from planner.approximation.knots_on_samples import KnotsOnSamples
+from planner.approximation.problem import (
+    Candidate,
+    Problem,
+    candidate,
+    even_knots,
+    feasible_values,
+    fewest_segments,
+    fixed_variables,
+    most_segments,
+    required_knots,
+)
+from planner.approximation.qp import solve_values, within_slopes
+from planner.approximation.slope_projection import ideal_of
+from planner.approximation.sqp import SQP, best_values, descend, descend_by_windows
+from planner.trajectory import Array
+
+EXACT_KNOTS = 2.0**32
+"""Knots are multiples of its inverse [samples], so that their sums and differences are exact."""
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Tuning of the search. Effects are those on 640 fits (n = 88, 2 to 12 segments).
+
+    Attributes:
+        few: Evaluations after which starts and moves are compared.
+        many: Most evaluations of the descent of a curve that was chosen.
+        rough: Relative decrease of the squared error below which a start's descent ends.
+        finalists: Curves of the proposals that are kept, and of all whose knots are moved. One:
+            0.05 % more error in the mean, 19 % at worst; three: 0.003 % less, a tenth more time.
+        apart: Distance between knots from which on two curves differ [samples].
+        close: Squared error over the ideal's up to which a curve is not improved any more. 1.005:
+            0.3 % more of the fits worse by 0.1 %, a tenth less time; 1.0005: nothing changes.
+        moves: What a knot is moved by [samples]. Without them: 2 % at worst. Without half a sample:
+            0.3 % more of the fits worse by 0.1 %; with ten besides: nothing for a tenth more time.
+        turns: Times that all knots are moved, as long as it helps. Six: 0.005 % less error.
+        kept: Moved curves that go on after the first evaluations.
+        helps: Relative decrease of the squared error that is worth another turn.
+        kink: Distance from a sample at which a knot may be held by the kink there [samples].
+        proposed: Segments up to which knots are sought by chains; beyond, by merging.
+        many_samples: Samples beyond which few knots are sought among means of them.
+    """
+
+    few: int = 4
+    many: int = 15
+    rough: float = 1e-3
+    finalists: int = 2
+    apart: float = 1.0
+    close: float = 1.002
+    moves: tuple[float, ...] = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
+    turns: int = 3
+    kept: int = 12
+    helps: float = 1e-4
+    kink: float = 0.1
+    proposed: int = 32
+    many_samples: int = 2000
+
+
+SEARCH = SearchOptions()
+
+
+class KnotSearch:
+    """Curves of any number of segments through the same samples, each found once.
+
+    The samples are searched in a canonical form and at a resolution of their own, so that shifted,
+    mirrored, reversed and scaled ones give the same curve in spite of rounding.
+    """
+
+    def __init__(self, given: Problem) -> None:
+        """Find the ideal and the canonical form.
+
+        Args:
+            given: What to approximate, samples of size one.
+        """
+        coarse = at_resolution(given)
+        ideal = ideal_of(coarse)
+        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=given.cyclic)
+        self.problem = self.form.of_problem(coarse)
+        self.ideal = to_resolution(self.form.apply(ideal))
+        self.given = self.form.of_problem(given)
+        self.fewest = fewest_segments(self.problem)
+        self.most = most_segments(self.problem)
+        self.ideal_error = float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
+        self._found: dict[int, Candidate] = {}
+
+    def curve(self, segments: int) -> Candidate:
+        """The best curve found with this number of segments."""
+        if segments not in self._found:
+            curve = self._best(segments)
+            if self.problem.on_samples and curve.knots.size <= SQP.window:
+                curve = min(curve, self._on_samples.moved(curve.knots), key=by_error)
+            self._found[segments] = curve
+        return self._found[segments]
+
+    def valued(self, knots: Array) -> Candidate:
+        """The curve of best values at these knots."""
+        problem = self.problem
+        if knots.size <= SQP.window:
+            return best_values(problem, [knots])[0]
+        values = within_slopes(
+            solve_values(problem, knots),
+            problem.step * np.diff(problem.ends(knots)),
+            cyclic=problem.cyclic,
+            towards=feasible_values(problem, knots) if problem.required.size else None,
+        )
+        return candidate(problem, knots, values)
+
+    def settled(self, curve: Candidate) -> tuple[Array, Array]:
+        """Knots and values for the samples as given: the last QP in the values, solved by OSQP."""
+        knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
+        values = solve_values(self.given, knots, near=curve.values)
+        return self.form.restore(Candidate(knots, values, curve.error))
+
+    @cached_property
+    def exact(self) -> Candidate | None:
+        """The curve on which the samples lie, if there is one."""
+        return exact_curve(self.given)
+
+    @cached_property
+    def _of_means(self) -> KnotSearch | None:
+        """Curves through fewer samples, where there are very many and any knots will do."""
+        problem = self.problem
+        if problem.samples <= SEARCH.many_samples or not problem.free_knots:
+            return None
+        return KnotSearch(to_means(problem))
+
+    @cached_property
+    def _proposals(self) -> ChainProposals:
+        return ChainProposals(self.problem, self.ideal)
+
+    @cached_property
+    def _on_samples(self) -> KnotsOnSamples:
+        return KnotsOnSamples(self.problem)
+
+    @cached_property
+    def _merged(self) -> MergedKnots:
+        return MergedKnots(replace(self.problem, desired=self.ideal))
+
+    def _best(self, segments: int) -> Candidate:
+        problem = self.problem
+        if self.exact is not None and segments == problem.segments(self.exact.knots):
+            return self.exact
+        if segments > SEARCH.proposed:
+            merged = self._merged(segments)
+            merged = even_knots(problem, segments) if merged is None else merged
+            return descend_by_windows(problem, self.valued(merged), rounds=SEARCH.few)
+        starts = self._starts(segments)
+        best = starts[0]
+        none = max(1e-22 * problem.samples, (1.0 + 1e-6) * self.ideal_error)
+        if best.knots.size > SQP.window or best.error <= none:
+            return best
+        if self._of_means is None and best.error > SEARCH.close * self.ideal_error:
+            best = improved(problem, self.ideal, starts)
+        return settled_at_kinks(problem, best)
+
+    def _starts(self, segments: int) -> list[Candidate]:
+        """Curves a few evaluations from what is proposed, the best first."""
+        problem = self.problem
+        if self._of_means is not None and segments < SQP.window:
+            few = self._of_means.form.restore(self._of_means.curve(segments))
+            return descend(problem, [from_means(problem, *few)], rounds=SEARCH.few)
+        proposed = self._proposals(segments) or [even_knots(problem, segments)]
+        if proposed[0].size <= SQP.window:
+            starts = best_values(problem, proposed)
+            begun = descend(problem, starts, rounds=SEARCH.few, progress=SEARCH.rough)
+            return sorted(begun, key=by_error)
+        starts = sorted(map(self.valued, proposed), key=by_error)[: SEARCH.finalists]
+        begun = [descend_by_windows(problem, curve, rounds=SEARCH.few) for curve in starts]
+        return [descend_by_windows(problem, min(begun, key=by_error), rounds=SEARCH.many)]
+
+
+def by_error(curve: Candidate) -> float:
+    """The squared error, by which curves are ordered."""
+    return curve.error
+
+
+def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidate:
+    """The best curve found from chains on lattices, and by moves of single knots.
+
+    Args:
+        problem: What to approximate.
+        ideal: Its slope-bounded ideal, shape (n,).
+        rough: Curves of as many segments, the best first, at most ``SQP.window`` knots.
+    """
+    best = rough[0]
+    anchor = _sharpest_knot(problem, best) if problem.cyclic else 0
+    chains = (
+        lattice_chain(problem, ideal, best, lattice, anchor=anchor) for lattice in CHAINS.lattices
+    )
+    starts = best_values(problem, [knots for knots in chains if knots is not None])
+    starts += rough[: SEARCH.finalists]
+    begun = sorted(
+        descend(problem, starts, rounds=SEARCH.many, progress=SEARCH.rough), key=by_error
+    )
+    if not problem.free_knots:
+        return begun[0]
+    finalists = _apart(begun)[: SEARCH.finalists]
+    return min((with_moved_knots(problem, curve) for curve in finalists), key=by_error)
+
+
+def _apart(curves: list[Candidate]) -> list[Candidate]:
+    """Those of the curves that have other knots than all before them."""
+    chosen: list[Candidate] = []
+    for curve in curves:
+        knots = np.sort(curve.knots)
+        if all(np.max(np.abs(knots - np.sort(each.knots))) > SEARCH.apart for each in chosen):
+            chosen.append(curve)
+    return chosen
+
+
+def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
+    """Number of the knot of a cycle at which the slope changes most, a required one if any is."""
+    slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(problem.ends(curve.knots))
+    bend = np.abs(slopes - np.roll(slopes, 1))
+    if problem.required.size:
+        bend = np.where(required_knots(problem, curve.knots)[0], bend, -1.0)
+    return int(np.argmax(bend))
+
+
+def with_moved_knots(problem: Problem, curve: Candidate) -> Candidate:
+    """A curve that moves of single knots, each followed downhill, lead to; never a worse one."""
+    best = descend(problem, [curve], rounds=SEARCH.few)[0]
+    for _ in range(SEARCH.turns):
+        starts = [best, *moved(problem, best)]
+        ends = descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept)
+        found = min(ends, key=by_error)
+        gained = best.error - found.error
+        if gained <= 0.0:
+            break
+        best = found
+        if gained <= SEARCH.helps * best.error:
+            break
+    return best
+
+
+def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
+    """The curves with one knot moved along the curve; their errors are left to be found."""
+    along = _along(problem, curve)
+    movable = np.flatnonzero(~fixed_variables(problem, curve.knots)[0])
+    moves = np.tile(SEARCH.moves, movable.size)
+    which = np.repeat(movable, len(SEARCH.moves))
+    knots = np.tile(curve.knots, (which.size, 1))
+    row = np.arange(which.size)
+    knots[row, which] += moves
+    values = np.tile(curve.values, (which.size, 1))
+    values[row, which] = along(knots[row, which])
+    return [
+        Candidate(k, v, curve.error)
+        for k, v in zip(knots, values, strict=True)
+        if problem.long_enough(k)
+    ]
+
+
+def settled_at_kinks(problem: Problem, curve: Candidate) -> Candidate:
+    """A curve downhill of ``curve``, also where knots at kinks held the others back."""
+    best = descend(problem, [curve], rounds=SEARCH.many)[0]
+    here, hold = knots_at_kinks(problem, best)
+    if not np.any(hold):
+        return best
+    return min(best, *descend(problem, [here], rounds=SEARCH.many, hold=hold), key=by_error)
+
+
+def knots_at_kinks(problem: Problem, curve: Candidate) -> tuple[Candidate, npt.NDArray[np.bool_]]:
+    """The curve with the knots that lie next to a convex kink put into it, and which those are.
+
+    A knot moved past a sample takes it from one line to the other, so the derivative of the squared
+    error jumps there by twice the residual times the change of slope. Where it jumps upwards, the
+    local minimum is at the sample itself, which Newton's method jumps over to and fro, while
+    damping holds all other knots back too.
+    """
+    knots, n = curve.knots, problem.samples
+    whole = np.floor(knots + 0.5)
+    values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
+    slopes = np.diff(values) / np.diff(problem.ends(knots))
+    bend = slopes - np.roll(slopes, 1) if problem.cyclic else np.diff(slopes, prepend=0, append=0)
+    residual = np.interp(whole, knots, curve.values, period=n if problem.cyclic else None)
+    residual = residual - problem.desired[whole.astype(np.intp) % n]
+    hold = (np.abs(knots - whole) <= SEARCH.kink) & (residual * bend > 0.0)
+    hold &= ~fixed_variables(problem, knots)[0]
+    knots = np.where(hold, whole, knots)
+    if not np.any(hold) or not problem.long_enough(knots):
+        return curve, np.zeros(knots.size, dtype=bool)
+    return candidate(problem, knots, _along(problem, curve)(knots)), hold
+
+
+def _along(problem: Problem, curve: Candidate) -> PiecewiseLinear:
+    return PiecewiseLinear(
+        knots=curve.knots,
+        values=curve.values,
+        samples=problem.samples,
+        tick=1.0,
+        cyclic=problem.cyclic,
+    )

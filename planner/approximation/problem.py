@@ -1,0 +1,266 @@
+"""What is approximated, in units of the search, and the constraints on knots besides the slopes.
+
+The samples are of size one; time is counted in samples. Knots may be fixed: the ends of a path,
+required knots, and all of them where knots lie on samples. Values may be fixed at required knots.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from heapq import heapify, heapreplace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.trajectory import Array
+
+SAME_PLACE = 1e-6
+"""Distance [samples] at which a knot counts as one that is required."""
+
+BARELY_SHORT = 1e-9
+"""Lack of length [samples] that is left to rounding."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """What to approximate, in a unit of its own.
+
+    Attributes:
+        desired: Samples D, shape (n,).
+        step: Largest change per sample v.
+        cyclic: Whether the first sample follows the last.
+        weights: Weight of every sample's squared error, mean 1, shape (n,); by default all 1.
+        shortest: Length of the shortest segment [samples].
+        required: Where there must be a knot [samples], shape (r,), increasing.
+        pins: The curve's values there, shape (r,); NaN where they are free.
+        on_samples: Whether knots lie on samples.
+    """
+
+    desired: Array
+    step: float
+    cyclic: bool
+    weights: Array = None  # type: ignore[assignment]
+    shortest: float = 1.0
+    required: Array = field(default_factory=lambda: np.zeros(0))
+    pins: Array = field(default_factory=lambda: np.zeros(0))
+    on_samples: bool = False
+
+    def __post_init__(self) -> None:
+        """Weigh all samples alike unless told otherwise."""
+        if self.weights is None:
+            object.__setattr__(self, "weights", np.ones(self.desired.size))
+
+    @property
+    def samples(self) -> int:
+        """Number of samples n."""
+        return self.desired.size
+
+    @property
+    def free_knots(self) -> bool:
+        """Whether knots may lie anywhere, a sample or more apart."""
+        return not self.on_samples and self.shortest <= 1.0 and not self.required.size
+
+    @property
+    def unit_length(self) -> float:
+        """Length of the shortest segment that knots allow [samples]."""
+        return math.ceil(self.shortest - BARELY_SHORT) if self.on_samples else self.shortest
+
+    def ends(self, knots: Array) -> Array:
+        """Ends of the segments [samples]: the knots, and of a cycle the first a period later."""
+        return np.append(knots, knots[0] + self.samples) if self.cyclic else knots
+
+    def segments(self, knots: Array) -> int:
+        """Number of segments between these knots."""
+        return knots.size if self.cyclic else knots.size - 1
+
+    def long_enough(self, knots: Array) -> bool:
+        """Whether no segment between these knots is too short."""
+        return bool(np.min(np.diff(self.ends(knots))) >= self.shortest - BARELY_SHORT)
+
+
+class Candidate(NamedTuple):
+    """A curve that is being considered, and its squared error."""
+
+    knots: Array  # (K,)
+    values: Array  # (K,)
+    error: float
+
+
+def candidate(problem: Problem, knots: Array, values: Array) -> Candidate:
+    """A curve with its squared error Σ w (P - D)²; O(n + K)."""
+    residual = residuals(problem, knots, values)
+    return Candidate(knots, values, float(residual @ (problem.weights * residual)))
+
+
+def residuals(problem: Problem, knots: Array, values: Array) -> Array:
+    """Curve minus samples, P - D, shape (n,)."""
+    index = np.arange(problem.samples, dtype=np.float64)
+    period = problem.samples if problem.cyclic else None
+    return np.interp(index, knots, values, period=period) - problem.desired
+
+
+@lru_cache(maxsize=64)
+def segment_ends(size: int, *, cyclic: bool) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Numbers of the knots at which the segments start and end."""
+    start = np.arange(size if cyclic else size - 1)
+    return start, (start + 1) % size
+
+
+def fixed_variables(
+    problem: Problem, knots: Array
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Which knots may not move, and which of their values, each shape (K,)."""
+    fixed = np.full(knots.size, problem.on_samples)
+    moving, pinned = required_knots(problem, knots)
+    return fixed | moving, pinned
+
+
+def required_knots(
+    problem: Problem, knots: Array
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """Which knots are required or the ends of a path, and at which the value is, each (K,)."""
+    required = np.zeros(knots.size, dtype=bool)
+    pinned = np.zeros(knots.size, dtype=bool)
+    if not problem.cyclic:
+        required[[0, -1]] = True
+    if problem.required.size:
+        away = distances(problem, knots)
+        which = np.argmin(away, axis=1)
+        there = away[np.arange(knots.size), which] <= SAME_PLACE
+        required |= there
+        pinned = there & np.isfinite(problem.pins[which])
+    return required, pinned
+
+
+def distances(problem: Problem, places: Array) -> Array:
+    """Time between places and required knots [samples], the shorter way round, shape (m, r)."""
+    away = np.abs(places[:, None] - problem.required[None, :])
+    if problem.cyclic:
+        away = np.mod(away, problem.samples)
+        away = np.minimum(away, problem.samples - away)
+    return np.asarray(away)
+
+
+def reachable_interval(problem: Problem, places: Array) -> tuple[Array, Array]:
+    """Least and largest values at ``places`` from which every pin can be reached, each (m,)."""
+    pinned = np.isfinite(problem.pins)
+    if not np.any(pinned):
+        return np.full(places.size, -np.inf), np.full(places.size, np.inf)
+    away = problem.step * distances(problem, places)[:, pinned]
+    pins = problem.pins[pinned]
+    return np.max(pins - away, axis=1), np.min(pins + away, axis=1)
+
+
+def feasible_values(problem: Problem, knots: Array) -> Array:
+    """Values within the slopes that keep the pins: the mean of the samples where that is free."""
+    mean = float(np.average(problem.desired, weights=problem.weights))
+    if not problem.required.size:
+        return np.full(knots.size, mean)
+    lower, upper = reachable_interval(problem, knots)
+    values = np.minimum(np.maximum(np.full(knots.size, mean), lower), upper)
+    return with_pins(problem, knots, values)
+
+
+def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
+    """The values, those of pins exactly as required."""
+    if not problem.required.size:
+        return values
+    away = distances(problem, knots)
+    which = np.argmin(away, axis=1)
+    pins = problem.pins[which]
+    there = (away[np.arange(knots.size), which] <= SAME_PLACE) & np.isfinite(pins)
+    return np.where(there, pins, values)
+
+
+def nearest_samples(required: Array) -> npt.NDArray[np.intp]:
+    """The samples that stand for required knots on grids of samples."""
+    return np.floor(required + 0.5).astype(np.intp)
+
+
+def with_required(problem: Problem, knots: Array) -> Array | None:
+    """Knots from a grid of samples, with the required ones moved to where they belong.
+
+    Args:
+        problem: What to approximate.
+        knots: Knots on samples, shape (K,), among them those of :func:`nearest_samples`.
+
+    Returns:
+        Knots, shape (K,); None if some segment is too short then.
+    """
+    moved = np.array(knots, dtype=np.float64)
+    for node, place in zip(nearest_samples(problem.required), problem.required, strict=True):
+        away = knots - node
+        there = np.mod(away, problem.samples) == 0.0 if problem.cyclic else away == 0.0
+        moved[there] += place - node
+    return moved if problem.long_enough(moved) else None
+
+
+def segment_allowed(
+    problem: Problem, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
+) -> npt.NDArray[np.bool_]:
+    """Whether a segment may lead from one node to another, by length and required knots."""
+    moves = bool(np.any(problem.required != np.floor(problem.required)))  # by half a sample or less
+    possible = end - start >= max(problem.shortest - 0.5 * moves, 1.0)
+    for node in nearest_samples(problem.required):
+        turns = range(-1, 4) if problem.cyclic else (0,)
+        for turn in turns:
+            place = node + turn * problem.samples
+            possible &= (place <= start) | (place >= end)
+    return np.asarray(possible)
+
+
+def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Places that are knots in any case, ends included, and most segments between them."""
+    n, fixed = problem.samples, problem.required
+    if problem.cyclic:
+        first = fixed if fixed.size else np.zeros(1)
+        places = np.append(first, first[0] + n)
+    else:
+        places = np.unique(np.concatenate([[0.0], fixed, [n - 1.0]]))
+    most = np.floor(np.diff(places) / problem.unit_length + BARELY_SHORT).astype(np.intp)
+    return places, most
+
+
+def fewest_segments(problem: Problem) -> int:
+    """Least number of segments of a curve that is not a constant."""
+    return max(2 if problem.cyclic else 1, segment_capacity(problem)[1].size)
+
+
+def most_segments(problem: Problem) -> int:
+    """Most segments that the samples and the shortest segment allow."""
+    return int(np.sum(segment_capacity(problem)[1]))
+
+
+def even_knots(problem: Problem, segments: int | None = None) -> Array:
+    """Knots as evenly spread as required knots and the shortest segment allow.
+
+    Args:
+        problem: What to approximate.
+        segments: Number of segments; None for as many as possible.
+
+    Returns:
+        Knots, shape (K,), of a cycle without its end.
+    """
+    places, most = segment_capacity(problem)
+    length = np.diff(places)
+    parts = np.array(most)
+    if segments is not None:
+        parts = np.ones(length.size, dtype=np.intp)
+        queue = [(-length[k], k) for k in range(length.size) if most[k] > 1]
+        heapify(queue)
+        for _ in range(segments - length.size):
+            if not queue:
+                break
+            k = queue[0][1]
+            parts[k] += 1
+            share = -length[k] / parts[k] if parts[k] < most[k] else math.inf
+            heapreplace(queue, (share, k))
+    pieces = []
+    for start, size, count in zip(places[:-1], length, parts, strict=True):
+        inner = start + size * np.arange(count) / count
+        pieces.append(np.floor(inner + 1e-9) if problem.on_samples else inner)
+    knots = np.concatenate(pieces)
+    return knots if problem.cyclic else np.append(knots, places[-1])

@@ -1,0 +1,467 @@
+"""The quadratic programmes of the fitter.
+
+The values at given knots that are best within the slopes are a convex QP, solved by OSQP:
+
+    minimise  Σ_k w_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
+
+The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
+the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
+the bounds hold to the last digit.
+
+A step of :mod:`planner.approximation.sqp` is a dense QP of at most 32 variables, of which a fit
+solves hundreds: there SciPy's non-negative least squares takes 0.03 ms, where OSQP takes 0.2 to set
+up alone and stops at its tolerance.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.approximation.least_squares import sums_by
+from planner.approximation.problem import (
+    Problem,
+    candidate,
+    feasible_values,
+    fixed_variables,
+    residuals,
+    segment_ends,
+    with_pins,
+)
+from planner.exceptions import Infeasible, SolverFailed
+from planner.trajectory import Array
+
+BARELY = 1e-9
+"""Relative distance from a bound on the error that rounding cannot cross."""
+
+ROUNDING = 1e-13
+"""Relative excess over a limit that is left to rounding."""
+
+
+@dataclass(frozen=True)
+class QpOptions:
+    """Tolerances of the QPs; the samples are of size one.
+
+    Attributes:
+        tolerance: Of OSQP, relative and absolute; polishing makes its answer exact.
+        trusted: Excess over a limit up to which an answer of OSQP is repaired.
+        iterations: Most iterations of OSQP.
+        tube_iterations: The same with a bound on every sample, where another answer is at hand.
+        ridge: Pull towards the previous values, relative to the Hessian, that makes values at knots
+            without samples determinate.
+        feasible: Violation of a dense QP's bounds, relative to the step, up to which it is solved.
+        most_damping: Damping beyond which a Hessian is given up.
+    """
+
+    tolerance: float = 1e-9
+    trusted: float = 1e-6
+    iterations: int = 50_000
+    tube_iterations: int = 5_000
+    ridge: float = 1e-11
+    feasible: float = 1e-9
+    most_damping: float = 1e12
+
+
+QP = QpOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValuesQP:
+    """Minimise ½ yᵀPy + qᵀy subject to lower <= Ay <= upper.
+
+    Attributes:
+        P: Hessian, sparse, shape (K, K).
+        q: Gradient at zero, shape (K,).
+        A: Rise of every segment, the values that are required and, where errors are bounded, every
+            sample's angle, sparse, shape (S + p, K) or (S + p + n, K).
+        lower: Least values of them.
+        upper: Largest values of them.
+    """
+
+    P: Any
+    q: Array
+    A: Any
+    lower: Array
+    upper: Array
+
+    def excess(self, values: Array) -> float:
+        """Largest violation of a limit, 0 if there is none."""
+        rows = self.A @ values
+        return float(np.max(np.maximum(self.lower - rows, rows - self.upper), initial=0.0))
+
+
+def solve_values(
+    problem: Problem, knots: Array, near: Array | None = None, *, tube: float | None = None
+) -> Array:
+    """The best values at ``knots``; slopes within the bound up to rounding and ``QP.trusted``.
+
+    Args:
+        problem: What to approximate; samples of size one or less.
+        knots: Knots, shape (K,).
+        near: Values from which OSQP starts and to which undetermined ones are pulled, shape (K,).
+        tube: Largest error at any sample; ``near`` keeps it.
+
+    Returns:
+        Values, shape (K,). Cost O(n), and O(K) per iteration of OSQP.
+
+    Raises:
+        SolverFailed: OSQP stopped short.
+    """
+    if knots.size == 1:
+        return feasible_values(problem, knots)
+    near = feasible_values(problem, knots) if near is None else near
+    qp = build_values_qp(problem, knots, near)
+    values = _solved(problem, qp, near)
+    if tube is None:
+        return values
+    tube_qp = build_values_qp(problem, knots, near, tube)
+    if tube_qp.excess(values) <= 0.0:
+        return values
+    try:
+        values = _solved(problem, tube_qp, near, iterations=QP.tube_iterations)
+    except SolverFailed:  # it is slow where the tube is tight; ``near`` is within it
+        return near
+    return values if tube_qp.excess(values) <= 1e-12 else near
+
+
+def build_values_qp(
+    problem: Problem, knots: Array, near: Array, tube: float | None = None
+) -> ValuesQP:
+    """The QP in the values at ``knots``, with a tiny pull towards ``near``.
+
+    Args:
+        problem: What to approximate.
+        knots: Knots, shape (K,).
+        near: Values towards which undetermined ones are pulled, shape (K,).
+        tube: Largest error at any sample, if that is bounded.
+    """
+    from scipy import sparse
+
+    size = knots.size
+    start, end = segment_ends(size, cyclic=problem.cyclic)
+    ends = problem.ends(knots)
+    index = np.arange(problem.samples, dtype=np.float64)
+    if problem.cyclic:
+        index = knots[0] + np.mod(index - knots[0], problem.samples)
+    segment = np.clip(np.searchsorted(knots, index, side="right") - 1, 0, ends.size - 2)
+    share = (index - knots[segment]) / np.diff(ends)[segment]
+    rest = 1.0 - share
+
+    def total(products: Array) -> Array:
+        return sums_by(problem.weights * products, segment, start.size)
+
+    s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
+    P = sparse.csc_matrix(
+        (
+            np.concatenate([s00, s01, s01, s11]),
+            (
+                np.concatenate([start, start, end, end]),
+                np.concatenate([start, end, start, end]),
+            ),
+        ),
+        shape=(size, size),
+    )
+    q = -sums_by(total(rest * problem.desired), start, size)
+    q -= sums_by(total(share * problem.desired), end, size)
+    ridge = QP.ridge * float(P.diagonal().max())
+    row, ones = np.arange(start.size), np.ones(start.size)
+    A = sparse.csc_matrix(
+        (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
+        shape=(row.size, size),
+    )
+    upper = problem.step * np.diff(ends)
+    lower = -upper
+    _, pinned = fixed_variables(problem, knots)
+    if np.any(pinned):
+        A = sparse.vstack([A, sparse.eye(size, format="csr")[pinned]], format="csc")
+        pins = with_pins(problem, knots, near)[pinned]
+        lower, upper = np.append(lower, pins), np.append(upper, pins)
+    if tube is not None:
+        sample = np.arange(problem.samples)
+        places = np.append(sample, sample), np.append(start[segment], end[segment])
+        basis = sparse.csc_matrix((np.append(rest, share), places), shape=(problem.samples, size))
+        A = sparse.vstack([A, basis], format="csc")
+        lower = np.append(lower, problem.desired - tube)
+        upper = np.append(upper, problem.desired + tube)
+    return ValuesQP(
+        P=(P + ridge * sparse.eye(size)).tocsc(),
+        q=q - ridge * near,
+        A=A,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def _solved(
+    problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = QP.iterations
+) -> Array:
+    """OSQP's answer, polished and checked."""
+    import osqp
+    from scipy import sparse
+
+    # In z with y = centre + unit z, as all rises are tiny where v is.
+    centre = float(np.mean(near))
+    unit = min(1.0, problem.step * problem.samples)
+    offset = np.full(near.size, centre)
+    q = (qp.P @ offset + qp.q) / unit
+    rows = qp.A @ offset
+    scale = float(max(qp.P.diagonal().max(), np.max(np.abs(q))))
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        sparse.triu(qp.P / scale, format="csc"),
+        q / scale,
+        qp.A,
+        (qp.lower - rows) / unit,
+        (qp.upper - rows) / unit,
+        eps_abs=QP.tolerance,
+        eps_rel=QP.tolerance,
+        max_iter=iterations,
+        polishing=False,  # OSQP's own prints when no bound is active
+        verbose=False,
+    )
+    solver.warm_start(x=(near - centre) / unit)
+    result = solver.solve(raise_error=False)
+    values = centre + unit * np.asarray(result.x, dtype=np.float64)
+    status = str(result.info.status)
+    logging.getLogger(__name__).debug(
+        "values at %d knots: OSQP says %s after %d iterations",
+        near.size,
+        status,
+        result.info.iter,
+    )
+    if not (status.startswith("solved") and np.all(np.isfinite(values))):
+        raise SolverFailed("values at the knots, OSQP", status)
+    values = polished(qp, values, np.asarray(result.y, dtype=np.float64))
+    if qp.excess(values) > QP.trusted:
+        raise SolverFailed("values at the knots, OSQP", status, violation=qp.excess(values))
+    return values
+
+
+def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
+    """The minimiser with the active bounds of ``values`` as equations, if it is at least as good.
+
+    Args:
+        qp: The QP.
+        values: A solution to some tolerance, shape (K,).
+        multipliers: Of the bounds, positive at the upper ones.
+
+    Returns:
+        Values, shape (K,).
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
+    active = np.flatnonzero(pressed | (qp.lower == qp.upper))
+    target = np.where(multipliers > 0.0, qp.upper, qp.lower)[active]
+    rows = qp.A[active, :]
+    # A touch of regularisation for bounds that repeat one another; two refinements remove it.
+    lower = -1e-9 * sparse.eye(active.size)
+    system = sparse.bmat([[qp.P, rows.T], [rows, None if active.size == 0 else lower]], "csc")
+    exact = np.append(np.zeros(qp.q.size), np.zeros(active.size))
+    try:
+        factor = splu(system)
+    except RuntimeError:  # singular
+        return values
+    for _ in range(3):
+        y, u = exact[: qp.q.size], exact[qp.q.size :]
+        residual = np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y)
+        exact = exact + factor.solve(residual)
+    better = exact[: qp.q.size]
+    if qp.excess(better) > max(qp.excess(values), 1e-12):
+        return values
+    return better
+
+
+def values_within(problem: Problem, knots: Array, bound: float | None, unit: float) -> Array:
+    """The best values at given knots, with no error above ``bound`` if there is one.
+
+    Args:
+        problem: What to approximate, samples of size one.
+        knots: Knots, shape (K,).
+        bound: Largest error at any sample, if that is bounded.
+        unit: Unit of the samples [rad], for the message.
+
+    Returns:
+        Values, shape (K,).
+
+    Raises:
+        Infeasible: These knots cannot keep the bound; names the two samples that show it.
+        SolverFailed: A solver stopped short.
+    """
+    values = solve_values(problem, knots, feasible_values(problem, knots))
+    if bound is None or np.max(np.abs(residuals(problem, knots, values))) <= bound:
+        return values
+    closest, pair = closest_values(problem, knots)
+    least = float(np.max(np.abs(residuals(problem, knots, closest))))
+    if least > bound * (1.0 + BARELY):
+        raise Infeasible(
+            f"knots and max_error: with these knots samples {pair[0]} and {pair[1]} cannot both be "
+            f"kept within {bound * unit:.6g} rad, the smallest largest error is "
+            f"{least * unit:.6g} rad; add a knot near them or allow more error"
+        )
+    return solve_values(problem, knots, closest, tube=max(bound, least) * (1.0 - 0.5 * BARELY))
+
+
+def closest_values(problem: Problem, knots: Array) -> tuple[Array, tuple[int, int]]:
+    """Values with the smallest largest error, a linear programme, and two samples that bind it."""
+    from scipy import sparse
+    from scipy.optimize import linprog
+
+    near = feasible_values(problem, knots)
+    qp = build_values_qp(problem, knots, near, tube=0.0)
+    n, size = problem.samples, knots.size
+    basis, others = qp.A[-n:], qp.A[:-n]
+    both = sparse.vstack([basis, -basis, others, -others])
+    allowance = np.append(-np.ones(2 * n), np.zeros(2 * others.shape[0]))  # the error, of samples
+    rows = sparse.hstack([both, sparse.csr_array(allowance[:, np.newaxis])])
+    limits = np.concatenate([problem.desired, -problem.desired, qp.upper[:-n], -qp.lower[:-n]])
+    result = linprog(
+        np.append(np.zeros(size), 1.0),
+        A_ub=rows.tocsr(),
+        b_ub=limits,
+        bounds=[(None, None)] * size + [(0.0, None)],
+        method="highs",
+    )
+    if result.x is None:
+        raise SolverFailed("largest error at given knots, HiGHS", str(result.message))
+    limits = problem.step * np.diff(problem.ends(knots))
+    values = within_slopes(result.x[:size], limits, cyclic=problem.cyclic, towards=near)
+    pressed = np.abs(result.ineqlin.marginals[: 2 * n]).reshape(2, n).sum(axis=0)
+    first, second = sorted(np.argsort(-pressed, kind="stable")[:2].tolist())
+    return candidate(problem, knots, values).values, (first, second)
+
+
+def within_slopes(
+    values: Array, limits: Array, *, cyclic: bool, towards: Array | None = None
+) -> Array:
+    """Shrink ``values`` towards their middle until every rise keeps its limit, rounding included.
+
+    Args:
+        values: Values at the knots [rad], shape (K,).
+        limits: Largest rise of every segment [rad], shape (K,) for a cycle, else (K - 1,).
+        cyclic: Whether the last segment leads back to the first knot.
+        towards: Values that keep the limits, shape (K,), in place of the middle.
+
+    Returns:
+        Values, shape (K,), that exceed no limit by more than one part in 1e13.
+    """
+    if towards is None:
+        middle = 0.5 * (float(values.max()) + float(values.min()))
+        towards = np.full_like(values, middle)
+    offset = values - towards
+    shrink, shrunk = 1.0, values
+    for attempt in range(64):
+        ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
+        excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
+        if excess <= 1.0 + ROUNDING:
+            return shrunk
+        shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
+        shrunk = towards + shrink * offset
+    return towards
+
+
+class DampedStep(NamedTuple):
+    """A step, and the damping with which it was found."""
+
+    step: Array | None  # (k,)
+    damping: float
+    predicted: float  # by how much the step should lower twice the programme
+
+
+def minimize_quadratic(hessian: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
+    """The p that minimises ½ pᵀHp + gᵀp among those with A p <= b.
+
+    With H = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the origin,
+    which one call of non-negative least squares finds (Lawson and Hanson, Solving Least Squares
+    Problems, 1974, Chapter 23).
+
+    Args:
+        hessian: H, shape (k, k).
+        gradient: g, shape (k,).
+        rows: A, shape (m, k).
+        bounds: b, shape (m,).
+
+    Returns:
+        p, shape (k,); None if H is not positive definite or no trustworthy answer was found.
+    """
+    inverse = _inverse_factor(hessian)
+    return None if inverse is None else _from_factor(inverse, gradient, rows, bounds)
+
+
+def minimize_damped(
+    hessian: Array, scale: Array, damping: float, gradient: Array, rows: Array, bounds: Array
+) -> DampedStep:
+    """:func:`minimize_quadratic` with as much damping on the diagonal as makes H definite.
+
+    Args:
+        hessian: H, shape (k, k).
+        scale: What a damping of one adds to its diagonal, shape (k,).
+        damping: The least damping.
+        gradient: g, shape (k,).
+        rows: A, shape (m, k).
+        bounds: b, shape (m,).
+
+    Returns:
+        The step, None where no trustworthy one was found.
+    """
+    diagonal = np.arange(scale.size)
+    while damping < QP.most_damping:
+        damped = hessian.copy()
+        damped[diagonal, diagonal] += damping * scale
+        inverse = _inverse_factor(damped)
+        if inverse is None:
+            damping *= 10.0
+            continue
+        step = _from_factor(inverse, gradient, rows, bounds)
+        if step is None:
+            break
+        predicted = -2.0 * float(gradient @ step) - float(step @ (damped @ step))
+        return DampedStep(step, damping, predicted)
+    return DampedStep(None, damping, 0.0)
+
+
+def _inverse_factor(hessian: Array) -> Array | None:
+    """L⁻¹ of H = LLᵀ, shape (k, k); None if H is not positive definite."""
+    from scipy.linalg import lapack
+
+    factor, failed = lapack.dpotrf(hessian, lower=1)
+    if failed:
+        return None
+    # The inverse, as LAPACK's triangular solves start threads that wait for each other even at this
+    # size, milliseconds on a busy machine.
+    inverse, failed = lapack.dtrtri(factor, lower=1)
+    return None if failed else np.asarray(inverse)
+
+
+def _from_factor(inverse: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
+    """The minimiser, from the inverse of the Hessian's factor."""
+    from scipy.optimize import nnls
+
+    free = inverse @ gradient
+    normals = rows @ inverse.T
+    shortfall = -(bounds + normals @ free)  # of z = 0, as normals z <= bounds + normals free
+    worst = float(shortfall.max()) if shortfall.size else 0.0
+    if worst <= 0.0:
+        return np.asarray(-(free @ inverse))
+    scale = max(worst, -float(shortfall.min()))
+    system = np.empty((free.size + 1, shortfall.size))
+    np.negative(normals.T, out=system[:-1])
+    np.divide(shortfall, scale, out=system[-1])
+    target = np.zeros(free.size + 1)
+    target[-1] = 1.0
+    try:
+        multipliers, _ = nnls(system, target)
+    except RuntimeError:  # it did not end; the caller damps more and asks again
+        return None
+    residual = target - system @ multipliers
+    if residual[-1] <= 0.0:
+        return None
+    step = ((-scale / residual[-1]) * residual[:-1] - free) @ inverse
+    size = float((np.abs(rows) @ np.abs(step)).max())
+    if (rows @ step - bounds).max() > QP.feasible * max(size, 1e-300):
+        return None
+    return np.asarray(step)
