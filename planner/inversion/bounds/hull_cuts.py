@@ -1,12 +1,16 @@
-"""What one request can call for: the convex hull of its calls at all ticks where it acts.
+"""Cutting planes from the convex hull of what one request can contribute, (9a) of math.md.
 
-In units of v_max a tick, a request y calls for u(t) = clip(k (y - x(t)), -1, 1) where the joint is
-at x(t). A cut ``by_call @ u - by_angle @ x <= limit`` holds for every y, and for every x within
-ranges, if its limit is the support function of that set, known in closed form (``docs/math.md``).
+In units of v_max a tick, a request y contributes u(t) = clip(k (y - x(t)), -1, 1) to the speed at
+tick t, where x(t) is the angle before it and k = v_max / theta_0. A cut ``p @ u - q @ x <= limit``
+holds for every y, and for every x within ranges, if its limit is the support function of that set,
+which is known in closed form. Which cut to add is found as in disjunctive programming (Balas 1979):
+the nearest point of the hull is sought by nonnegative least squares (Lawson and Hanson 1974), and
+the direction from there to the point that is to be cut off is the cut's normal.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,126 +18,141 @@ from scipy.optimize import nnls
 
 from planner.trajectory import Array
 
-ANYWHERE = (-np.inf, np.inf)
-"""Where a request is that may be anywhere."""
-
-TRIALS = 25
-"""Points of the set that are tried for one cut."""
-
-DEEP_ENOUGH = 0.7
-"""A cut this deep, relative to the distance of the nearest point found, is taken."""
-
-TOO_SHALLOW = 1e-3
-"""A cut not even this deep is not worth a row."""
+UNBOUNDED = (-np.inf, np.inf)
+"""The interval of a request that may be anything."""
 
 SUM_WEIGHT = 100.0
-"""Weight on mixtures' shares summing to one where the nearest mixture is sought."""
+"""Weight of the equation that the shares of a mixture sum to one [-]; they are normalised after."""
 
 ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 
-class Place(NamedTuple):
-    """Where the joint can be when one request acts, and where that request can be.
+@dataclass(frozen=True)
+class CutOptions:
+    """When a cut is looked for no longer, and when it is added.
+
+    Attributes:
+        trials: Most support points tried for one cut [-]; half and twice as many prove the same.
+        depth: A cut this deep is taken, relative to the distance of the nearest mixture found [-].
+        violation: Least violation for which a cut is added [v_max a tick].
+    """
+
+    trials: int = 25
+    depth: float = 0.7
+    violation: float = 1e-3
+
+
+class RequestSet(NamedTuple):
+    """Where the joint can be at the ticks at which one request acts, and what it can be.
 
     Attributes:
         gain: k = v_max / theta_0 [1/tick].
-        least: Least angles, shape (m,).
-        most: Greatest angles, shape (m,).
-        between: Least and greatest request.
+        lower: Least angles before these ticks, shape (m,).
+        upper: Greatest angles, shape (m,).
+        interval: Least and greatest request.
     """
 
     gain: float
-    least: Array
-    most: Array
-    between: tuple[float, float] = ANYWHERE
+    lower: Array
+    upper: Array
+    interval: tuple[float, float] = UNBOUNDED
 
 
 class Support(NamedTuple):
-    """The most that ``by_call @ u - by_angle @ x`` can be, and where it is."""
+    """The maximum of ``p @ u - q @ x`` over a request set, and where it is attained."""
 
     value: float
-    calls: Array
+    contributions: Array
     angles: Array
 
 
 class HullCut(NamedTuple):
-    """What holds for every request and all angles: ``by_call @ u - by_angle @ x <= limit``."""
+    """An inequality that every request meets at all angles: ``p @ u - q @ x <= limit``."""
 
-    by_call: Array
-    by_angle: Array
+    p: Array
+    q: Array
     limit: float
 
 
-def calls_of(requests: Array, angles: Array, gain: float) -> Array:
-    """What each of the requests calls for at each of the angles, shape (requests, m)."""
+def contributions_of(requests: Array, angles: Array, gain: float) -> Array:
+    """The u = clip(k (y - x), -1, 1) of each request at each angle, shape (requests, m)."""
     return np.clip(gain * (requests[:, np.newaxis] - angles), -1.0, 1.0)
 
 
-def corners(angles: Array, place: Place) -> Array:
-    """The requests at which some call starts or ceases to saturate, and the ends of the range."""
-    reach = 1.0 / place.gain
+def breakpoints(angles: Array, requests: RequestSet) -> Array:
+    """Requests of the set at which some contribution starts or ceases to saturate; its ends."""
+    reach = 1.0 / requests.gain
     every = np.concatenate([angles - reach, angles + reach])
-    within: Array = np.minimum(np.maximum(every, place.between[0]), place.between[1])
+    within: Array = np.minimum(np.maximum(every, requests.interval[0]), requests.interval[1])
     return within
 
 
-def support(by_call: Array, by_angle: Array, place: Place) -> Support:
-    """Maximise ``by_call @ u - by_angle @ x`` over all requests and angles of the place.
+def support(p: Array, q: Array, requests: RequestSet) -> Support:
+    """The support function of the set in the direction (p, -q): the right-hand side of (9a).
 
-    For a given request every angle is on its own, and best at an end of its range or where its call
-    is just saturated. Between neighbouring corners all these candidates are linear in the request,
-    so that the best of them is convex in it, and the maximum is at a corner.
+    For a given request every angle is on its own, and best at an end of its range or where its
+    contribution is just saturated. Between neighbouring breakpoints all these candidates are linear
+    in the request, so that the best of them is convex in it, and the maximum is at a breakpoint.
     """
-    least, most, gain = place.least, place.most, place.gain
-    requests = corners(np.concatenate([least, most]), place)[:, np.newaxis]
-    angles = np.empty((4, len(requests), len(least)))
-    angles[0], angles[1] = least, most
-    angles[2] = np.minimum(np.maximum(requests - 1.0 / gain, least), most)
-    angles[3] = np.minimum(np.maximum(requests + 1.0 / gain, least), most)
-    calls = np.minimum(np.maximum(gain * (requests - angles), -1.0), 1.0)
-    values = by_call * calls - by_angle * angles
+    lower, upper, gain = requests.lower, requests.upper, requests.gain
+    tried = breakpoints(np.concatenate([lower, upper]), requests)[:, np.newaxis]
+    angles = np.empty((4, len(tried), len(lower)))
+    angles[0], angles[1] = lower, upper
+    angles[2] = np.minimum(np.maximum(tried - 1.0 / gain, lower), upper)
+    angles[3] = np.minimum(np.maximum(tried + 1.0 / gain, lower), upper)
+    contributions = np.minimum(np.maximum(gain * (tried - angles), -1.0), 1.0)
+    values = p * contributions - q * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
-    which = values[:, best].argmax(axis=0), best, np.arange(len(least))
-    return Support(float(values[which].sum()), calls[which], angles[which])
+    which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
+    return Support(float(values[which].sum()), contributions[which], angles[which])
 
 
-def separate(calls: Array, angles: Array, place: Place) -> HullCut | None:
-    """A cut that the calls violate at these angles, or None where none is worth a row.
+def separate(
+    contributions: Array,
+    angles: Array,
+    requests: RequestSet,
+    options: CutOptions = CutOptions(),
+) -> HullCut | None:
+    """A cut that the contributions violate at these angles, or None if none does by enough.
 
-    The nearest mixture of points of the set is sought, one point after the other in the direction
-    of what is missing; that direction is the cut, and its limit the support there.
+    The nearest mixture of points of the set is sought, one support point after the other in the
+    direction of the residual; that direction is the cut's normal, and its limit the support there.
     """
-    gain, middle = place.gain, (place.least + place.most) / 2.0
-    angles = np.clip(angles, place.least, place.most)
-    count = len(calls)
-    target = np.concatenate([calls, gain * (angles - middle)])
-    curve = calls_of(np.unique(corners(angles, place)), angles, gain)
+    gain, middle = requests.gain, (requests.lower + requests.upper) / 2.0
+    angles = np.clip(angles, requests.lower, requests.upper)
+    count = len(contributions)
+    target = np.concatenate([contributions, gain * (angles - middle)])
+    curve = contributions_of(np.unique(breakpoints(angles, requests)), angles, gain)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
-    best, deepest = None, TOO_SHALLOW
-    for _ in range(TRIALS):
+    best, deepest = None, options.violation
+    for _ in range(options.trials):
         system = np.vstack([points.T, np.full(len(points), SUM_WEIGHT)])
         shares, _ = nnls(system, np.append(target, SUM_WEIGHT))
-        missing = target - shares @ points / shares.sum()
-        size = float(np.linalg.norm(missing))
-        if size < TOO_SHALLOW:
+        residual = target - shares @ points / shares.sum()
+        size = float(np.linalg.norm(residual))
+        if size < options.violation:
             break
-        by_call, by_angle = missing[:count] / size, -gain * missing[count:] / size
-        most = support(by_call, by_angle, place)
-        depth = float(by_call @ calls - by_angle @ angles) - most.value
+        p, q = residual[:count] / size, -gain * residual[count:] / size
+        most = support(p, q, requests)
+        depth = float(p @ contributions - q @ angles) - most.value
         if depth > deepest:
-            best, deepest = HullCut(by_call, by_angle, most.value + ROUNDING), depth
-        if depth > DEEP_ENOUGH * size:
+            best, deepest = HullCut(p, q, most.value + ROUNDING), depth
+        if depth > options.depth * size:
             break
-        reached = np.concatenate([most.calls, gain * (most.angles - middle)])
-        points = np.vstack([points[shares > ROUNDING], reached])
+        point = np.concatenate([most.contributions, gain * (most.angles - middle)])
+        points = np.vstack([points[shares > ROUNDING], point])
     return best
 
 
-def nearest_request(calls: Array, angles: Array, place: Place) -> tuple[float, float]:
-    """The request whose calls at these angles are the nearest, and their distance."""
-    ends = corners(angles, place)
-    requests = np.linspace(ends.min(), ends.max(), 300)
-    distances = np.linalg.norm(calls_of(requests, angles, place.gain) - calls, axis=1)
+def nearest_request(
+    contributions: Array, angles: Array, requests: RequestSet
+) -> tuple[float, float]:
+    """The request of 300 whose contributions at these angles are nearest, and their distance."""
+    ends = breakpoints(angles, requests)
+    tried = np.linspace(ends.min(), ends.max(), 300)
+    distances = np.linalg.norm(
+        contributions_of(tried, angles, requests.gain) - contributions, axis=1
+    )
     nearest = int(np.argmin(distances))
-    return float(requests[nearest]), float(distances[nearest])
+    return float(tried[nearest]), float(distances[nearest])

@@ -1,8 +1,9 @@
-"""A convex set that contains every response better than a known error, and its distance.
+"""A convex relaxation of the saturated joint, and its distance from the desired angles.
 
-Over angles x (one a tick) and calls u (one for every request at every tick where it acts):
-condition 4 with the joint's speed within known ranges, and cuts from the hulls of the single
-requests (``docs/math.md``, section 5).
+Unknowns are the angles x, one a tick, and the contributions u, one for every request at every tick
+at which it acts. The conditions are (8) of math.md, with chords in place of max(0, w) and
+max(0, -w) between known ends of the speeds' ranges, and the hull cuts (9a). All responses whose
+error is less than that of a known plan, the incumbent, lie in the set.
 """
 
 from __future__ import annotations
@@ -15,43 +16,45 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from planner.inversion.bounds.hull_cuts import ANYWHERE, HullCut, Place, separate
+from planner.inversion.bounds.hull_cuts import UNBOUNDED, HullCut, RequestSet, separate
 from planner.inversion.bounds.multipliers import dual_value, nearest_point
 from planner.inversion.bounds.reachable_set import BoundProblem, distance_from_rest
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 Indices = npt.NDArray[np.int_]
+Intervals = dict[int, tuple[float, float]]
+"""Least and greatest value of the requests that are known to lie somewhere."""
 
 
-class Contributions(NamedTuple):
+class ActingPairs(NamedTuple):
     """Which requests act at which ticks, one entry for every pair.
 
     Attributes:
-        tick: The tick, shape (m,).
-        request: The request, shape (m,).
-        weight: Its weight there, shape (m,).
+        tick: The tick t, shape (m,).
+        request: The request r, shape (m,).
+        weight: W(r, t), shape (m,).
         following: Index of the same request's entry one tick later; -1 where there is none.
     """
 
-    tick: npt.NDArray[np.int_]
-    request: npt.NDArray[np.int_]
+    tick: Indices
+    request: Indices
     weight: Array
-    following: npt.NDArray[np.int_]
+    following: Indices
 
 
-class Acting(NamedTuple):
-    """Where one request acts: its calls, and the ticks at whose angles it calls."""
+class RequestWindow(NamedTuple):
+    """Where one request acts: indices of its contributions, and of the angles they depend on."""
 
-    calls: Indices
-    ticks: Indices
+    contributions: Indices
+    angles: Indices
 
 
 class Ranges(NamedTuple):
-    """Where every angle and every speed is, for responses better than the known error."""
+    """Ends of every angle's and every speed's range, for responses better than the incumbent."""
 
-    least: Array
-    most: Array
+    lower: Array
+    upper: Array
     slowest: Array
     fastest: Array
 
@@ -60,75 +63,80 @@ class Ranges(NamedTuple):
         return Ranges(*(each.copy() for each in self))
 
 
-class Task:
-    """What is to be bounded.
+class ScaledProblem:
+    """A bound's problem in units of v_max a tick, with what its relaxations share.
 
     Attributes:
         gain: k = v_max / theta_0 [1/tick].
-        desired: Wanted angles [v_max ticks], shape (n,).
-        known: Error of a known plan, on which all conditions may rest [v_max ticks].
+        desired: D [v_max ticks], shape (n,).
+        incumbent: Error of a known plan, which a better response stays below [v_max ticks].
         norm: Which error.
-        ticks: How many.
-        sampled: Ticks at which the desired angles are compared.
-        pinned: Requests that are known, as from rest the first.
+        ticks: Number of ticks.
+        sampled: Ticks at which the desired angles are compared, shape (n,).
+        fixed: Requests that are known, as from rest with a given start the first.
+        windows: Where each request acts.
     """
 
-    def __init__(self, problem: BoundProblem, known: float) -> None:
+    def __init__(self, problem: BoundProblem, incumbent: float) -> None:
         """Scale the problem: one is what the joint can move in a tick."""
         model, desired, cyclic, norm, start = problem
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.gain = unit / model.theta_0
         self.desired = (desired - middle) / unit
-        self.known = known / unit
-        stride = model.hold
-        self.ticks = len(desired) * stride if cyclic else (len(desired) - 1) * stride + 1
-        self.sampled = np.arange(0, self.ticks, stride)
+        self.incumbent = incumbent / unit
+        self.ticks = len(desired) * model.hold if cyclic else (len(desired) - 1) * model.hold + 1
+        self.sampled = np.arange(0, self.ticks, model.hold)
         self.start = None if start is None else (start - middle) / unit
-        self.pinned = {} if self.start is None else {0: (self.start, self.start)}
-        self.entries = contributions(model, self.ticks, cyclic=cyclic)
+        self.fixed: Intervals = {} if self.start is None else {0: (self.start, self.start)}
+        self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
         self.before = (np.arange(self.ticks) - 1) % self.ticks
-        # From rest nothing is known of the tick before the first.
-        self.first = 0 if cyclic else 1
-        counted = np.flatnonzero(self.entries.tick >= self.first)
-        order = counted[np.argsort(self.entries.request[counted], kind="stable")]
-        owner = self.entries.request[order]
-        groups = np.split(order, np.flatnonzero(np.diff(owner)) + 1)
-        self.acting = {
-            int(self.entries.request[g[0]]): Acting(g, self.before[self.entries.tick[g]])
-            for g in groups
+        self.first = 0 if cyclic else 1  # from rest the speed at tick 0 is unknown
+        counted = np.flatnonzero(self.pairs.tick >= self.first)
+        order = counted[np.argsort(self.pairs.request[counted], kind="stable")]
+        owner = self.pairs.request[order]
+        self.windows = {
+            int(self.pairs.request[group[0]]): RequestWindow(
+                group, self.before[self.pairs.tick[group]]
+            )
+            for group in np.split(order, np.flatnonzero(np.diff(owner)) + 1)
         }
 
     @property
     def size(self) -> int:
-        """Number of unknowns: angles and calls."""
-        return self.ticks + len(self.entries.tick)
+        """Number of unknowns: angles and contributions."""
+        return self.ticks + len(self.pairs.tick)
+
+    @property
+    def equations(self) -> int:
+        """Number of equations of motion, which are the relaxation's first rows."""
+        return self.ticks - self.first
 
     def initial_ranges(self) -> Ranges:
-        """What the known error, the top speed and the start say by themselves."""
-        farthest = self.known * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
+        """What the incumbent, the top speed and the start say by themselves."""
+        farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
         after = np.arange(self.ticks) % self.model.hold  # ticks since the last sample
         nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
-        least, most = nearest - farthest - after, nearest + farthest + after
+        lower, upper = nearest - farthest - after, nearest + farthest + after
         if self.start is not None:
             near = distance_from_rest(self.model, self.ticks, "envelope") / self.unit
-            least[: len(near)] = np.maximum(least[: len(near)], self.start - near)
-            most[: len(near)] = np.minimum(most[: len(near)], self.start + near)
-        return Ranges(least, most, np.full(self.ticks, -1.0), np.full(self.ticks, 1.0))
+            lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
+            upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
+        return Ranges(lower, upper, np.full(self.ticks, -1.0), np.full(self.ticks, 1.0))
 
     @cached_property
     def speeds(self) -> sparse.csr_array:
-        """Rows x(t) - x(t-1), of the ticks from the first known speed on."""
+        """Rows w(t) = x(t) - x(t-1), from the first known speed on."""
         eye = sparse.eye_array(self.ticks, self.size, format="csr")
         moved = np.arange(self.first, self.ticks)
         return sparse.csr_array(eye[moved] - eye[self.before[moved]])
 
     @cached_property
-    def driven(self) -> sparse.csr_array:
-        """Rows that vanish: every speed less the calls that make it."""
-        entries, count = self.entries, len(self.entries.tick)
+    def motion(self) -> sparse.csr_array:
+        """Rows w(t) - sum_r W(r, t) u(r, t), which vanish."""
+        pairs, count = self.pairs, len(self.pairs.tick)
         weighted = sparse.csr_array(
-            (entries.weight, (entries.tick, self.ticks + np.arange(count))),
+            (pairs.weight, (pairs.tick, self.ticks + np.arange(count))),
             shape=(self.ticks, self.size),
         )
         return sparse.csr_array(self.speeds - weighted[self.first :])
@@ -136,174 +144,18 @@ class Task:
     @cached_property
     def changes(self) -> tuple[sparse.csr_array, Indices]:
         """Rows u(r, t+1) - u(r, t), and the place of tick t among the speeds."""
-        entries = self.entries
-        pairs = np.flatnonzero((entries.following >= 0) & (entries.tick >= self.first))
-        row = np.arange(len(pairs))
-        ones = np.ones(len(pairs))
+        pairs = self.pairs
+        pair = np.flatnonzero((pairs.following >= 0) & (pairs.tick >= self.first))
+        row, ones = np.arange(len(pair)), np.ones(len(pair))
+        column = self.ticks + np.concatenate([pairs.following[pair], pair])
         matrix = sparse.csr_array(
-            (
-                np.concatenate([ones, -ones]),
-                (
-                    np.concatenate([row, row]),
-                    self.ticks + np.concatenate([entries.following[pairs], pairs]),
-                ),
-            ),
-            shape=(len(pairs), self.size),
+            (np.concatenate([ones, -ones]), (np.concatenate([row, row]), column)),
+            shape=(len(pair), self.size),
         )
-        return matrix, entries.tick[pairs] - self.first
+        return matrix, pairs.tick[pair] - self.first
 
 
-class Cut(NamedTuple):
-    """A cut and whose it is."""
-
-    acting: Acting
-    hull: HullCut
-
-
-class Proof(NamedTuple):
-    """The nearest point of a relaxation, and what multipliers prove about all of it.
-
-    Attributes:
-        angles: Nearest angles, shape (ticks,).
-        calls: Their calls.
-        error: No point of the relaxation has a smaller one, in the task's norm.
-        matrix, limits: The relaxation: the first rows are equations, the others at most.
-        multipliers: One for every row.
-        pull: ``matrix.T @ multipliers`` at the samples.
-        proved: The numerator of (9).
-        weights: Multipliers of the cuts.
-    """
-
-    angles: Array
-    calls: Array
-    error: float
-    matrix: sparse.csr_array
-    limits: Array
-    multipliers: Array
-    pull: Array
-    proved: float
-    weights: Array
-
-
-def rows(task: Task, ranges: Ranges, cuts: list[Cut]) -> tuple[sparse.csr_array, Array]:
-    """The relaxation's conditions: first the equations of motion, then what is at most something.
-
-    max(0, -w) is convex in w, so between its values at the ends of w's range it is at most the
-    chord; the chord is exact where the direction is known.
-    """
-    changes, at = task.changes
-    speeds = task.speeds
-    slow, fast = ranges.slowest[task.first :], ranges.fastest[task.first :]
-    width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
-    back, forth = np.maximum(-slow, 0.0), np.maximum(fast, 0.0)
-    # Slope and constant of the chord of max(0, -w), and of max(0, w).
-    falling = (np.maximum(-fast, 0.0) - back) / width
-    rising = (forth - np.maximum(slow, 0.0)) / width
-    fallen, risen = back - falling * slow, forth - rising * fast
-    unknowns = sparse.eye_array(task.size, format="csr")
-    angles, calls = unknowns[: task.ticks], unknowns[task.ticks :]
-    blocks: list[Any] = [
-        task.driven,
-        changes - sparse.diags_array(task.gain * falling[at]) @ speeds[at],
-        -changes - sparse.diags_array(task.gain * rising[at]) @ speeds[at],
-        speeds,
-        -speeds,
-        angles,
-        -angles,
-        calls,
-        -calls,
-    ]
-    ones = np.ones(calls.shape[0])
-    limits = [
-        np.zeros(speeds.shape[0]),
-        task.gain * fallen[at],
-        task.gain * risen[at],
-        fast,
-        -slow,
-        ranges.most,
-        -ranges.least,
-        ones,
-        ones,
-    ]
-    if cuts:
-        blocks.append(_cut_rows(task, cuts))
-        limits.append(np.array([cut.hull.limit for cut in cuts]))
-    return sparse.csr_array(sparse.vstack(blocks)), np.concatenate(limits)
-
-
-def _cut_rows(task: Task, cuts: list[Cut]) -> sparse.csr_array:
-    row = np.repeat(np.arange(len(cuts)), [2 * len(cut.acting.calls) for cut in cuts])
-    column = [np.concatenate([task.ticks + c.acting.calls, c.acting.ticks]) for c in cuts]
-    value = [np.concatenate([c.hull.by_call, -c.hull.by_angle]) for c in cuts]
-    return sparse.csr_array(
-        (np.concatenate(value), (row, np.concatenate(column))), shape=(len(cuts), task.size)
-    )
-
-
-def nearest(task: Task, ranges: Ranges, cuts: list[Cut]) -> Proof:
-    """The relaxation's distance from the desired angles, proved by multipliers as in (9)."""
-    matrix, limits = rows(task, ranges, cuts)
-    answer = nearest_point(
-        matrix,
-        limits,
-        task.sampled,
-        task.desired,
-        norm=task.norm,
-        equations=task.driven.shape[0],
-    )
-    point, multipliers = answer.unknowns, answer.multipliers
-    angles = np.clip(point[: task.ticks], ranges.least, ranges.most)
-    # What is compared with nothing may be anywhere in its range.
-    room = np.ones(task.size)
-    room[: task.ticks] = np.maximum(ranges.most - angles, angles - ranges.least)
-    room[task.sampled] = 0.0
-    compared = np.zeros(task.size)
-    compared[: task.ticks] = angles
-    compared[task.sampled] = task.desired
-    proved, gradient = dual_value(matrix, limits, multipliers, compared, room)
-    at_samples = gradient[task.sampled]
-    return Proof(
-        angles=point[: task.ticks],
-        calls=point[task.ticks :],
-        error=_distance(task, proved, at_samples),
-        matrix=matrix,
-        limits=limits,
-        multipliers=multipliers,
-        pull=at_samples,
-        proved=proved,
-        weights=multipliers[len(limits) - len(cuts) :],
-    )
-
-
-def _distance(task: Task, proved: float, pull: Array) -> float:
-    """The right-hand side of (9) as an error in the task's norm."""
-    if proved <= 0.0:
-        return 0.0
-    size = float(np.linalg.norm(pull, 2 if task.norm == "rms" else 1))
-    if size == 0.0:  # a pull from nowhere: the relaxation is empty
-        return math.inf
-    return proved / size / (math.sqrt(len(task.desired)) if task.norm == "rms" else 1.0)
-
-
-def violated(
-    task: Task, ranges: Ranges, proof: Proof, between: dict[int, tuple[float, float]]
-) -> list[Cut]:
-    """A cut for every request whose calls are in no hull."""
-    found = []
-    for request, acting in task.acting.items():
-        place = Place(
-            task.gain,
-            ranges.least[acting.ticks],
-            ranges.most[acting.ticks],
-            between.get(request, ANYWHERE),
-        )
-        hull = separate(proof.calls[acting.calls], proof.angles[acting.ticks], place)
-        if hull is not None:
-            found.append(Cut(acting, hull))
-    return found
-
-
-def contributions(model: JointModel, ticks: int, *, cyclic: bool) -> Contributions:
+def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
     """Every pair of a tick and a request that acts there.
 
     From rest, requests before the first are the first one.
@@ -323,9 +175,156 @@ def contributions(model: JointModel, ticks: int, *, cyclic: bool) -> Contributio
     np.add.at(weight, inverse, np.tile(window.weights, ticks))
     tick, number = np.divmod(unique, requests)
     later = tick + 1
-    wanted = (later % ticks) * requests + number
-    place = np.minimum(np.searchsorted(unique, wanted), len(unique) - 1)
-    found = unique[place] == wanted
+    sought = (later % ticks) * requests + number
+    place = np.minimum(np.searchsorted(unique, sought), len(unique) - 1)
+    found = unique[place] == sought
     if not cyclic:
         found &= later < ticks
-    return Contributions(tick, number, weight, np.where(found, place, -1))
+    return ActingPairs(tick, number, weight, np.where(found, place, -1))
+
+
+class Cut(NamedTuple):
+    """A hull cut, and where its request acts."""
+
+    window: RequestWindow
+    hull: HullCut
+
+
+class RelaxedSolution(NamedTuple):
+    """The nearest point of a relaxation, and what its multipliers prove about all of the set.
+
+    Attributes:
+        angles: x, shape (ticks,).
+        contributions: u, shape (pairs,).
+        bound: No point of the relaxation has a smaller error, by (9) [v_max ticks].
+        matrix: G, shape (rows, unknowns), the equations of motion first.
+        limits: g, shape (rows,).
+        multipliers: lambda, shape (rows,), the last ones those of the cuts.
+        gradient: G' lambda at the samples, shape (n,).
+        dual_value: The numerator of (9).
+    """
+
+    angles: Array
+    contributions: Array
+    bound: float
+    matrix: sparse.csr_array
+    limits: Array
+    multipliers: Array
+    gradient: Array
+    dual_value: float
+
+
+def conditions(
+    problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]
+) -> tuple[sparse.csr_array, Array]:
+    """The relaxation's rows ``matrix @ z <= limits``, of which the first are equations.
+
+    max(0, -w) is convex in w, so between its values at the ends of w's range it is at most the
+    chord; the chord is exact where the direction is known.
+    """
+    changes, at = problem.changes
+    speeds = problem.speeds
+    slow, fast = ranges.slowest[problem.first :], ranges.fastest[problem.first :]
+    width = np.maximum(fast - slow, np.finfo(np.float64).tiny)
+    back, forth = np.maximum(-slow, 0.0), np.maximum(fast, 0.0)
+    # Slope and constant of the chord of max(0, -w), and of max(0, w).
+    falling = (np.maximum(-fast, 0.0) - back) / width
+    rising = (forth - np.maximum(slow, 0.0)) / width
+    fallen, risen = back - falling * slow, forth - rising * fast
+    unknowns = sparse.eye_array(problem.size, format="csr")
+    angles, contributions = unknowns[: problem.ticks], unknowns[problem.ticks :]
+    ones = np.ones(contributions.shape[0])
+    gain = problem.gain
+    rows: list[tuple[Any, Array]] = [
+        (problem.motion, np.zeros(problem.equations)),
+        (changes - sparse.diags_array(gain * falling[at]) @ speeds[at], gain * fallen[at]),
+        (-changes - sparse.diags_array(gain * rising[at]) @ speeds[at], gain * risen[at]),
+        (speeds, fast),
+        (-speeds, -slow),
+        (angles, ranges.upper),
+        (-angles, -ranges.lower),
+        (contributions, ones),
+        (-contributions, ones),
+    ]
+    if cuts:
+        rows.append((_cut_rows(problem, cuts), np.array([cut.hull.limit for cut in cuts])))
+    blocks, limits = zip(*rows, strict=True)
+    return sparse.csr_array(sparse.vstack(blocks)), np.concatenate(limits)
+
+
+def _cut_rows(problem: ScaledProblem, cuts: list[Cut]) -> sparse.csr_array:
+    """Rows p @ u - q @ x."""
+    row = np.repeat(np.arange(len(cuts)), [2 * len(cut.window.angles) for cut in cuts])
+    column = [
+        np.concatenate([problem.ticks + cut.window.contributions, cut.window.angles])
+        for cut in cuts
+    ]
+    value = [np.concatenate([cut.hull.p, -cut.hull.q]) for cut in cuts]
+    return sparse.csr_array(
+        (np.concatenate(value), (row, np.concatenate(column))), shape=(len(cuts), problem.size)
+    )
+
+
+def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) -> RelaxedSolution:
+    """The relaxation's nearest point, and its distance as the multipliers prove it by (9)."""
+    matrix, limits = conditions(problem, ranges, cuts)
+    answer = nearest_point(
+        matrix,
+        limits,
+        problem.sampled,
+        problem.desired,
+        norm=problem.norm,
+        equations=problem.equations,
+    )
+    angles = answer.unknowns[: problem.ticks]
+    reference = np.zeros(problem.size)
+    reference[: problem.ticks] = np.clip(angles, ranges.lower, ranges.upper)
+    # What is compared with nothing may be anywhere in its range; contributions in [-1, 1].
+    room = np.ones(problem.size)
+    room[: problem.ticks] = np.maximum(
+        ranges.upper - reference[: problem.ticks], reference[: problem.ticks] - ranges.lower
+    )
+    room[problem.sampled] = 0.0
+    reference[problem.sampled] = problem.desired
+    proved = dual_value(matrix, limits, answer.multipliers, reference, room)
+    gradient = proved.gradient[problem.sampled]
+    return RelaxedSolution(
+        angles=angles,
+        contributions=answer.unknowns[problem.ticks :],
+        bound=_distance(problem, proved.value, gradient),
+        matrix=matrix,
+        limits=limits,
+        multipliers=answer.multipliers,
+        gradient=gradient,
+        dual_value=proved.value,
+    )
+
+
+def _distance(problem: ScaledProblem, value: float, gradient: Array) -> float:
+    """The right-hand side of (9) as an error in the problem's norm."""
+    if value <= 0.0:
+        return 0.0
+    size = float(np.linalg.norm(gradient, 2 if problem.norm == "rms" else 1))
+    if size == 0.0:  # a certificate of infeasibility: the relaxation is empty
+        return math.inf
+    return value / size / (math.sqrt(len(problem.desired)) if problem.norm == "rms" else 1.0)
+
+
+def violated_cuts(
+    problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, intervals: Intervals
+) -> list[Cut]:
+    """A cut for every request whose contributions lie outside of its hull."""
+    found = []
+    for request, window in problem.windows.items():
+        requests = RequestSet(
+            problem.gain,
+            ranges.lower[window.angles],
+            ranges.upper[window.angles],
+            intervals.get(request, UNBOUNDED),
+        )
+        hull = separate(
+            solution.contributions[window.contributions], solution.angles[window.angles], requests
+        )
+        if hull is not None:
+            found.append(Cut(window, hull))
+    return found

@@ -1,4 +1,9 @@
-"""Ranges of angles and speeds, narrowed to where a response better than a known error can be."""
+"""Optimisation-based bound tightening: ranges of angles and speeds, narrowed tick by tick.
+
+The least and the greatest value of an angle or a speed over all responses better than the incumbent
+are bounded by small cone programmes (Gleixner et al. 2017), each on the conditions around one tick
+and on what (9b) of math.md adds: a response with a small error leaves little slack.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +15,31 @@ import numpy as np
 from scipy import sparse
 
 from planner.inversion.bounds.clarabel import Cones, minimise
-from planner.inversion.bounds.saturation_relaxation import Indices, Proof, Ranges, Task
+from planner.inversion.bounds.saturation_relaxation import (
+    Indices,
+    Ranges,
+    RelaxedSolution,
+    ScaledProblem,
+)
 from planner.trajectory import Array
 
 NEIGHBOURHOOD = 11
 """Ticks on either side whose conditions are taken; twice as many narrowed ranges by 0.3 % more."""
 
 TOLERANCE = 1e-5
-"""The solver's; what its multipliers prove is taken, however exact they are."""
+"""Clarabel's gap and residuals, in units of v_max a tick [-]; what is proved is valid at any."""
 
 
-class Local(NamedTuple):
-    """The conditions around one tick that every response better than the known error meets.
+class LocalProblem(NamedTuple):
+    """The conditions around one tick that every response better than the incumbent meets.
 
     Attributes:
-        place: Where each of the task's unknowns is among the local ones; -1 where it is not.
-        matrix, limits, cones: The conditions.
-        middle, reach: A box around the local unknowns.
+        place: Where each of the problem's unknowns is among the local ones; -1 where it is not.
+        matrix: G, shape (rows, unknowns).
+        limits: g, shape (rows,).
+        cones: What g - G z lies in.
+        middle: m, the centre of a box that contains z, shape (unknowns,).
+        room: s, half the box's widths, shape (unknowns,).
     """
 
     place: Indices
@@ -34,120 +47,131 @@ class Local(NamedTuple):
     limits: Array
     cones: Cones
     middle: Array
-    reach: Array
+    room: Array
 
 
 def tighten(
-    task: Task, ranges: Ranges, proof: Proof, ticks: Iterable[int], *, until: float
+    problem: ScaledProblem,
+    ranges: Ranges,
+    solution: RelaxedSolution,
+    ticks: Iterable[int],
+    *,
+    until: float,
 ) -> bool:
     """Narrow the ranges in place, tick by tick; False where no such response is left.
 
     Args:
-        task: What is to be bounded.
+        problem: What is to be bounded.
         ranges: What is known so far.
-        proof: The nearest point of the present relaxation.
+        solution: The nearest point of the present relaxation.
         ticks: Where to narrow.
         until: When to stop [s of ``perf_counter``].
     """
-    columns = sparse.csc_array(proof.matrix)
-    lengths = np.diff(proof.matrix.indptr)
+    columns = sparse.csc_array(solution.matrix)
+    lengths = np.diff(solution.matrix.indptr)
     for tick in ticks:
         if perf_counter() >= until:
             break
-        local = neighbourhood(task, ranges, proof, columns, lengths, tick)
+        local = local_problem(problem, ranges, solution, columns, lengths, tick)
         angle = np.zeros(len(local.middle))
         angle[local.place[tick]] = 1.0
-        wanted = [angle, -angle]
-        undecided = tick >= task.first and ranges.slowest[tick] < 0.0 < ranges.fastest[tick]
+        objectives = [angle, -angle]
+        undecided = tick >= problem.first and ranges.slowest[tick] < 0.0 < ranges.fastest[tick]
         if undecided:
             speed = angle.copy()
-            speed[local.place[task.before[tick]]] -= 1.0
-            wanted += [speed, -speed]
-        found = least(local, wanted)
-        ranges.least[tick] = max(ranges.least[tick], found[0])
-        ranges.most[tick] = min(ranges.most[tick], -found[1])
+            speed[local.place[problem.before[tick]]] -= 1.0
+            objectives += [speed, -speed]
+        proved = proved_minima(local, objectives)
+        ranges.lower[tick] = max(ranges.lower[tick], proved[0])
+        ranges.upper[tick] = min(ranges.upper[tick], -proved[1])
         if undecided:
-            ranges.slowest[tick] = max(ranges.slowest[tick], found[2])
-            ranges.fastest[tick] = min(ranges.fastest[tick], -found[3])
-        if ranges.least[tick] > ranges.most[tick] or ranges.slowest[tick] > ranges.fastest[tick]:
+            ranges.slowest[tick] = max(ranges.slowest[tick], proved[2])
+            ranges.fastest[tick] = min(ranges.fastest[tick], -proved[3])
+        if ranges.lower[tick] > ranges.upper[tick] or ranges.slowest[tick] > ranges.fastest[tick]:
             return False
     return True
 
 
-def least(local: Local, wanted: list[Array]) -> list[float]:
-    """What each ``along @ z`` cannot be less than, proved by multipliers (``docs/math.md``)."""
-    answers = minimise(wanted, local.matrix, local.limits, local.cones, tolerance=TOLERANCE)
+def proved_minima(local: LocalProblem, objectives: list[Array]) -> list[float]:
+    """A lower bound on ``b @ z`` for each objective b: (b + G' mu) m - |b + G' mu| s - mu g."""
+    answers = minimise(objectives, local.matrix, local.limits, local.cones, tolerance=TOLERANCE)
     proved = []
-    for along, answer in zip(wanted, answers, strict=True):
-        left = along + local.matrix.T @ answer.multipliers
-        loose = float(np.abs(left) @ local.reach + answer.multipliers @ local.limits)
+    for objective, answer in zip(objectives, answers, strict=True):
+        left = objective + local.matrix.T @ answer.multipliers
+        loose = float(np.abs(left) @ local.room + answer.multipliers @ local.limits)
         proved.append(float(left @ local.middle) - loose)
     return proved
 
 
-def neighbourhood(
-    task: Task,
+def local_problem(
+    problem: ScaledProblem,
     ranges: Ranges,
-    proof: Proof,
+    solution: RelaxedSolution,
     columns: sparse.csc_array,
     lengths: Indices,
     tick: int,
-) -> Local:
-    """The relaxation's rows that concern the neighbourhood alone, and what the known error adds.
+) -> LocalProblem:
+    """The relaxation's rows that concern the ticks around one alone, and (9b) restricted to them.
 
     Args:
-        task: What is to be bounded.
+        problem: What is to be bounded.
         ranges: What is known so far.
-        proof: The nearest point of the present relaxation.
+        solution: The nearest point of the present relaxation.
         columns: Its matrix, by columns.
         lengths: Entries in each of its rows.
         tick: The tick in the middle.
     """
     around = np.arange(tick - NEIGHBOURHOOD, tick + NEIGHBOURHOOD + 1)
-    around = around % task.ticks if task.cyclic else around[(around >= 0) & (around < task.ticks)]
-    near = np.zeros(task.ticks, dtype=np.bool_)
+    if problem.cyclic:
+        around = around % problem.ticks
+    else:
+        around = around[(around >= 0) & (around < problem.ticks)]
+    near = np.zeros(problem.ticks, dtype=np.bool_)
     near[around] = True
-    chosen = np.flatnonzero(np.concatenate([near, near[task.entries.tick]]))
-    place = np.full(task.size, -1)
+    chosen = np.flatnonzero(np.concatenate([near, near[problem.pairs.tick]]))
+    place = np.full(problem.size, -1)
     place[chosen] = np.arange(len(chosen))
     inside = sparse.csr_array(columns[:, chosen])
     count = np.diff(inside.indptr)
     kept = np.flatnonzero((count == lengths) & (count > 0))
-    matrix, limits = sparse.csr_array(inside[kept]), proof.limits[kept]
-    equations = int(np.searchsorted(kept, task.driven.shape[0]))
-    multipliers = proof.multipliers[kept].copy()
+    matrix, limits = sparse.csr_array(inside[kept]), solution.limits[kept]
+    equations = int(np.searchsorted(kept, problem.equations))
+    multipliers = solution.multipliers[kept].copy()
     multipliers[:equations] = 0.0  # equations leave no slack
-    # The weighted slack is at most the spare; weighted @ z + spare is what is left of it.
+    # lambda (g - G z) of the kept rows is at most the spare; weighted @ z + spare is what is left.
     weighted, spare = matrix.T @ multipliers, -float(multipliers @ limits)
-    sampled = np.flatnonzero(near[task.sampled])
-    inequalities = len(kept) - equations
-    middle = np.zeros(len(chosen))
-    reach = np.ones(len(chosen))
+    sampled = np.flatnonzero(near[problem.sampled])
+    cones = Cones(equations, len(kept) - equations)
+    middle, room = np.zeros(len(chosen)), np.ones(len(chosen))
     angles = np.flatnonzero(near)
-    middle[: len(angles)] = (ranges.least + ranges.most)[angles] / 2.0
-    reach[: len(angles)] = (ranges.most - ranges.least)[angles] / 2.0
-    if task.norm == "max":
-        spare += task.known * float(np.abs(proof.pull).sum()) - proof.proved
-        less = sparse.csr_array(-weighted[np.newaxis])
-        matrix = sparse.csr_array(sparse.vstack([matrix, less]))
-        cones = Cones(equations, inequalities + 1)
-        return Local(place, matrix, np.append(limits, spare), cones, middle, reach)
-    centre = (task.desired - proof.pull / 2.0)[sampled]
-    spare += len(task.desired) * task.known**2 - proof.proved + float(proof.pull @ proof.pull) / 4.0
-    distances = sparse.csr_array(
-        (
-            np.full(len(sampled), -2.0),
-            (np.arange(len(sampled)), place[task.sampled[sampled]]),
-        ),
-        shape=(len(sampled), len(chosen)),
-    )
+    middle[: len(angles)] = (ranges.lower + ranges.upper)[angles] / 2.0
+    room[: len(angles)] = (ranges.upper - ranges.lower)[angles] / 2.0
     less = sparse.csr_array(-weighted[np.newaxis])
-    ball = sparse.csr_array(sparse.vstack([less, less, distances]))
-    return Local(
+    gradient = solution.gradient
+    if problem.norm == "max":
+        spare += problem.incumbent * float(np.abs(gradient).sum()) - solution.dual_value
+        rows, right = [less], np.array([spare])
+        cones = cones._replace(at_most=cones.at_most + 1)
+    else:
+        # |x - c|^2 <= weighted @ z + spare as a second-order cone: |2 (x - c), s - 1| <= s + 1.
+        centre = (problem.desired - gradient / 2.0)[sampled]
+        spare += len(problem.desired) * problem.incumbent**2 - solution.dual_value
+        spare += float(gradient @ gradient) / 4.0
+        distances = sparse.csr_array(
+            (
+                np.full(len(sampled), -2.0),
+                (np.arange(len(sampled)), place[problem.sampled[sampled]]),
+            ),
+            shape=(len(sampled), len(chosen)),
+        )
+        rows = [less, less, distances]
+        right = np.concatenate([[spare + 1.0, spare - 1.0], -2.0 * centre])
+        cones = cones._replace(ball=len(sampled) + 2)
+    return LocalProblem(
         place,
-        sparse.csr_array(sparse.vstack([matrix, ball])),
-        np.concatenate([limits, [spare + 1.0, spare - 1.0], -2.0 * centre]),
-        Cones(equations, inequalities, len(sampled) + 2),
+        sparse.csr_array(sparse.vstack([matrix, *rows])),
+        np.concatenate([limits, right]),
+        cones,
         middle,
-        reach,
+        room,
     )

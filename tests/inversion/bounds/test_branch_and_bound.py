@@ -12,9 +12,13 @@ from hypothesis import strategies as st
 
 from planner import invert_optimal
 from planner.inversion.arguments import NORMS
-from planner.inversion.bounds.branch_and_bound import Node, branches, exact_bound, strengthen
+from planner.inversion.bounds.branch_and_bound import Node, branch, cut_off, exact_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
-from planner.inversion.bounds.saturation_relaxation import Task, nearest, rows
+from planner.inversion.bounds.saturation_relaxation import (
+    ScaledProblem,
+    conditions,
+    solve_relaxation,
+)
 from planner.inversion.bounds.tightening import tighten
 from planner.inversion.certify import certify, lower_bound, planned_error
 from planner.model.joint import JointModel
@@ -25,7 +29,7 @@ from tests.strategies import models, trajectories
 ERS210A = JointModel.ers210a()
 
 ROUNDING = 1e-7
-"""Rounding of angles, calls and cuts, in units of v_max a tick: the cycle closes to 1e-12 rad."""
+"""Rounding of angles, contributions and cuts [v_max a tick]; the cycle closes to 1e-12 rad."""
 
 WITHIN = 1e-3
 """What plans of the reference walk's joints may be above the bound."""
@@ -36,28 +40,28 @@ def error(angles, desired, norm):
     return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
 
 
-def unknowns(task, model, requests, middle, *, cyclic, start):
-    """What the response to the requests is among the task's unknowns, and its requests."""
+def unknowns(problem, model, requests, middle, *, cyclic, start):
+    """What the response to the requests is among the problem's unknowns, and its requests."""
     every_tick = replace(model, hold=1)
-    held = np.repeat(requests, model.hold)[: task.ticks]
+    held = np.repeat(requests, model.hold)[: problem.ticks]
     angles = simulate(every_tick, held, cyclic=cyclic, start=start)
     before = np.roll(angles, 1)
     if not cyclic:
         before[0] = requests[0] + model.offset if start is None else start
-    scaled = (np.asarray(requests) + model.offset - middle) / task.unit
-    entries = task.entries
-    at = (before[entries.tick] - middle) / task.unit
-    calls = np.clip(task.gain * (scaled[entries.request] - at), -1.0, 1.0)
-    return np.concatenate([(angles - middle) / task.unit, calls]), scaled
+    scaled = (np.asarray(requests) + model.offset - middle) / problem.unit
+    pairs = problem.pairs
+    at = (before[pairs.tick] - middle) / problem.unit
+    contributions = np.clip(problem.gain * (scaled[pairs.request] - at), -1.0, 1.0)
+    return np.concatenate([(angles - middle) / problem.unit, contributions]), scaled
 
 
-def violation(task, node, point, requests):
+def violation(problem, node, point, requests):
     """By how much the response misses what the node says about it."""
-    matrix, limits = rows(task, node.ranges, node.cuts)
+    matrix, limits = conditions(problem, node.ranges, node.cuts)
     above = matrix @ point - limits
-    equations = task.driven.shape[0]
+    equations = problem.equations
     worst = max(float(np.max(np.abs(above[:equations]))), float(np.max(above[equations:])))
-    for request, (lower, upper) in node.between.items():
+    for request, (lower, upper) in node.intervals.items():
         worst = max(worst, lower - requests[request], requests[request] - upper)
     return worst
 
@@ -77,25 +81,25 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     angles = simulate(model, requests, cyclic=cyclic, start=start)
     desired = angles + rng.normal(size=len(angles)) * model.theta_0 * 10.0 ** rng.uniform(-2, 0)
     known = 1.0001 * error(angles, desired, norm)
-    task = Task(BoundProblem(model, desired, cyclic, norm, start), known)
+    problem = ScaledProblem(BoundProblem(model, desired, cyclic, norm, start), known)
     point, scaled = unknowns(
-        task, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
+        problem, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
     until = math.inf
-    ranges = task.initial_ranges()
-    node = Node(0.0, dict(task.pinned), ranges, [], nearest(task, ranges, []))
-    assert violation(task, node, point, scaled) <= ROUNDING
+    ranges = problem.initial_ranges()
+    node = Node(0.0, dict(problem.fixed), ranges, [], solve_relaxation(problem, ranges, []))
+    assert violation(problem, node, point, scaled) <= ROUNDING
     for _ in range(2):
-        assert tighten(task, ranges, node.proof, range(task.ticks), until=until)
-        node = strengthen(task, node, until)
-        assert violation(task, node, point, scaled) <= ROUNDING
-        assert node.bound * task.unit <= error(angles, desired, norm) + ROUNDING
+        assert tighten(problem, ranges, node.solution, range(problem.ticks), until=until)
+        node = cut_off(problem, node)
+        assert violation(problem, node, point, scaled) <= ROUNDING
+        assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
     for _ in range(3):  # follow it down the tree
-        parts = branches(task, node, until)
-        misses = [violation(task, part, point, scaled) for part in parts]
+        parts = branch(problem, node, until)
+        misses = [violation(problem, part, point, scaled) for part in parts]
         assert min(misses) <= ROUNDING
         node = parts[int(np.argmin(misses))]
-        assert node.bound * task.unit <= error(angles, desired, norm) + ROUNDING
+        assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
 
 
 @pytest.mark.usefixtures("counted_seconds")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from planner import invert_optimal
 from planner.inversion.arguments import NORMS
-from planner.inversion.bounds.saturation_relaxation import contributions
+from planner.inversion.bounds.saturation_relaxation import acting_pairs
 from planner.inversion.certify import certify, lower_bound
 from planner.model.joint import JointModel, saturation
 from planner.model.response import simulate
@@ -26,7 +26,7 @@ ROUNDING = 1e-9
 @given(models(), st.integers(3, 12), st.booleans())
 def test_every_tick_is_driven_by_weights_that_sum_to_one(model, samples, cyclic):
     ticks = samples * model.hold if cyclic else (samples - 1) * model.hold + 1
-    acting = contributions(model, ticks, cyclic=cyclic)
+    acting = acting_pairs(model, ticks, cyclic=cyclic)
     sums = np.bincount(acting.tick, weights=acting.weight, minlength=ticks)
     np.testing.assert_allclose(sums, 1.0, rtol=1e-12)
 
@@ -47,17 +47,17 @@ def test_every_response_meets_the_conditions(cyclic, model, requests):
     if not cyclic:
         held = held[: (len(requests) - 1) * model.hold + 1]
     angles = simulate(every_tick, held, cyclic=cyclic)
-    acting = contributions(model, len(held), cyclic=cyclic)
+    acting = acting_pairs(model, len(held), cyclic=cyclic)
     before = np.roll(angles, 1)
     if not cyclic:
         before[0] = held[0]
     speeds = (angles - before) / model.v_max_per_tick
     errors = np.asarray(requests)[acting.request] - before[acting.tick]
-    calls = saturation(errors, gain=1.0 / model.theta_0, v_max=1.0)
-    driven = np.bincount(acting.tick, weights=acting.weight * calls, minlength=len(held))
+    contributions = saturation(errors, gain=1.0 / model.theta_0, v_max=1.0)
+    driven = np.bincount(acting.tick, weights=acting.weight * contributions, minlength=len(held))
     np.testing.assert_allclose(driven, speeds, rtol=0.0, atol=ROUNDING)
     pairs = np.flatnonzero(acting.following >= 0)
-    change = calls[acting.following[pairs]] - calls[pairs]
+    change = contributions[acting.following[pairs]] - contributions[pairs]
     speed = speeds[acting.tick[pairs]] * model.v_max_per_tick / model.theta_0
     assert np.all(change <= np.maximum(-speed, 0.0) + ROUNDING)
     assert np.all(change >= -np.maximum(speed, 0.0) - ROUNDING)
