@@ -44,7 +44,8 @@ class SearchOptions:
         gap: Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan
             2e-4 of its error, and less cannot be told from that.
         absolute_gap: Gap to the incumbent at which it stops as well [v_max ticks].
-        gain: Relative gain of a round of tightening from which on another follows [-].
+        gain: Relative gain of a round of tightening from which on another follows [-]; at 1e-3
+            the bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles.
     """
 
     gap: float = 5e-4

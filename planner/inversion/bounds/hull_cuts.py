@@ -33,13 +33,13 @@ class CutOptions:
     """When a cut is looked for no longer, and when it is added.
 
     Attributes:
-        trials: Most support points tried for one cut [-]; half and twice as many prove the same.
-        depth: A cut this deep is taken, relative to the distance of the nearest mixture found [-].
-        violation: Least violation for which a cut is added [v_max a tick].
+        trials: Most support points tried for one cut [-]; half as many leave 0.2 % of the bound
+            unproved in the mean of 13 problems (3.7 % at worst), twice as many gain nothing.
+        violation: Least violation for which a cut is added [v_max a tick]; a tenth and five times
+            as much prove the same to 0.3 %.
     """
 
     trials: int = 25
-    depth: float = 0.7
     violation: float = 1e-3
 
 
@@ -138,8 +138,6 @@ def separate(
         depth = float(p @ contributions - q @ angles) - most.value
         if depth > deepest:
             best, deepest = HullCut(p, q, most.value + ROUNDING), depth
-        if depth > options.depth * size:
-            break
         point = np.concatenate([most.contributions, gain * (most.angles - middle)])
         points = np.vstack([points[shares > ROUNDING], point])
     return best

@@ -24,7 +24,8 @@ from planner.inversion.bounds.saturation_relaxation import (
 from planner.trajectory import Array
 
 NEIGHBOURHOOD = 11
-"""Ticks on either side whose conditions are taken; twice as many narrowed ranges by 0.3 % more."""
+"""Ticks on either side whose conditions are taken. With twice as many a round takes longer and, in
+the same time, 0.4 % less is proved in the mean of 13 problems; half as many prove as much."""
 
 TOLERANCE = 1e-5
 """Clarabel's gap and residuals, in units of v_max a tick [-]; what is proved is valid at any."""
