@@ -17,6 +17,10 @@ from planner.trajectory import Array
 RESOLUTION = 2.0**-36
 """Samples and slope are searched as multiples of this; the last QP takes them as they are."""
 
+EQUAL = 1e-9
+"""Relative difference up to which two numbers count as equal where the larger one decides, so that
+rounding, which differs between processors, does not."""
+
 MEANS = 1024
 """Means that stand for very many samples."""
 
@@ -61,12 +65,14 @@ class CanonicalForm:
         first = _sharpest_corner(desired, ideal) if cyclic else 0
         rolled = np.roll(desired, -first)
         k = np.arange(n)
-        # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise.
-        side = np.sin(2.0 * np.pi * k / n) if cyclic else 0.5 * (n - 1) - k
-        backwards = bool(side @ (rolled - np.mean(rolled)) ** 2 > 0.0)
+        # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
+        # would be blind to samples whose second half is the first one mirrored.
+        side = np.where(k > 0, 0.5 * n - k, 0.0) if cyclic else 0.5 * (n - 1) - k
+        power = (rolled - np.mean(rolled)) ** 2
+        backwards = bool(side @ power > EQUAL * (np.abs(side) @ power))
         form = cls(samples=n, cyclic=cyclic, first=first, backwards=backwards, sign=1.0)
         samples = form.apply(desired)
-        extreme = samples[np.argmax(np.abs(samples) > (1.0 - 1e-9) * np.max(np.abs(samples)))]
+        extreme = samples[np.argmax(np.abs(samples) > (1.0 - EQUAL) * np.max(np.abs(samples)))]
         return replace(form, sign=-1.0 if extreme < 0.0 else 1.0)
 
     def apply(self, given: Array) -> Array:
@@ -115,7 +121,8 @@ def _sharpest_corner(desired: Array, ideal: Array) -> int:
         np.abs(np.roll(curve, -reach) - 2.0 * curve + np.roll(curve, reach))
         for curve in (ideal, desired)
     )
-    return int(np.argmax(bend + 1e-3 * own_bend))
+    sharpness = bend + 1e-3 * own_bend
+    return int(np.argmax(sharpness >= (1.0 - EQUAL) * np.max(sharpness)))
 
 
 def to_means(problem: Problem) -> Problem:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from planner.approximation.bottom_up_merging import MergedKnots
 from planner.approximation.canonical_form import (
+    EQUAL,
     CanonicalForm,
     at_resolution,
     from_means,
@@ -238,12 +239,16 @@ def _apart(curves: list[Candidate]) -> list[Candidate]:
 
 
 def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
-    """Number of the knot of a cycle at which the slope changes most, a required one if any is."""
+    """Number of the knot of a cycle at which the slope changes most, a required one if any is.
+
+    Where slopes are at their bounds several change by as much: the first of them is taken, and not
+    the one that rounding makes the largest.
+    """
     slopes = np.diff(np.append(curve.values, curve.values[0])) / np.diff(problem.ends(curve.knots))
     bend = np.abs(slopes - np.roll(slopes, 1))
     if problem.required.size:
         bend = np.where(required_knots(problem, curve.knots)[0], bend, -1.0)
-    return int(np.argmax(bend))
+    return int(np.argmax(bend >= (1.0 - EQUAL) * np.max(bend)))
 
 
 def with_moved_knots(problem: Problem, curve: Candidate) -> Candidate:

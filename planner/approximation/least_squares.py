@@ -19,6 +19,10 @@ from planner.approximation.curve_batch import lines_in_force
 from planner.approximation.problem import Problem, segment_ends
 from planner.trajectory import Array
 
+ON_SAMPLE = 1e-9
+"""Distance [samples] up to which a knot behind a sample counts as on it, so that the sample belongs
+to the segment that begins there. Where a bound holds a knot on a sample, rounding would decide."""
+
 
 class Evaluation(NamedTuple):
     """Curves, one a row, their squared errors and derivatives.
@@ -56,7 +60,7 @@ def evaluate(problem: Problem, knots: Array, values: Array) -> Evaluation:
     if problem.cyclic:
         lengths[:, -1] += n
     rises = values[:, end] - values[:, start]
-    first = np.ceil(knots[:, start])
+    first = np.ceil(knots[:, start] - ON_SAMPLE)
     segment = lines_in_force(first.astype(np.intp), n, cyclic=problem.cyclic)
     cells = segment + start.size * np.arange(count)[:, None]
     since = np.arange(n) - first.ravel()[cells]
