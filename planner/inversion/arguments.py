@@ -1,4 +1,4 @@
-"""Arguments of the inversions: the norm of the error, limits on the requests, a tolerance."""
+"""Arguments of the inversions: the norm of the error, the solver, limits, a tolerance."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ Norm = Literal["rms", "max"]
 NORMS: tuple[Norm, ...] = ("rms", "max")
 """The error that counts: the root mean square, or the largest."""
 
+Solver = Literal["gauss-newton", "ipopt", "fatrop"]
+
+SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt", "fatrop")
+"""What solves the problem of the optimised inversion: the package's own, or CasADi's."""
+
 Limits = tuple[float, float]
 
 ON_THE_LIMIT = 1e-9
@@ -33,6 +38,13 @@ def check_norm(norm: str) -> None:
         raise InvalidInput(
             f"norm: got {shown(norm)}, expected one of {', '.join(map(repr, NORMS))}"
         )
+
+
+def check_solver(solver: str) -> None:
+    """Raise InvalidInput unless ``solver`` is the name of a solver."""
+    if not is_one_of(solver, SOLVERS):
+        expected = f"{', '.join(map(repr, SOLVERS[:-1]))} or {SOLVERS[-1]!r}"
+        raise InvalidInput(f"unknown solver {shown(solver)}; expected {expected}")
 
 
 def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits:

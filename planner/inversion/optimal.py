@@ -14,12 +14,15 @@ from planner.approximation.slope_projection import slope_bounded
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import (
     Norm,
+    Solver,
     check_norm,
+    check_solver,
     check_within,
     checked_limits,
     checked_tolerance,
 )
 from planner.inversion.closed_form import requests_along, switching_time
+from planner.inversion.direct_transcription import transcribed_requests
 from planner.inversion.gauss_newton import OPTIONS, State, minimise
 from planner.inversion.line_inverse import interpolated_offset
 from planner.inversion.result import Inversion
@@ -53,6 +56,7 @@ def invert_optimal(
     norm: Norm = "rms",
     start: float | None = None,
     tolerance: float | None = None,
+    solver: Solver = "gauss-newton",
 ) -> Inversion:
     """Requests that make the joint come as close to ``desired`` as the search can find.
 
@@ -71,6 +75,8 @@ def invert_optimal(
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
         start: From rest: where the joint rests before [rad]; by default at the first desired angle.
         tolerance: Error that the plan should keep [rad]; the plan says whether it does.
+        solver: "gauss-newton", the search above; "ipopt" or "fatrop", CasADi's, for the same
+            problem as a nonlinear programme (``docs/math.md``, section 6), judged as exactly.
 
     Returns:
         The plan; its bound and gap say how much better any other could be.
@@ -79,10 +85,12 @@ def invert_optimal(
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
         InvalidInput: The norm is none, the limits are no pair, or ``start`` does not fit.
         Infeasible: The limits exclude each other, the start or a desired angle.
-        SolverFailed: No requests were found under which the joint finds a cycle.
+        SolverFailed: No requests were found under which the joint finds a cycle, or CasADi's
+            solver stopped without an answer.
     """
     model = checked_model(model)
     check_norm(norm)
+    check_solver(solver)
     tolerance = checked_tolerance(tolerance)
     desired = as_trajectory(desired, name="desired", minimum=3)
     start = checked_start(start, cyclic=cyclic)
@@ -92,7 +100,11 @@ def invert_optimal(
     if checked is not None:
         check_within(checked, desired=desired, start=start, model=model)
     problem = track(model, desired, cyclic=cyclic, norm=norm, limits=checked, start=start)
-    column = search(problem, desired)
+    begin = _begin(problem, desired)
+    if solver == "gauss-newton":
+        column = search(problem, desired, begin)
+    else:
+        column = transcribed_requests(problem, desired, begin, solver=solver)
     best = column[:, 0].copy()
     best.setflags(write=False)
     return Inversion(
@@ -100,6 +112,7 @@ def invert_optimal(
         desired=desired,
         requests=best,
         method="optimal",
+        solver=solver,
         cyclic=cyclic,
         norm=norm,
         limits=checked,
@@ -108,26 +121,33 @@ def invert_optimal(
     )
 
 
-def search(problem: TrackingProblem, desired: Array) -> Array:
+def _begin(problem: TrackingProblem, desired: Array) -> State:
+    """Where every solver begins: the ideal, the best trajectory within ±v_max, and its closed form.
+
+    Every sample of the ideal is a line of its own.
+    """
+    (model,) = problem.models
+    start = None if problem.start is None else float(problem.start[0])
+    slopes = model.v_max * model.period
+    ideal = in_reach(model, slope_bounded(desired, slopes, cyclic=problem.cyclic), start)
+    lines = _line_per_sample(model, ideal, cyclic=problem.cyclic)
+    return State(problem.admissible(lines), ideal[:, np.newaxis])
+
+
+def search(problem: TrackingProblem, desired: Array, begin: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    The search sets out from the ideal, the best trajectory within ±v_max, and its closed form,
-    taken as a line per sample. If the plan stays far from the ideal, a wide search sets out too.
+    The search sets out from the ideal and its closed form. If the plan stays far from the ideal, a wide search sets out too.
     For short cycles and joints that overshoot, where derivatives tell little, further ones set out
     from the desired angles and from those as early as the joint is late.
     """
     (model,) = problem.models
-    start = None if problem.start is None else float(problem.start[0])
-    ideal = in_reach(
-        model, slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic), start
-    )
-    first = problem.admissible(_line_per_sample(model, ideal, cyclic=problem.cyclic))
-    wanted = ideal[:, np.newaxis]
-    at_most = problem.exact_error(first)
-    answers = [(State(first, wanted), at_most), minimise(problem, State(first, wanted))]
+    wanted = begin.angles
+    at_most = problem.exact_error(begin.requests)
+    answers = [(begin, at_most), minimise(problem, begin)]
     of_ideal, negligible = problem.error(wanted), NEGLIGIBLE * model.theta_0
     if answers[-1][1] > FARTHER * of_ideal + negligible:
-        wide = minimise(problem, State(first, wanted), OPTIONS.wide)
+        wide = minimise(problem, begin, OPTIONS.wide)
         if wide[1] < (1.0 - WORTH_UNREST) * answers[-1][1]:
             answers.append(wide)
     short = len(desired) <= 2 * problem.reach.oldest

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.arguments import Norm
+from planner.inversion.arguments import Norm, Solver
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.model.joint import JointModel
@@ -31,6 +31,7 @@ class Inversion:
         desired: Wanted angles [rad], shape (n,).
         requests: What to send to the joint [rad], shape (n,).
         method: How they were found.
+        solver: What solved the problem of an optimised plan; None for a closed form.
         cyclic: Whether the trajectory repeats for ever.
         norm: Error that was minimised, and that the bound and the gap are about.
         limits: Smallest and largest request allowed [rad]; None where there was no limit.
@@ -43,6 +44,7 @@ class Inversion:
     desired: Array
     requests: Array
     method: Method
+    solver: Solver | None = None
     cyclic: bool = True
     norm: Norm = "rms"
     limits: tuple[float, float] | None = None
