@@ -65,7 +65,7 @@ def compare(
     as_json: bool,
     **choices: Any,
 ) -> None:
-    """Plan PATH by the closed form with both of its rules and by optimisation, and compare.
+    """Plan PATH by the closed form, by optimisation, and by CasADi with IPOPT, and compare.
 
     PATH is what `plan` takes. Says how good each plan is and how good any could be, where the
     requests differ and why, and whether the plans agree with an independent simulation and with
@@ -187,7 +187,7 @@ def _write_folder(
 
     names = [joint.name for joint in check.joints]
     with output_folder(out) as folder:
-        for method in check.joints[0].plans:
+        for method in check.methods:
             requests = np.column_stack([joint.plans[method].requests for joint in check.joints])
             write_joint_path(
                 folder / f"requests_{method}.csv", names, requests, period=check.period

@@ -41,6 +41,12 @@ from planner.cli.wanted import load_chosen
     help="Error that optimised requests make small.  [default: rms]",
 )
 @click.option(
+    "--solver",
+    type=click.Choice(["gauss-newton", "ipopt", "fatrop"]),
+    help="With --method optimal: our own, or CasADi's with the same problem.  "
+    "[default: gauss-newton]",
+)
+@click.option(
     "--weights",
     type=float,
     nargs=3,
@@ -62,6 +68,10 @@ def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices
     Example, requests for a foot path inside the joints' limits, joint by joint and all at once:
         request-planner plan foot.csv --leg front-left -o requests.csv
         request-planner plan foot.csv --leg front-left --method foot-optimal -o requests.csv
+
+    \b
+    Example, a second opinion on the first of them:
+        request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
     from planner.files.joint_path import write_joint_path
 

@@ -24,6 +24,7 @@ def document(
         joints[name] = {
             **_errors(np.degrees(np.abs(made.predicted[:, j] - wanted.angles[:, j])), "deg"),
             "norm": inversion and inversion.norm,
+            "solver": inversion and inversion.solver,
             "lower_bound_deg": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
             "requests_deg": np.degrees(made.requests[:, j]).tolist(),

@@ -20,7 +20,7 @@ STANDING_IN = (
     "the joints before these requests are sent."
 )
 
-TOLD = ("model", "unreachable", "norm", "weights", "segments", "rule", "lock", "near")
+TOLD = ("model", "unreachable", "norm", "solver", "weights", "segments", "rule", "lock", "near")
 """Choices that are told where they were made."""
 
 

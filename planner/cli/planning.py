@@ -14,7 +14,7 @@ from planner.cli.say import naming
 
 if TYPE_CHECKING:
     from planner.cli.wanted import Wanted
-    from planner.inversion.arguments import Norm
+    from planner.inversion.arguments import Norm, Solver
     from planner.inversion.foot.result import FootInversion
     from planner.inversion.line_inverse import Rule
     from planner.inversion.result import Inversion
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from planner.trajectory import Array
 
 IGNORED = {
-    "closed-form": ("norm", "weights", "start_deg"),
+    "closed-form": ("norm", "solver", "weights", "start_deg"),
     "optimal": ("segments", "rule", "weights"),
-    "foot-optimal": ("segments", "rule", "start_deg"),
+    "foot-optimal": ("segments", "rule", "solver", "start_deg"),
 }
 """Options that a method would silently ignore, and that are therefore refused."""
 
@@ -173,4 +173,7 @@ def _for_a_joint(
             joint, desired, cyclic=cyclic, segments=choices["segments"], rule=rule
         )
     norm: Norm = choices["norm"] or "rms"
-    return invert_optimal(joint, desired, cyclic=cyclic, limits=limits, norm=norm, start=start)
+    solver: Solver = choices["solver"] or "gauss-newton"
+    return invert_optimal(
+        joint, desired, cyclic=cyclic, limits=limits, norm=norm, start=start, solver=solver
+    )

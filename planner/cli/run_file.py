@@ -91,7 +91,7 @@ def _choices(settings: Settings) -> dict[str, Any]:
         "lock": (*_positions(settings["leg.lock"]), *_positions(settings["leg.lock_m"], "m")),
         "near": _positions(settings["leg.near"]),
         **{key: settings[f"plan.{key}"] for key in ("method", "cyclic", "norm", "weights")},
-        **{key: settings[f"plan.{key}"] for key in ("segments", "rule")},
+        **{key: settings[f"plan.{key}"] for key in ("solver", "segments", "rule")},
         **{f"tolerance_{unit}": settings[f"tolerance.{unit}"] for unit in ("deg", "cm")},
         "limits": limits,
         "start_deg": _entries(settings, "start", repr),

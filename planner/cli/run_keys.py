@@ -48,6 +48,13 @@ PLAN = (
                 example="rms",
             ),
             Key(
+                name="solver",
+                kind=choice("gauss-newton", "ipopt", "fatrop"),
+                about="Method optimal: our own solver, or one of CasADi's.",
+                otherwise='"gauss-newton"',
+                example="gauss-newton",
+            ),
+            Key(
                 name="weights",
                 kind=several(number(least=0.0), "three numbers, 0 or more", count=3),
                 about="Method foot-optimal: how much each axis counts, x, y, z.",

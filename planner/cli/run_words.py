@@ -27,6 +27,7 @@ KEYS = {
     "--method": "plan.method",
     "--no-cyclic": "plan.cyclic = false",
     "--norm": "plan.norm",
+    "--solver": "plan.solver",
     "--weights": "plan.weights",
     "--segments": "plan.segments",
     "--rule": "plan.rule",

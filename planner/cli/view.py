@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 PLAIN_PLAN: dict[str, Any] = {
     "limits": (),
     "norm": None,
+    "solver": None,
     "weights": None,
     "segments": None,
     "rule": None,

@@ -54,6 +54,15 @@ CLOSES = "the cycle closes"
 RESTS = "the joint starts from rest"
 ABOVE = "error not below any bound"
 INSIDE = "requests within limits"
+SOLVED = "the solver finds a plan"
+SOLVES = Tolerance(0.0, "failures", "a solver that stops early has proved nothing")
+AS_GOOD = Tolerance(
+    5e-2,
+    "of the error",
+    "both are local optimisers; in 107 of 109 random problems neither wins 3 %",
+)
+FOLLOWED = 1e-4
+"""Errors this small are as good as none [rad]: 0.006 degrees."""
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""The cross-check: closed form and optimised inversion, each judged by what the other does."""
+"""The cross-check: closed form, our own optimiser and CasADi's, each judged by the others."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,8 +20,8 @@ from planner.evaluation.given_joints import (
     checked_names,
     columns_of,
 )
-from planner.evaluation.joint_comparison import JointComparison, compare_joint
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.given import as_flag, shown
 from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
@@ -32,6 +32,9 @@ from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+
+SECOND = "optimal_ipopt"
+"""The plan of CasADi's solver, a second opinion on the optimised one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,11 @@ class CrossCheck:
     foot: FootComparison | None
     cyclic: bool
     norm: Norm
+
+    @property
+    def methods(self) -> list[str]:
+        """The methods by which every joint is planned."""
+        return planned(self.joints)
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -102,11 +110,11 @@ def cross_check(
     names: Sequence[str] | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CrossCheck:
-    """Plan by the closed form with both of its rules and by optimisation, and judge the plans.
+    """Plan by the closed form, by our own optimiser and by CasADi with IPOPT, and judge the plans.
 
     Each plan's predicted angles are held against an independent simulation, the optimised plan
-    against the closed forms, all of them against bounds that no requests can go below; and where
-    the requests differ, the answer says why.
+    against the closed forms, with both of their rules, and against IPOPT's, all of them against
+    bounds that no requests can go below; and where the requests differ, the answer says why.
 
     Args:
         model: One joint model for all joints, or one for each.
@@ -129,7 +137,8 @@ def cross_check(
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) or (n, k) with n >= 3.
         InvalidInput: The models, names, limits or the leg do not fit the joints.
         Infeasible: The limits exclude each other, or a desired angle.
-        SolverFailed: A plan or a bound was not found.
+        SolverFailed: A plan or a bound was not found. A plan that IPOPT does not find is missing,
+            and fails a check instead.
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
@@ -152,7 +161,8 @@ def cross_check(
             plans = _plans(
                 models[j], columns[j], within, cyclic=cyclic, segments=segments, norm=norm
             )
-        joints.append(compare_joint(name, plans, levels=levels))
+            failed = () if SECOND in plans else (SECOND,)
+        joints.append(compare_joint(name, plans, levels=levels, failed=failed))
     foot = None
     if leg is not None and ranges is not None:
         progress("foot")
@@ -188,6 +198,11 @@ def _plans(
         for rule in RULES
     }
     plans["optimal"] = invert_optimal(model, desired, cyclic=cyclic, limits=limits, norm=norm)
+    # A solver that fails costs its plan and a check, not the comparison of the others.
+    with suppress(SolverFailed):
+        plans[SECOND] = invert_optimal(
+            model, desired, cyclic=cyclic, limits=limits, norm=norm, solver="ipopt"
+        )
     return plans
 
 

@@ -25,7 +25,7 @@ from planner.evaluation.checks import (
     no_worse_checks,
     second_answer,
 )
-from planner.evaluation.joint_comparison import METHODS, JointComparison
+from planner.evaluation.joint_comparison import METHODS, JointComparison, planned
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
@@ -152,7 +152,7 @@ def judge_foot(
     desired = together.wanted
     plans = {
         method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
-        for method in joints[0].plans
+        for method in planned(joints)
     }
     best = FootPlan(
         together.requests, together.predicted, _outcome(leg, desired, together.predicted)
@@ -197,7 +197,7 @@ def _checks(
     if bound is not None:
         found.append(check(FOOT, label, ABOVE, bound - best.error(norm), FOOT_ABOVE_BOUND))
     others = {}
-    for method in joints[0].plans:
+    for method in planned(joints):
         kept = [
             kept_within(joint.plans[method], (low, high))
             for joint, low, high in zip(joints, *together.limits, strict=True)

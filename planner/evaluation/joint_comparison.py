@@ -11,8 +11,12 @@ from typing import Any
 import numpy as np
 
 from planner.evaluation.checks import (
+    AS_GOOD,
+    FOLLOWED,
     INSIDE,
     NO_WORSE,
+    SOLVED,
+    SOLVES,
     STATED,
     WITHIN_LIMITS,
     Answer,
@@ -37,9 +41,13 @@ METHODS: Mapping[str, str] = {
     "closed_form_paper": "closed form, paper's rule",
     "closed_form_exact": "closed form, exact rule",
     "optimal": "optimised",
+    "optimal_ipopt": "optimised by IPOPT",
     "foot_optimal": "optimised for the foot",
 }
 """The plans that are compared, by key, and what to call them."""
+
+CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
+"""Those of them that know no limits, and that the optimised requests are held against."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +131,11 @@ class JointComparison:
 
 
 def compare_joint(
-    name: str, plans: Mapping[str, Inversion], *, levels: Sequence[Level] = LEVELS[:2]
+    name: str,
+    plans: Mapping[str, Inversion],
+    *,
+    levels: Sequence[Level] = LEVELS[:2],
+    failed: Sequence[str] = (),
 ) -> JointComparison:
     """Compare plans for one joint and judge them, whoever made them.
 
@@ -131,6 +143,7 @@ def compare_joint(
         name: The joint.
         plans: A plan for each method of one joint, all for the same desired angles.
         levels: The bounds to compute.
+        failed: Methods that found no plan.
     """
     optimal = plans["optimal"]
     cyclic, limits = optimal.cyclic, optimal.limits
@@ -152,7 +165,7 @@ def compare_joint(
         )
         for method, plan in plans.items()
     }
-    closed_forms = {method: plan for method, plan in plans.items() if method != "optimal"}
+    closed_forms = {method: plan for method, plan in plans.items() if method in CLOSED_FORMS}
     checks: list[Check] = []
     for method, answer in answers.items():
         checks += answer_checks(name, METHODS[method], answer, cyclic=cyclic)
@@ -169,9 +182,14 @@ def compare_joint(
         if level != "exact":
             apart = abs(bounds[level] - stated_bound(problem, level))
             checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
+    checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
+    if "optimal_ipopt" in plans:
+        checks += _as_good_checks(name, optimal.error, plans["optimal_ipopt"].error)
     if limits is not None:
-        excess = beyond_limits(optimal.requests, limits)
-        checks.append(check(name, METHODS["optimal"], INSIDE, excess, WITHIN_LIMITS))
+        for method, plan in plans.items():
+            if method not in CLOSED_FORMS:
+                excess = beyond_limits(plan.requests, limits)
+                checks.append(check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
     return JointComparison(
         name=name,
         plans=plans,
@@ -180,6 +198,22 @@ def compare_joint(
         differences={method: difference(plan, optimal) for method, plan in closed_forms.items()},
         checks=tuple(checks),
     )
+
+
+def planned(joints: Sequence[JointComparison]) -> list[str]:
+    """The methods by which every joint is planned."""
+    return [method for method in METHODS if all(method in joint.plans for joint in joints)]
+
+
+def _as_good_checks(name: str, optimal: float, second: float) -> list[Check]:
+    """That the error of the optimised requests [rad] is that of CasADi's solver, or less."""
+    excess = optimal - second
+    relative = 0.0 if excess <= FOLLOWED else excess / optimal
+    label = METHODS["optimal_ipopt"]
+    return [
+        check(name, label, SOLVED, 0.0, SOLVES),
+        check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
+    ]
 
 
 def _degrees(angles: Array) -> list[float]:

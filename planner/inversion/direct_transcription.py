@@ -2,7 +2,7 @@
 
 Direct transcription: all angles M and all requests R are unknowns, and the model is a condition on
 them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010, ch. 4;
-``docs/math.md``, section 4). With D the desired angles, c the offset and theta_0 the unit of angle:
+``docs/math.md``, section 6). With D the desired angles, c the offset and theta_0 the unit of angle:
 
     minimise    sum_k (M_k - D_k)^2 + w sum_k (R_k - D_k + c)^2            norm "rms"
                 n s^2 + w sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= s       norm "max"
@@ -271,12 +271,12 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
     x, z = unknown("x", opening), unknown("z", carried)
     for k in stages:
         u = unknown("u", held[k, :1])
-        window = casadi.vertcat(u, x[1:])
-        angle = step(x[0], window, radius)
+        before, *older = casadi.vertsplit(x)
+        angle = step(before, casadi.vertcat(u, *older), radius)
         error = angle - problem.desired[k]
         x_next = unknown("x", states[k + 1] if k + 1 < samples else opening)
         z_next = unknown("z", carried)
-        condition(x_next - casadi.vertcat(angle, window[:-1]))
+        condition(x_next - casadi.vertcat(angle, *[u, *older][: len(older)]))
         condition(z_next - z)
         if k == stages[0]:
             condition(x - (z[: len(opening)] if cyclic else opening))

@@ -137,9 +137,10 @@ def _begin(problem: TrackingProblem, desired: Array) -> State:
 def search(problem: TrackingProblem, desired: Array, begin: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    The search sets out from the ideal and its closed form. If the plan stays far from the ideal, a wide search sets out too.
-    For short cycles and joints that overshoot, where derivatives tell little, further ones set out
-    from the desired angles and from those as early as the joint is late.
+    The search sets out from the ideal and its closed form. If the plan stays far from the ideal, a
+    wide search sets out too. For short cycles and joints that overshoot, where derivatives tell
+    little, further ones set out from the desired angles and from those as early as the joint is
+    late.
     """
     (model,) = problem.models
     wanted = begin.angles

@@ -120,7 +120,7 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desir
     result = run("compare", desired, "--figure", "late.png", *(["--json"] if as_json else []))
     assert result.exit_code == 1
     assert result.stderr.startswith(
-        "request-planner: failed: 24 of 28 checks hold; hip, optimised: no worse than closed form"
+        "request-planner: failed: 34 of 38 checks hold; hip, optimised: no worse than closed form"
     )
     assert result.stderr.count("\n") == 1
     if as_json:

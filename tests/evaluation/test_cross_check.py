@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import planner
-from planner.evaluation.checks import ABOVE, AGREES, CLOSES, INSIDE, RESTS, bound_checks
-from planner.evaluation.cross_check import cross_check
+from planner.evaluation.checks import ABOVE, AGREES, CLOSES, INSIDE, RESTS, SOLVED, bound_checks
+from planner.evaluation.cross_check import SECOND, cross_check
 from planner.evaluation.foot_comparison import judge_foot
 from planner.evaluation.joint_comparison import METHODS, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.bounds.reachable_set import LEVELS
 from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.direct_transcription import TranscriptionOptions
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel
@@ -127,6 +129,41 @@ def test_sound_plans_are_judged_sound_from_rest_too():
         assert not _broken(comparison)
         names = {check.name for check in comparison.checks}
         assert {AGREES, begins, ABOVE, INSIDE, f"no worse than {PAPER}"} <= names
+
+
+def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
+    for joint in of_walk.joints:
+        second, optimal = joint.plans[SECOND], joint.plans["optimal"]
+        assert (second.solver, optimal.solver) == ("ipopt", "gauss-newton")
+        assert not np.array_equal(second.requests, optimal.requests)
+        assert joint.gap(SECOND) == pytest.approx(joint.gap("optimal"), abs=2e-3)
+        assert {check.name for check in joint.checks if check.plan == METHODS[SECOND]} >= {
+            AGREES,
+            CLOSES,
+            ABOVE,
+            INSIDE,
+            SOLVED,
+        }
+
+
+def test_a_second_solver_that_fails_costs_its_plan_and_fails_a_check(monkeypatch):
+    options = partial(TranscriptionOptions, iterations=1)
+    monkeypatch.setattr("planner.inversion.direct_transcription.TranscriptionOptions", options)
+    check = cross_check(JOINT, DESIRED)
+    assert not check.passed
+    assert [(each.plan, each.name) for each in check.failures] == [(METHODS[SECOND], SOLVED)]
+    assert SECOND not in check.methods
+    assert SECOND not in check.to_dict()["joints"]["joint"]["methods"]
+
+
+def test_optimised_requests_that_are_not_as_good_as_the_second_solvers_fail():
+    plans = _plans()
+    better = replace(plans["optimal"], solver="ipopt")
+    worse = np.clip(plans["optimal"].requests + 0.1, -1.0, 1.0)
+    comparison = compare_joint(
+        "hip", {**plans, "optimal": replace(plans["optimal"], requests=worse), SECOND: better}
+    )
+    assert (OPTIMAL, "as good as IPOPT's") in _broken(comparison)
 
 
 def test_predicted_angles_that_are_not_what_the_joint_does_fail_the_agreement():

@@ -1,59 +1,32 @@
-"""CasADi Opti with IPOPT over all angles and requests: as a user writes it, and made faster."""
+"""CasADi Opti with IPOPT over all angles and requests, as a user writes it.
+
+Every option is as it comes, but silent; every joint is smoothed alike.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
 
 import planner
 
-from .problem import DEGREE, PULL, RADII, Array, Limits, Solve, best_of, smoothed
+from .problem import DEGREE, Array, Limits, Solve, best_of, smoothed
 
-SILENT = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
+OPTIONS = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
 
+SPEEDS = (1.0, 0.3, 0.1)
+"""Radii of the saturation's corners, stage by stage [degrees a tick]."""
 
-class Recipe(NamedTuple):
-    """How the programme is set up.
-
-    Attributes:
-        options: What Opti's solver is told.
-        speeds: Radii of the saturation's corners, stage by stage [degrees a tick], for a joint of
-            ``top_speed``; the same for every joint where that is None.
-        top_speed: [degrees a tick]
-        pull: Weight on the distance of the requests from the desired angles.
-        at_once: Whether the dynamics are one condition on vectors, or one condition a tick, in a
-            loop, as in CasADi's own examples.
-    """
-
-    options: dict[str, Any]
-    speeds: tuple[float, ...]
-    top_speed: float | None
-    pull: float
-    at_once: bool
-
-
-PLAIN = Recipe(SILENT, (1.0, 0.3, 0.1), None, 1e-3, at_once=False)
-"""What most users would write: every option as it comes, but silent; one smoothing for all."""
-
-TUNED = Recipe(
-    {**SILENT, "expand": True, "ipopt": {**SILENT["ipopt"], "max_iter": 300}},
-    tuple(2.5 * share for share in RADII),
-    2.5,
-    PULL,
-    at_once=True,
-)
-"""Scalar operations in place of CasADi's matrices, fewer iterations, corners that fit the joint."""
+PULL = 1e-3
+"""Weight on the distance of the requests from the desired angles."""
 
 NO_LIMIT = 1e20
 """IPOPT's infinity."""
 
 
-def build(model: planner.JointModel, samples: int, *, recipe: Recipe) -> Solve:
+def build(model: planner.JointModel, samples: int) -> Solve:
     """The cycle as a nonlinear programme, with everything that may change a parameter."""
     v_max, theta_0 = model.v_max_per_tick / DEGREE, model.theta_0 / DEGREE
     window = model.window
@@ -69,33 +42,22 @@ def build(model: planner.JointModel, samples: int, *, recipe: Recipe) -> Solve:
     radius = opti.parameter()
 
     # objective
-    resting = desired - model.offset / DEGREE
-    opti.minimize(casadi.sumsqr(angles - desired) + recipe.pull * casadi.sumsqr(requests - resting))
+    offset = model.offset / DEGREE
+    resting = desired - offset
+    opti.minimize(casadi.sumsqr(angles - desired) + PULL * casadi.sumsqr(requests - resting))
 
     # dynamics, closed to a cycle
-    offset = model.offset / DEGREE
-
-    def moved(before: Any, aged: Callable[[int], Any]) -> Any:
+    for k in range(samples):
+        before = angles[(k - 1) % samples]
         after = before
         for age, weight in enumerate(window.weights.tolist(), window.first):
-            error = aged(age) + offset - before
+            error = requests[(k - age) % samples] + offset - before
             after = after + weight * smoothed(error, radius, v_max=v_max, theta_0=theta_0)
-        return after
-
-    if recipe.at_once:
-        before = casadi.vertcat(angles[-1], angles[:-1])
-        every = range(samples)
-        opti.subject_to(
-            angles == moved(before, lambda age: requests[[(k - age) % samples for k in every]])
-        )
-    else:
-        for k in range(samples):
-            one = partial(lambda k, age: requests[(k - age) % samples], k)
-            opti.subject_to(angles[k] == moved(angles[(k - 1) % samples], one))
+        opti.subject_to(angles[k] == after)
 
     # limits
     opti.subject_to(opti.bounded(lower, requests, upper))
-    opti.solver("ipopt", recipe.options)
+    opti.solver("ipopt", OPTIONS)
 
     def solve(wanted: Array, limits: Limits, start: Array) -> Array:
         opti.set_value(desired, wanted / DEGREE)
@@ -104,8 +66,8 @@ def build(model: planner.JointModel, samples: int, *, recipe: Recipe) -> Solve:
         opti.set_initial(requests, start / DEGREE)
         opti.set_initial(angles, planner.simulate(model, start) / DEGREE)
         candidates = [start]
-        for speed in recipe.speeds:
-            opti.set_value(radius, speed / (recipe.top_speed or v_max) * theta_0)
+        for speed in SPEEDS:
+            opti.set_value(radius, speed / v_max * theta_0)
             # Opti's word for every failure; the last iterate may still do.
             with contextlib.suppress(RuntimeError):
                 opti.solve()
