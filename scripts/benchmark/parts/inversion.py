@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from benchmark.rivals import opti_ipopt, scipy_least_squares
 from benchmark.rivals.problem import Solve, best_of, exact_rms
 from benchmark.table import Table
 from benchmark.timing import median_time, timed
-from planner.inversion.arguments import Solver
 
 
-def build_ours(model: planner.JointModel, samples: int, *, solver: Solver) -> Solve:
+def build_ours(
+    model: planner.JointModel, samples: int, *, solver: Literal["gauss-newton", "ipopt", "fatrop"]
+) -> Solve:
     """The optimised inversion, which builds what it needs when it solves."""
     del samples
 
