@@ -9,6 +9,7 @@ with a descent of its own. Beyond 32 segments, knots come from bottom-up merging
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -80,7 +81,7 @@ class SearchOptions:
     moves: tuple[float, ...] = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
     turns: int = 3
     kept: int = 12
-    helps: float = 1e-4
+    helps: float = 1e-3
     kink: float = 0.1
     proposed: int = 32
     many_samples: int = 2000
@@ -112,6 +113,7 @@ class KnotSearch:
         self.most = most_segments(self.problem)
         self.ideal_error = float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
         self._found: dict[int, Candidate] = {}
+        self._begun: dict[int, list[Candidate]] = {}
 
     def curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
@@ -121,6 +123,20 @@ class KnotSearch:
                 curve = min(curve, self._on_samples.moved(curve.knots), key=by_error)
             self._found[segments] = curve
         return self._found[segments]
+
+    def rough_error(self, segments: int, limit: float) -> float:
+        """Squared error of a rough curve, or infinite where even chains of chords are above it.
+
+        Args:
+            segments: Number of segments.
+            limit: Squared error of the cheapest chain of chords from which on none is begun.
+        """
+        if segments in self._found or segments > SEARCH.proposed or self._of_means is not None:
+            return self.curve(segments).error
+        chords = self._proposals.least_error(segments)
+        if chords is not None and chords > limit:
+            return math.inf
+        return self._starts(segments)[0].error
 
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
@@ -184,7 +200,12 @@ class KnotSearch:
         return settled_at_kinks(problem, best)
 
     def _starts(self, segments: int) -> list[Candidate]:
-        """Curves a few evaluations from what is proposed, the best first."""
+        """Curves a few evaluations from what is proposed, the best first; found once."""
+        if segments not in self._begun:
+            self._begun[segments] = self._begin(segments)
+        return self._begun[segments]
+
+    def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
         if self._of_means is not None and segments < SQP.window:
             few = self._of_means.form.restore(self._of_means.curve(segments))
@@ -224,8 +245,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
     )
     if not problem.free_knots:
         return begun[0]
-    finalists = _apart(begun)[: SEARCH.finalists]
-    return min((with_moved_knots(problem, curve) for curve in finalists), key=by_error)
+    return with_moved_knots(problem, _apart(begun)[: SEARCH.finalists])
 
 
 def _apart(curves: list[Candidate]) -> list[Candidate]:
@@ -251,17 +271,22 @@ def _sharpest_knot(problem: Problem, curve: Candidate) -> int:
     return int(np.argmax(bend >= (1.0 - EQUAL) * np.max(bend)))
 
 
-def with_moved_knots(problem: Problem, curve: Candidate) -> Candidate:
-    """A curve that moves of single knots, each followed downhill, lead to; never a worse one."""
-    best = descend(problem, [curve], rounds=SEARCH.few)[0]
+def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
+    """A curve that moves of single knots, each followed downhill, lead to; never a worse one.
+
+    Args:
+        problem: What to approximate.
+        curves: Where to begin; from the first move on the best is followed alone.
+    """
+    begun = descend(problem, curves, rounds=SEARCH.few)
+    best = min(begun, key=by_error)
     for _ in range(SEARCH.turns):
-        starts = [best, *moved(problem, best)]
-        ends = descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept)
-        found = min(ends, key=by_error)
+        starts = [each for curve in begun for each in (curve, *moved(problem, curve))]
+        found = min(descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept), key=by_error)
         gained = best.error - found.error
         if gained <= 0.0:
             break
-        best = found
+        best, begun = found, [found]
         if gained <= SEARCH.helps * best.error:
             break
     return best
