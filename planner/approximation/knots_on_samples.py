@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from operator import attrgetter
+
 import numpy as np
 
 from planner.approximation.problem import Candidate, Problem, required_knots
@@ -25,10 +28,15 @@ class KnotsOnSamples:
 
     def curve(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
-        key = tuple(np.asarray(knots, dtype=np.float64).tolist())
-        if key not in self._solved:
-            self._solved[key] = best_values(self._problem, [np.array(key)])[0]
-        return self._solved[key]
+        return self.curves([knots])[0]
+
+    def curves(self, several: Sequence[Array]) -> list[Candidate]:
+        """The curves of best values at as many knots each."""
+        keys = [tuple(np.asarray(knots, dtype=np.float64).tolist()) for knots in several]
+        new = [key for key in dict.fromkeys(keys) if key not in self._solved]
+        found = best_values(self._problem, [np.array(key) for key in new])
+        self._solved.update(zip(new, found, strict=True))
+        return [self._solved[key] for key in keys]
 
     def moved(self, knots: Array) -> Candidate:
         """The best curve that moves of single knots, and of pairs of neighbours, lead to."""
@@ -41,11 +49,10 @@ class KnotsOnSamples:
         while improved:
             improved = False
             for group in groups:
-                for move in MOVES:
-                    moved = best.knots.copy()
-                    moved[group] += move
-                    if self._problem.long_enough(moved):
-                        other = self.curve(moved)
-                        if other.error < (1.0 - HELPS) * best.error:
-                            best, improved = other, True
+                moves = np.zeros((len(MOVES), size))
+                moves[:, group] = np.array(MOVES)[:, None]
+                tried = [each for each in best.knots + moves if self._problem.long_enough(each)]
+                other = min(self.curves(tried), key=attrgetter("error"), default=best)
+                if other.error < (1.0 - HELPS) * best.error:
+                    best, improved = other, True
         return best

@@ -16,6 +16,7 @@ up alone and stops at its tolerance.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -52,6 +53,7 @@ class QpOptions:
         tube_iterations: The same with a bound on every sample, where another answer is at hand.
         ridge: Pull towards the previous values, relative to the Hessian, that makes values at knots
             without samples determinate.
+        dense: Values and active bounds up to which they are polished with dense matrices.
         feasible: Violation of a dense QP's bounds, relative to the step, up to which it is solved.
         most_damping: Damping beyond which a Hessian is given up.
     """
@@ -61,6 +63,7 @@ class QpOptions:
     iterations: int = 50_000
     tube_iterations: int = 5_000
     ridge: float = 1e-11
+    dense: int = 64
     feasible: float = 1e-9
     most_damping: float = 1e12
 
@@ -251,29 +254,49 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     Returns:
         Values, shape (K,).
     """
-    from scipy import sparse
-    from scipy.sparse.linalg import splu
-
     pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
     active = np.flatnonzero(pressed | (qp.lower == qp.upper))
     target = np.where(multipliers > 0.0, qp.upper, qp.lower)[active]
     rows = qp.A[active, :]
-    # A touch of regularisation for bounds that repeat one another; two refinements remove it.
-    lower = -1e-9 * sparse.eye(active.size)
-    system = sparse.bmat([[qp.P, rows.T], [rows, None if active.size == 0 else lower]], "csc")
-    exact = np.append(np.zeros(qp.q.size), np.zeros(active.size))
-    try:
-        factor = splu(system)
-    except RuntimeError:  # singular
+    solve = _kkt_solver(qp.P, rows)
+    if solve is None:
         return values
+    exact = np.zeros(qp.q.size + active.size)
     for _ in range(3):
         y, u = exact[: qp.q.size], exact[qp.q.size :]
         residual = np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y)
-        exact = exact + factor.solve(residual)
+        exact = exact + solve(residual)
     better = exact[: qp.q.size]
     if qp.excess(better) > max(qp.excess(values), 1e-12):
         return values
     return better
+
+
+def _kkt_solver(P: Any, rows: Any) -> Callable[[Array], Array] | None:
+    """Solver of [P Aᵀ; A 0] x = b, dense where that is faster; None if it is singular.
+
+    A touch of regularisation for bounds that repeat one another; two refinements remove it.
+    """
+    from scipy import sparse
+    from scipy.sparse.linalg import splu
+
+    size, count = P.shape[0], rows.shape[0]
+    if size + count <= QP.dense:
+        system = np.zeros((size + count, size + count))
+        system[:size, :size] = P.toarray()
+        system[size:, :size] = rows.toarray()
+        system[:size, size:] = system[size:, :size].T
+        system[size:, size:] = -1e-9 * np.eye(count)
+        try:
+            inverse = np.linalg.inv(system)
+        except np.linalg.LinAlgError:
+            return None
+        return lambda right: np.asarray(inverse @ right)
+    lower = -1e-9 * sparse.eye(count)
+    try:
+        return splu(sparse.bmat([[P, rows.T], [rows, None if count == 0 else lower]], "csc")).solve
+    except RuntimeError:  # singular
+        return None
 
 
 def values_within(problem: Problem, knots: Array, bound: float | None, unit: float) -> Array:

@@ -203,6 +203,8 @@ def _newton(
     here = evaluate(problem, knots, values)
     rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)
     variables = [np.flatnonzero(each) for each in free]
+    own_rows = [rows[:, v] for v in variables]
+    cells = [(v[:, None], v[None, :]) for v in variables]
     none = SQP.none * float(problem.desired @ problem.desired)
     damping = np.full(count, SQP.damping)
     active = (here.errors > none) & np.any(free, axis=1)
@@ -218,11 +220,11 @@ def _newton(
         for m in np.flatnonzero(active).tolist():
             v = variables[m]
             step, damping[m], predicted[m] = minimize_damped(
-                here.hessians[m][v[:, None], v],
+                here.hessians[m][cells[m]],
                 scales[m, v],
                 float(damping[m]),
                 here.gradients[m, v],
-                rows[:, v],
+                own_rows[m],
                 slack[m],
             )
             if step is not None:
