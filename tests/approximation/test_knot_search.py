@@ -62,7 +62,7 @@ def test_moves_keep_the_ends_and_the_shortest_segment():
 
 def test_a_curve_with_moved_knots_is_never_worse():
     problem, curve = tent_with(1.0, 7.0)
-    assert with_moved_knots(problem, curve).error <= curve.error
+    assert with_moved_knots(problem, [curve]).error <= curve.error
 
 
 CLOSED = 1e3

@@ -55,6 +55,6 @@ def test_moving_a_knot_along_the_curve_keeps_the_slopes_and_moving_helps(cyclic)
     for other in moved(problem, start):
         assert np.count_nonzero(other.knots != start.knots) == 1
         assert np.min(slacks(problem, other.knots, other.values)) >= -SAME
-    found = with_moved_knots(problem, start)
+    found = with_moved_knots(problem, [start])
     assert found.error < start.error
     assert candidate(problem, found.knots, found.values).error == pytest.approx(found.error)
