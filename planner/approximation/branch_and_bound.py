@@ -1,4 +1,4 @@
-"""The proved optimum with knots on samples: bounds from a relaxation, halves until none is left."""
+"""Branch and bound: the proved optimum with knots on samples (docs/math.md, Equation 5a)."""
 
 from __future__ import annotations
 
@@ -22,24 +22,32 @@ from planner.approximation.problem import Candidate, Problem
 from planner.approximation.slope_projection import ideal_of
 from planner.exceptions import SolverFailed
 
-PROVED = 1e-6
-"""Relative distance of the squared error from the least that is left unproved."""
 
-LARGEST_EXACT = 400
-"""Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
-at the first bound."""
+@dataclass(frozen=True)
+class BranchOptions:
+    """What is proved, and the effort.
 
-MOST_BRANCHES = 4_000
-"""Halves that are looked at before the search gives up."""
+    Attributes:
+        proved: Relative distance of the squared error from the least that is left unproved.
+        samples: Samples up to which the optimum is proved: memory grows with their square, of a
+            cycle their cube at the first bound.
+        branches: Halves that are looked at before the search gives up.
+        few: Sets of knots that are tried one by one rather than halved.
+        root_steps: Steps of the potentials at first.
+        branch_steps: The same after each halving.
+        widest: Neighbours of a knot that learn from its mismatch in the first steps [samples].
+    """
 
-FEW = 16
-"""Sets of knots that are tried one by one rather than halved."""
+    proved: float = 1e-6
+    samples: int = 400
+    branches: int = 4_000
+    few: int = 16
+    root_steps: int = 60
+    branch_steps: int = 25
+    widest: int = 6
 
-ROOT_STEPS, BRANCH_STEPS = 60, 25
-"""Steps of the potentials, at first and after each halving."""
 
-WIDEST = 6
-"""Neighbours of a knot that learn from its mismatch in the first steps [samples]."""
+BRANCHES = BranchOptions()
 
 
 @dataclass(order=True)
@@ -64,10 +72,10 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
 
     Returns:
         The best curve; its squared error exceeds the least possible by no more than
-        :data:`PROVED` of it.
+        ``BRANCHES.proved`` of it.
 
     Raises:
-        SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
+        SolverFailed: No proof within ``BRANCHES.branches`` halvings.
     """
     return _BranchAndBound(problem, start).best
 
@@ -91,7 +99,7 @@ class _BranchAndBound:
     @property
     def _enough(self) -> float:
         """A bound that proves."""
-        return self.best.error * (1.0 - PROVED) - 1e-12
+        return self.best.error * (1.0 - BRANCHES.proved) - 1e-12
 
     def _search(self) -> None:
         potentials = first_potentials(self._problem, self.best, self._relaxation.nodes)
@@ -101,17 +109,19 @@ class _BranchAndBound:
             branch = heapq.heappop(queue)
             if branch.bound >= self._enough:
                 return
-            tightened = self._tightened(branch, ROOT_STEPS if number == 0 else BRANCH_STEPS)
+            tightened = self._tightened(
+                branch, BRANCHES.root_steps if number == 0 else BRANCHES.branch_steps
+            )
             if tightened is None:
                 continue
-            if math.prod(len(level) for level in tightened.levels) <= FEW:
+            if math.prod(len(level) for level in tightened.levels) <= BRANCHES.few:
                 for chain in product(*tightened.levels):
                     if self._relaxation.possible(chain):
                         self._try(chain)
                 continue
             for half in halves_of(tightened.levels):
                 number += 1
-                if number > MOST_BRANCHES:
+                if number > BRANCHES.branches:
                     gap = 1.0 - branch.bound / self.best.error
                     raise SolverFailed(
                         "exact piecewise-linear fit", f"{number} halvings", violation=gap
@@ -148,7 +158,7 @@ class _BranchAndBound:
                 for level, cost in zip(levels, found.through, strict=True)
             ]
             reach = pace * (self.best.error - found.error)
-            width = 1 + int(WIDEST / (1.0 + step / 6.0))
+            width = 1 + int(BRANCHES.widest / (1.0 + step / 6.0))
             if pace < 0.05 or not climb(self._relaxation, trial, found, reach, width):
                 break
         return Branch(highest, 0, levels, best)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.branch_and_bound import PROVED, halves_of, proved_best
+from planner.approximation.branch_and_bound import BRANCHES, halves_of, proved_best
 from planner.approximation.fit import fit_pwl
 from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.lagrangian_bound import Relaxation, first_potentials
@@ -38,7 +38,7 @@ def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     step = rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n
     least = np.sqrt(least_error(desired, segments, step, cyclic) / n)
     fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments, exact=True)
-    assert fit.rms == pytest.approx(least, rel=2.0 * PROVED, abs=1e-6)
+    assert fit.rms == pytest.approx(least, rel=2.0 * BRANCHES.proved, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
@@ -46,7 +46,7 @@ def test_the_stored_oracle_is_what_is_proved_today(seed):
     each = oracle_instance(seed)
     fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
     assert TABLE[seed]["seed"] == seed
-    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * PROVED, abs=ZERO)
+    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * BRANCHES.proved, abs=ZERO)
     assert np.array_equal(fit.knots, np.round(fit.knots))
 
 
@@ -64,7 +64,7 @@ def test_the_search_on_samples_never_beats_the_oracle_and_mostly_reaches_it():
     for each, stored in list(zip(oracle_instances(), TABLE, strict=True))[::3]:
         fit = fit_pwl(each.desired, **each.settings, segments=each.segments, on_samples=True)
         ratios.append((fit.rms + ZERO) / (stored["rms"] + ZERO))
-    assert np.min(ratios) >= 1.0 - PROVED
+    assert np.min(ratios) >= 1.0 - BRANCHES.proved
     assert np.mean(np.array(ratios) <= CLOSE) >= 0.9
 
 
@@ -75,14 +75,14 @@ def test_on_random_instances_nothing_beats_the_proof(seed):
     asked = {**each.settings, "segments": each.segments}
     proved = fit_pwl(each.desired, **asked, exact=True)
     sought = fit_pwl(each.desired, **asked, on_samples=True)
-    assert proved.rms <= sought.rms * (1.0 + PROVED) + ZERO
+    assert proved.rms <= sought.rms * (1.0 + BRANCHES.proved) + ZERO
     rng = np.random.default_rng(seed)
     for _ in range(20):
         last = 40 if proved.cyclic else 39
         count = each.segments if proved.cyclic else each.segments - 1
         knots = rng.choice(np.arange(0 if proved.cyclic else 1, last), count, replace=False)
         other = fit_pwl(each.desired, **each.settings, knots=knots)
-        assert proved.rms <= other.rms * (1.0 + PROVED) + ZERO
+        assert proved.rms <= other.rms * (1.0 + BRANCHES.proved) + ZERO
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -102,7 +102,7 @@ def test_the_proof_respects_what_is_required(cyclic):
             tried += 1
             settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
             other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
-            assert fit.rms <= other.rms * (1.0 + PROVED)
+            assert fit.rms <= other.rms * (1.0 + BRANCHES.proved)
 
 
 @pytest.mark.parametrize("kind", KINDS)
