@@ -50,6 +50,9 @@ from planner.trajectory import Array, as_trajectory
 SLOPE_TOLERANCE = 1e-12
 """Relative excess over v_max that rounding may leave on a returned slope."""
 
+ROUNDING = 1e-14
+"""Error, relative to the largest sample, that rounding may leave between a curve and its bound."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PiecewiseLinearFit(PiecewiseLinear):
@@ -171,11 +174,12 @@ def _certified(
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
     if not excess <= SLOPE_TOLERANCE:
         raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
+    rounding = ROUNDING * float(np.max(np.abs(fit.desired)))
     for name, error, bound in (
         ("largest", fit.max_error, question.max_error),
         ("rms", fit.rms, question.max_rms),
     ):
-        if bound is not None and error > bound * (1.0 + BARELY):
+        if bound is not None and error > bound * (1.0 + BARELY) + rounding:
             problem = f"{name} error of the piecewise-linear fit"
             raise SolverFailed(problem, "solved", violation=error - bound)
     return fit

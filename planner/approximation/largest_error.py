@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.approximation.links_on_samples import fewest_links_on, stride
 from planner.approximation.minimum_link import Course, Gates, cut, gates_of, minimum_link
-from planner.approximation.problem import BARELY_SHORT, Candidate, Problem, candidate
+from planner.approximation.problem import BARELY_SHORT, Candidate, Problem, candidate, distances
 from planner.approximation.slope_projection import attainable_error
 from planner.approximation.tube_least_squares import least_squares_within
 from planner.exceptions import Infeasible
@@ -20,7 +20,7 @@ TIE = 0.25 * BARELY
 ROUNDING = 1e-15
 """The same in units of the samples, which are of size one."""
 
-HALVINGS, FEWER_HALVINGS = 8, 3
+HALVINGS, FEWER_HALVINGS = 12, 3
 """Times that the error is halved in search of the least one that so many segments keep, and of more
 than :data:`MANY_SAMPLES`. The curve in the middle of its bounds is where least squares begin."""
 
@@ -64,15 +64,14 @@ def within_largest_error(
         )
     count = _segments(problem, course)
     if most is not None and count > most:
-        least = count if course.fewest == count else course.fewest
+        known = "needed" if course.fewest > most else "found"
         raise Infeasible(
             f"max_error and the number of segments: got {bound * unit:.6g} rad with at most {most} "
-            f"segments, but {count} were needed and {least} are in any case; allow more error or "
-            "more segments"
+            f"segments, but the fewest {known} are {count}; allow more error or more segments"
         )
     spare = bound * (1.0 - BARELY)
     tight, halvings = course, HALVINGS if problem.samples <= MANY_SAMPLES else FEWER_HALVINGS
-    low, high = max(attainable, 0.0) * (1.0 + TIE) + ROUNDING, widest
+    low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + ROUNDING, widest
     if spare > low:
         other = fewest_segments(problem, spare)
         if other is not None and _segments(problem, other) == count:
@@ -94,6 +93,14 @@ def within_largest_error(
     mean = float(np.average(problem.desired, weights=problem.weights))
     value = min(max(mean, middle - room), middle + room)
     return candidate(problem, tight.knots, np.array([value])), course.fewest
+
+
+def _by_pins(problem: Problem) -> float:
+    """Smallest largest error of slopes within the bound through one required value."""
+    pinned = np.isfinite(problem.pins)
+    away = distances(problem, np.arange(problem.samples, dtype=np.float64))[:, pinned]
+    apart = np.abs(problem.desired[:, np.newaxis] - problem.pins[pinned])
+    return float(np.max(apart - problem.step * away, initial=0.0))
 
 
 def fewest_segments(problem: Problem, bound: float) -> Course | None:

@@ -50,7 +50,7 @@ def minimum_link(problem: Problem, bound: float) -> Course:
     """The curve of fewest segments with no error above ``bound``; O(n).
 
     Args:
-        problem: What to approximate. Its weights, ``shortest`` and ``whole`` do not count.
+        problem: What to approximate. Its weights, ``shortest`` and ``on_samples`` do not count.
         bound: Largest error at any sample, which slopes within the bound can keep.
 
     Returns:
@@ -126,12 +126,14 @@ def cut(
         none.
     """
     n = problem.samples
-    away = np.abs(np.arange(n) - place)
-    reach = bound + problem.step * np.minimum(away, n - away)
-    least, most = float(np.max(problem.desired - reach)), float(np.min(problem.desired + reach))
+    pinned = np.isfinite(problem.pins)
+    places = np.append(np.arange(n), problem.required[pinned])
+    away = np.abs(places - place)
+    reach = problem.step * np.minimum(away, n - away)
+    lower = np.append(problem.desired - bound, problem.pins[pinned]) - reach
+    upper = np.append(problem.desired + bound, problem.pins[pinned]) + reach
+    least, most = float(np.max(lower)), float(np.min(upper))
     here = problem.required == place
-    for pin in problem.pins[here & np.isfinite(problem.pins)]:
-        least = most = float(pin)
     free = path(*gates_of(problem, bound, start=place, ends=(least, most)))
     if free is None:
         return free
@@ -307,6 +309,10 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
     ends = [*breaks, len(gates.places) - 1]
     lower, upper = list(gates.lower), list(gates.upper)
     gates = gates._replace(lower=lower, upper=upper)
+    if breaks:
+        least, most = _passable(gates)
+        for k in breaks:
+            lower[k], upper[k] = least[k], max(most[k], least[k])
     parts: list[tuple[list[Link], LastLines]] = []
     first = 0
     for last in ends:
@@ -334,6 +340,18 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
         knots.append(gates.places[first])
         values.append(min(max(lines_of[0].at(knots[-1]), lower[first]), upper[first]))
     return Course(np.array(knots[::-1]), np.array(values[::-1]), len(knots) - 1)
+
+
+def _passable(gates: Gates) -> tuple[list[float], list[float]]:
+    """The least and the largest value at every gate from which slopes can pass all the others."""
+    ramp = gates.slope * np.array(gates.places)
+    sides = []
+    for ends, sign in ((gates.lower, -1.0), (gates.upper, 1.0)):
+        far = sign * np.array(ends)  # lowest of these that a cone over another one allows
+        forth = np.minimum.accumulate(far - ramp) + ramp
+        back = np.minimum.accumulate((far + ramp)[::-1])[::-1] - ramp
+        sides.append((sign * np.minimum(forth, back)).tolist())
+    return sides[0], sides[1]
 
 
 def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:
@@ -457,22 +475,17 @@ def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], 
     while around.lower[missed] <= eave.line.at(missed) <= around.upper[missed]:
         missed -= 1
     target = _later(eave, n)
-    links = [eave]
-    while True:
-        link = links[-1]
-        window = slice(link.touched, target.before + 1)
-        lower, upper = list(around.lower[window]), list(around.upper[window])
-        free = target.before - max(missed + n, link.touched - 1)
-        ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
-        ends[len(ends) - free :] = [far] * free
-        places = list(around.places[window])
-        local = Gates(places, lower, upper, around.slope)
-        half = link.end - link.touched
-        found = next_link(local, 0, len(places) - 1, half=half, rising=link.rising)
-        if isinstance(found, LastLines):
-            break
-        links.append(_numbered(found, link.touched))
-    joint = Link(target.line, target.rising, missed + n, -1, target.before - 1)
+    last, free = target.before, slice(missed + n + 1, target.before + 1)
+    lower, upper = list(around.lower[: last + 1]), list(around.upper[: last + 1])
+    ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
+    ends[free] = [far] * (free.stop - free.start)
+    joined = around._replace(lower=lower, upper=upper)
+    links: list[Link] = []
+    found: Link | LastLines = eave
+    while isinstance(found, Link):
+        links.append(found)
+        found = next_link(joined, found.touched, last, half=found.end, rising=found.rising)
+    joint = Link(target.line, target.rising, missed + n, -1, last - 1)
     return [link.line for link in links], [*links, joint], found
 
 
@@ -525,10 +538,5 @@ def _turned(cycle: Course, n: int) -> Course:
 def _later(link: Link, shift: int) -> Link:
     """A line and the numbers of its gates, so many samples later."""
     line = link.line._replace(place=link.line.place + shift)
-    return _numbered(link, shift)._replace(line=line)
-
-
-def _numbered(link: Link, shift: int) -> Link:
-    """A line and the numbers of its gates where so many more come before them."""
     before = link.before + shift if link.before >= 0 else -1
-    return Link(link.line, link.rising, link.touched + shift, before, link.end + shift)
+    return Link(line, link.rising, link.touched + shift, before, link.end + shift)

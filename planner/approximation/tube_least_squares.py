@@ -24,6 +24,7 @@ from planner.approximation.problem import (
     fixed_variables,
     required_knots,
 )
+from planner.approximation.qp import ValuesQP, polished
 from planner.trajectory import Array
 
 
@@ -34,7 +35,9 @@ class TubeOptions:
     Attributes:
         rounds: Most rounds of both moves.
         progress: Relative decrease of the squared error in a round that is worth another one.
+        lines: Lines in all rounds together from which on there is none after the first.
         window: Lines that one QP moves at once; its time is in proportion, and windows overlap.
+        batch: Samples that are summed at once, a matter of memory.
         margin: Share of the bounds that the QP leaves to its own tolerance.
         tolerance: OSQP's tolerances, relative and absolute, in units of the largest error.
         iterations: OSQP's iterations; a window that needs more is left as it is.
@@ -42,7 +45,9 @@ class TubeOptions:
 
     rounds: int = 6
     progress: float = 1e-3
-    window: int = 60
+    lines: int = 4000
+    window: int = 100
+    batch: int = 200_000
     margin: float = 1e-7
     tolerance: float = 1e-9
     iterations: int = 4000
@@ -68,12 +73,13 @@ def least_squares_within(
     Returns:
         The curve, within the same bounds. O(n) a round.
     """
-    for turn in range(options.rounds):
+    rounds = min(max(options.lines // curve.knots.size, 1), options.rounds)
+    for turn in range(rounds):
         before = curve.error
-        for offset in (0, options.window // 2):
-            curve = _together(problem, curve, bound, offset, after=bool(turn % 2), options=options)
         curve = _one_by_one(problem, curve, bound, options)
-        if curve.error >= (1.0 - options.progress) * before:
+        offset = turn % 2 * options.window // 2
+        curve = _together(problem, curve, bound, offset, after=bool(turn % 2), options=options)
+        if turn % 2 and curve.error >= (1.0 - options.progress) * before:
             break
     return curve
 
@@ -82,7 +88,7 @@ def least_squares_within(
 
 
 class _Reach(NamedTuple):
-    """Lines from a point through samples on one side, by the number of samples passed."""
+    """Lines from a point, by the samples that they have passed, each shape (knots, samples)."""
 
     least: Array  # slope
     most: Array
@@ -94,82 +100,98 @@ class _Reach(NamedTuple):
 def _one_by_one(
     problem: Problem, curve: Candidate, bound: float, options: TubeOptions
 ) -> Candidate:
-    """Move each knot in turn to its best sample and value between its neighbours."""
+    """Move knots to their best samples and values between their neighbours, every other at once."""
     n, size = problem.samples, curve.knots.size
     knots, values = curve.knots.copy(), curve.values.copy()
-    fixed, pinned = required_knots(problem, knots)
-    ends = set() if problem.cyclic else {0, size - 1}
-    for k in range(size):
-        if k in ends or pinned[k] or size < 3:
-            continue
-        number = np.arange(k - 1, k + 2)
-        x = knots[number % size] + n * (number // size)
-        y = values[number % size]
-        moved = _best_place(problem, x, y, bound, options, stays=bool(fixed[k]))
-        if moved is not None:
-            knots[k], values[k] = moved
+    movable = ~np.logical_or(*required_knots(problem, knots))
+    if size < 3:
+        return curve
+    turns = [np.arange(0, size - 1, 2), np.arange(1, size, 2)]
+    if size % 2:
+        turns.append(np.array([size - 1]))  # next to the first one in a cycle
+    for turn in turns:
+        which = turn[movable[turn]]
+        number = which[:, np.newaxis] + np.arange(-1, 2)
+        spans = knots[number % size] + n * (number // size)
+        which = which[np.argsort(spans[:, 2] - spans[:, 0], kind="stable")]
+        while which.size:
+            number = which[:, np.newaxis] + np.arange(-1, 2)
+            x = knots[number % size] + n * (number // size)
+            widths = np.maximum.accumulate(np.ceil(x[:, 2] - x[:, 0]))
+            fit = max(int(np.sum(widths * np.arange(1, which.size + 1) <= options.batch)), 1)
+            y = values[number % size]
+            place, value = _best_places(problem, x[:fit], y[:fit], bound, options)
+            knots[which[:fit]], values[which[:fit]] = place, value
+            which = which[fit:]
     return candidate(problem, knots, values)
 
 
-def _best_place(
-    problem: Problem, x: Array, y: Array, bound: float, options: TubeOptions, *, stays: bool
-) -> tuple[float, float] | None:
-    """Where the knot at x[1] is best, and its value, with its neighbours held; None if it stays.
+def _best_places(
+    problem: Problem, x: Array, y: Array, bound: float, options: TubeOptions
+) -> tuple[Array, Array]:
+    """Where knots are best, and their values, with their neighbours held; those in x[:, 1] if none.
 
     The squared error of the two lines is quadratic in the value, its coefficients sums over the
     samples before and after, and what the bounds allow is an interval for every place.
+
+    Args:
+        problem: What to approximate.
+        x: Neighbour before, knot and neighbour after, shape (knots, 3).
+        y: Values there.
+        bound: Largest error at any sample.
+        options: Room left to rounding.
     """
-    first, last = np.floor(x[0]) + 1.0, np.ceil(x[2]) - 1.0
-    least = np.ceil(x[0] + problem.shortest - BARELY_SHORT)
-    most = np.floor(x[2] - problem.shortest + BARELY_SHORT)
-    places = np.arange(least, most + 1.0)
-    if stays:
-        places = x[1:2]
-    if not places.size:
-        return None
-    at = np.arange(first, last + 1.0)
-    index = at.astype(np.intp) % problem.samples
-    weights, desired = problem.weights[index], problem.desired[index]
-    passed = (np.floor(places) - first + 1.0).astype(np.intp)
-    room = bound * (1.0 - options.margin)
+    first, last = np.floor(x[:, :1]) + 1.0, np.ceil(x[:, 2:]) - 1.0
+    places = first + np.arange(int(np.max(last - first)) + 1)
+    inside = places <= last
+    index = places.astype(np.intp) % problem.samples
+    weights, desired = np.where(inside, problem.weights[index], 0.0), problem.desired[index]
+    room = np.where(inside, bound * (1.0 - options.margin), np.inf)
     steepest = problem.step * (1.0 - options.margin)
-    left = _reach(at - x[0], desired - y[0], weights, room, steepest, passed)
-    right = _reach(
-        x[2] - at[::-1], desired[::-1] - y[2], weights[::-1], room, steepest, at.size - passed
+    a, b = places - x[:, :1], np.where(inside, x[:, 2:] - places, 1.0)
+    left = _reach(a, desired - y[:, :1], weights, room)
+    right = _reach(b[:, ::-1], (desired - y[:, 2:])[:, ::-1], weights[:, ::-1], room[:, ::-1])
+    behind = [np.roll(side[:, ::-1], -1, axis=1) for side in right]  # of samples after the place
+    for side, none in zip(behind, (-np.inf, np.inf, 0.0, 0.0, 0.0), strict=True):
+        side[:, -1] = none
+    right = _Reach(*behind)
+    lowest = np.maximum(
+        y[:, :1] + np.maximum(left.least, -steepest) * a,
+        y[:, 2:] + np.maximum(right.least, -steepest) * b,
     )
-    a, b = places - x[0], x[2] - places
-    lowest = np.maximum(y[0] + left.least * a, y[2] + right.least * b)
-    highest = np.minimum(y[0] + left.most * a, y[2] + right.most * b)
+    highest = np.minimum(
+        y[:, :1] + np.minimum(left.most, steepest) * a,
+        y[:, 2:] + np.minimum(right.most, steepest) * b,
+    )
     by_left, by_right = left.s2 / a**2, right.s2 / b**2
-    pull = by_left * y[0] + by_right * y[2] + left.s1 / a + right.s1 / b
+    pull = by_left * y[:, :1] + by_right * y[:, 2:] + left.s1 / a + right.s1 / b
     curvature = np.maximum(by_left + by_right, 1e-300)
     value = np.minimum(np.maximum(pull / curvature, lowest), highest)
-    rise, fall = (value - y[0]) / a, (value - y[2]) / b
+    rise, fall = (value - y[:, :1]) / a, (value - y[:, 2:]) / b
     cost = left.s2 * rise**2 - 2.0 * left.s1 * rise + left.s0
     cost += right.s2 * fall**2 - 2.0 * right.s1 * fall + right.s0
-    cost[lowest > highest] = np.inf
-    best = int(np.argmin(cost))
-    now = np.interp(at, x, y) - desired
-    if not cost[best] < (1.0 - 1e-9) * float(np.sum(weights * now**2)):
-        return None
-    return float(places[best]), float(value[best])
-
-
-def _reach(
-    run: Array,
-    rise: Array,
-    weights: Array,
-    room: float,
-    steepest: float,
-    passed: npt.NDArray[np.intp],
-) -> _Reach:
-    most = np.minimum.accumulate(np.append(steepest, (rise + room) / run))
-    least = np.maximum.accumulate(np.append(-steepest, (rise - room) / run))
-    s0, s1, s2 = (
-        np.append(0.0, np.cumsum(weights * product))
-        for product in (rise * rise, run * rise, run * run)
+    far = (a < problem.shortest - BARELY_SHORT) | (b < problem.shortest - BARELY_SHORT)
+    cost[far | ~inside | (lowest > highest)] = np.inf
+    row = np.arange(x.shape[0])
+    best = np.argmin(cost, axis=1)
+    before = (y[:, 1:2] - y[:, :1]) / (x[:, 1:2] - x[:, :1])
+    after = (y[:, 2:] - y[:, 1:2]) / (x[:, 2:] - x[:, 1:2])
+    own = np.where(places <= x[:, 1:2], y[:, :1] + before * a, y[:, 2:] - after * b)
+    now = np.sum(weights * (own - desired) ** 2, axis=1)
+    better = cost[row, best] < (1.0 - 1e-9) * now
+    return (
+        np.where(better, places[row, best], x[:, 1]),
+        np.where(better, value[row, best], y[:, 1]),
     )
-    return _Reach(*(row[passed] for row in (least, most, s0, s1, s2)))
+
+
+def _reach(run: Array, rise: Array, weights: Array, room: Array) -> _Reach:
+    """Slopes and sums along the samples, each counted with those before it."""
+    return _Reach(
+        np.maximum.accumulate((rise - room) / run, axis=1),
+        np.minimum.accumulate((rise + room) / run, axis=1),
+        *(np.cumsum(weights * product, axis=1) for product in (rise * rise, run * rise, run * run)),
+    )
 
 
 # Many knots at once
@@ -183,14 +205,14 @@ class _Window(NamedTuple):
         y: Values there.
         low: Least place of each knot, in the gap where it lies, shape (m + 1,).
         high: Largest place of each knot.
-        ends: Whether the values at the first and the last knot stay.
+        stays: Which of the values stay, shape (m + 1,).
     """
 
     x: Array
     y: Array
     low: Array
     high: Array
-    ends: tuple[bool, bool]
+    stays: npt.NDArray[np.bool_]
 
 
 class _Deal(NamedTuple):
@@ -247,12 +269,17 @@ def _together(
         x = np.where(whole & ~fixed[number % size], np.rint(x), x)
         low = np.where(whole, np.rint(x) - (not after), np.floor(x))
         high = low + 1.0
+        spare = np.maximum(np.diff(x) - problem.shortest, 0.0)
+        tight = low[1:] - high[:-1] < problem.shortest
+        high[:-1] = np.where(tight, np.minimum(high[:-1], x[:-1] + 0.5 * spare), high[:-1])
+        low[1:] = np.where(tight, np.maximum(low[1:], x[1:] - 0.5 * spare), low[1:])
         stays = fixed[number % size] | pinned[number % size]
         stays[[0, -1]] = True
         low[stays] = high[stays] = x[stays]
-        edges = not problem.cyclic and start == 0, not problem.cyclic and end == segments
-        held_ends = not edges[0] or pinned[0], not edges[1] or pinned[-1]
-        window = _Window(x, y, low, high, (bool(held_ends[0]), bool(held_ends[1])))
+        values_stay = pinned[number % size].copy()
+        values_stay[0] |= problem.cyclic or start > 0
+        values_stay[-1] |= problem.cyclic or end < segments
+        window = _Window(x, y, low, high, values_stay)
         moved = _moved(problem, window, bound, after, options)
         if moved is not None:
             knots[number % size], values[number % size] = moved[0] - turn, moved[1]
@@ -266,24 +293,17 @@ def _moved(
     deal = _dealt(window, after)
     if deal is None:
         return None
-    for _ in range(3):
-        lines = _solved(problem, window, deal, bound, options)
-        if lines is None:
-            return None
-        x, y = _joined(window, deal, *lines)
-        short = np.diff(x) < problem.shortest - BARELY_SHORT
-        if not np.any(short):
-            break
-        stays = np.append(short, False) | np.append(False, short)
-        low, high = (np.where(stays, window.x, side) for side in (window.low, window.high))
-        window = window._replace(low=low, high=high)
-    else:
+    lines = _solved(problem, window, deal, bound, options)
+    if lines is None:
+        return None
+    x, y = _joined(window, deal, *lines)
+    if np.any(np.diff(x) < problem.shortest - BARELY_SHORT):
         return None
     index = np.arange(deal.first[0], deal.last[-1] + 1)
     desired, weights = (row[index % problem.samples] for row in (problem.desired, problem.weights))
     before = np.interp(index, window.x, window.y) - desired
     now = np.interp(index, x, y) - desired
-    if np.sum(weights * now**2) >= np.sum(weights * before**2):
+    if not np.sum(weights * now**2) < np.sum(weights * before**2):
         return None
     steepest = problem.step * (1.0 + 1e-3 * ROUNDING)
     if np.max(np.abs(now)) > bound * (1.0 + ROUNDING) or np.any(
@@ -337,8 +357,11 @@ def _solved(
     level, rise = np.arange(size), size + np.arange(size)
     P = sparse.csc_matrix(
         (
-            np.concatenate([totals[0], totals[1], totals[2] + 1e-9]),
-            (np.concatenate([level, level, rise]), np.concatenate([level, rise, rise])),
+            np.concatenate([totals[0], totals[1], totals[1], totals[2] + 1e-9]),
+            (
+                np.concatenate([level, level, rise, rise]),
+                np.concatenate([level, rise, level, rise]),
+            ),
         ),
         shape=(2 * size, 2 * size),
     )
@@ -377,19 +400,20 @@ def _solved(
         rows.append(turn @ (values(at, behind) - values(at, before)))
         lower.append(-way * (here(at, behind) - here(at, before)) / bound)
         upper.append(np.full(size - 1, np.inf))
-    for end, which in ((0, 0), (-1, size - 1)):
-        if window.ends[end]:
-            rows.append(values(window.x[[end]], np.array([which])))
-            lower.append(np.zeros(1))
-            upper.append(np.zeros(1))
+    stay = np.flatnonzero(window.stays)
+    rows.append(values(window.x[stay], np.maximum(stay - 1, 0)))
+    lower.append(np.zeros(stay.size))
+    upper.append(np.zeros(stay.size))
     A = sparse.vstack(rows, format="csc")
+    bounds = np.minimum(np.concatenate(lower), 0.0), np.maximum(np.concatenate(upper), 0.0)
+    qp = ValuesQP(P=P / scale, q=q, A=A, lower=bounds[0], upper=bounds[1])
     solver = osqp.OSQP(algebra="builtin")
     solver.setup(
-        P / scale,
-        q,
-        A,
-        np.minimum(np.concatenate(lower), 0.0),
-        np.maximum(np.concatenate(upper), 0.0),
+        sparse.triu(qp.P, format="csc"),
+        qp.q,
+        qp.A,
+        qp.lower,
+        qp.upper,
         eps_abs=options.tolerance,
         eps_rel=options.tolerance,
         max_iter=options.iterations,
@@ -398,8 +422,9 @@ def _solved(
     )
     result = solver.solve(raise_error=False)
     change = np.asarray(result.x, dtype=np.float64)
-    if not (str(result.info.status).startswith("solved") and np.all(np.isfinite(change))):
+    if not np.all(np.isfinite(change)):
         return None
+    change = polished(qp, change, np.asarray(result.y, dtype=np.float64))
     return deal.level + bound * change[:size], deal.slope + bound * change[size:] / deal.half
 
 
@@ -412,10 +437,11 @@ def _joined(window: _Window, deal: _Deal, level: Array, slope: Array) -> tuple[A
     turn = np.diff(slope)
     away = np.divide(one - other, turn, out=np.zeros(turn.size), where=turn != 0.0)
     x[1:-1] = np.minimum(np.maximum(at + away, at), window.high[1:-1])
-    y[1:-1] = level[:-1] + slope[:-1] * (x[1:-1] - deal.middle[:-1])
-    if not window.ends[0]:
+    met = level[:-1] + slope[:-1] * (x[1:-1] - deal.middle[:-1])
+    y[1:-1] = np.where(window.stays[1:-1], y[1:-1], met)
+    if not window.stays[0]:
         y[0] = level[0] + slope[0] * (x[0] - deal.middle[0])
-    if not window.ends[1]:
+    if not window.stays[-1]:
         y[-1] = level[-1] + slope[-1] * (x[-1] - deal.middle[-1])
     return x, y
 
