@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.adjust import adjust
-from planner.identification.adjusted import Adjusted
 from planner.identification.grid import Grid
-from planner.identification.simulation import Parameters
+from planner.identification.least_squares import Effort, Fit, least_squares
+from planner.identification.parameters import Parameters
 from planner.identification.starts import best_delay, delayed_errors
 from planner.trajectory import Array
 
@@ -64,7 +63,7 @@ def errors_of(simple: Simple, grid: Grid, starts: Array) -> Array:
     return grid.at_rows(respond(grid, simple.joint, starts)) - grid.angles
 
 
-def _first_order(grid: Grid, delay: float) -> Adjusted:
+def _first_order(grid: Grid, delay: float) -> Fit:
     """A joint that never saturates and whose window is a single tick."""
     whole = max(delay, 2.0 * grid.tick)
     begins = [
@@ -78,8 +77,10 @@ def _first_order(grid: Grid, delay: float) -> Adjusted:
         for share in SHARES
     ]
     fits = [
-        adjust(grid, begin, free=FIRST_ORDER, steps=QUICK_STEPS, rounds=2, precision=1e-3)
+        least_squares(grid, begin, free=FIRST_ORDER, effort=Effort(QUICK_STEPS, 1e-3, 2))
         for begin in begins
     ]
     best = min(fits, key=lambda fit: fit.rms)
-    return adjust(grid, best.parameters, free=FIRST_ORDER, starts=best.starts, precision=1e-4)
+    return least_squares(
+        grid, best.parameters, free=FIRST_ORDER, starts=best.starts, effort=Effort(40, 1e-6, 6)
+    )

@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.identification.adjusted import Adjusted
 from planner.identification.grid import Grid
-from planner.identification.simulation import Parameters, Pulls
+from planner.identification.least_squares import Fit
+from planner.identification.parameters import Parameters
+from planner.identification.simulation import Pulls
 from planner.trajectory import Array
 
 JUST_ABOVE = 1e-6
 """Share by which a top speed that was never reached lies above the fastest call."""
 
 
-def peak_call(fit: Adjusted) -> float:
+def peak_call(fit: Fit) -> float:
     """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
     return fastest_call(fit.parameters, fit.grid, fit.pulls, fit.states)
 
@@ -27,7 +28,7 @@ def fastest_call(parameters: Parameters, grid: Grid, pulls: Pulls, states: Array
     return float(parameters.gain * np.max(np.abs(errors)))
 
 
-def with_shown_speed(fit: Adjusted) -> Adjusted:
+def with_shown_speed(fit: Fit) -> Fit:
     """The fit with a top speed no higher than anything the log called for.
 
     Beyond that every top speed predicts the same; this one promises the least.

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.identification.adjust import adjust
-from planner.identification.adjusted import Adjusted
 from planner.identification.clock import Clock, unequal
 from planner.identification.grid import gridded, pieces_of
+from planner.identification.least_squares import SEARCH, Fit, least_squares
 from planner.identification.log import Log
 
 EVEN = 0.01
@@ -60,7 +59,7 @@ def evened(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], float]:
     return tuple(moved), float(np.sqrt(np.mean(off**2)))
 
 
-def with_even_rows(logs: Sequence[Log], clock: Clock, fit: Adjusted) -> tuple[Log, ...] | None:
+def with_even_rows(logs: Sequence[Log], clock: Clock, fit: Fit) -> tuple[Log, ...] | None:
     """The logs with even times, if a joint with these explains them clearly better.
 
     Times that a program notes may come late by a millisecond or so, though the servo is read
@@ -86,6 +85,6 @@ def with_even_rows(logs: Sequence[Log], clock: Clock, fit: Adjusted) -> tuple[Lo
         grid = gridded(each, tick=fit.grid.tick, reach=clock.reach, burn_in=burn_in)
         if not len(grid.angles):
             return None
-        again = adjust(grid, fit.parameters, scale=fit.scale, steps=STEPS, precision=1e-3)
+        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=SEARCH)
         losses.append(again.cost / len(grid.angles))
     return even if losses[1] < (1.0 - WORTH_EVENING) * losses[0] else None

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjust import adjust
-from planner.identification.adjusted import Adjusted
+from planner.identification.called import peak_call
 from planner.identification.clock import Clock
 from planner.identification.grid import Grid, Place, gridded, pieces_of
+from planner.identification.least_squares import NONE, SEARCH, Fit, least_squares
 from planner.identification.log import Log
-from planner.identification.starts import best_delay, nearby, searched
+from planner.identification.parameters import Parameters
+from planner.identification.starts import best_delay, divided, searched
+from planner.trajectory import Array
 
 SETTLED = 2.0
 """The first rows of a piece are used where the model, told that the first request had been in force
@@ -20,6 +22,12 @@ before, errs there by less than so many standard deviations (rms)."""
 
 AS_GOOD = 1.1
 """Fits on coarse ticks within this factor of the best loss may be the best on the model's own."""
+
+CLEARLY = 1e-6
+"""Share of the loss by which a later fit has to be better: less is rounding."""
+
+CALLED_FOR = 0.7
+"""Top speed with which the search begins anew, as a share of the fastest call."""
 
 WORTH_COARSER = 0.005
 """Share of the loss that ticks of a whole period have to save over shorter ones; where the log does
@@ -36,7 +44,7 @@ ROUNDED = 1e-9
 """Errors below this, relative to the spread of the angles, are rounding."""
 
 
-def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> Adjusted:
+def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> Fit:
     """Fit the joint to all logs.
 
     Args:
@@ -53,36 +61,58 @@ def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> A
     coarse = moving(gridded(logs, tick=stride, reach=clock.reach, burn_in=burn_in))
     found = searched(coarse)
     fine = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in)
-    fits = [
-        adjust(fine, fit.parameters, scale=found[0].scale, steps=25, precision=1e-3)
-        for fit in _unlike(found)
-    ]
-    best = min(fits, key=lambda fit: fit.cost)
+    best = _multistart(fine, found, found[0].scale)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
     if settled or window > burn_in:
         burn_in = min(max(burn_in, 1.2 * window), clock.reach)
         final = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in, settled=settled)
-        best = adjust(moving(final), best.parameters, scale=best.scale, steps=15, precision=1e-3)
-    best = nearby(best)
+        best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
     if choose_tick and clock.hold > 1:
-        period = clock.period
-        rows = gridded(logs, tick=period, reach=clock.reach, burn_in=burn_in, settled=settled)
-        begin = found[0].parameters
-        simple = adjust(rows, begin, scale=best.scale, steps=15, precision=1e-3)
-        best = nearby(simple) if simple.cost < (1.0 - WORTH_COARSER) * best.cost else best
-    return adjust(best.grid, best.parameters, starts=best.starts)
+        rows = gridded(logs, tick=clock.period, reach=clock.reach, burn_in=burn_in, settled=settled)
+        simple = _multistart(rows, found, best.scale)
+        best = simple if simple.cost < (1.0 - WORTH_COARSER) * best.cost else best
+    return least_squares(best.grid, best.parameters, starts=best.starts)
 
 
-def _unlike(found: list[Adjusted]) -> list[Adjusted]:
-    """The best fit, and the next one if it is nearly as good but not the same."""
+def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
+    """The best of several fits at one scale, begun at and beside those found on coarser ticks.
+
+    Whole ticks put corners into the loss, and with them local optima. The fits begin at those found
+    and at divisions of the delay of the best; where the top speed then lies beyond every call, and
+    has no slope, at one that is called for; and where one tick of the window is given to the lag,
+    or taken from it.
+    """
+
+    def better(best: Fit, begins: Sequence[Parameters], starts: Array | None = None) -> Fit:
+        for begin in begins:
+            fit = least_squares(grid, begin, starts=starts, scale=scale, effort=SEARCH)
+            best = fit if fit.cost < (1.0 - CLEARLY) * best.cost else best
+        return best
+
+    at = found[0].parameters
+    delay = at.lag + at.acceleration_time / 2.0 + 1.0 / at.gain
+    best = least_squares(grid, at, scale=scale, effort=SEARCH)
+    begins = [fit.parameters for fit in _rivals(found)]
+    best = better(best, [*begins, *divided(delay, v_max=at.v_max, offset=at.offset)])
+    at, shown = best.parameters, peak_call(best)
+    if at.v_max > shown:
+        best = better(best, [at._replace(v_max=CALLED_FOR * shown)], best.starts)
+    at, tick = best.parameters, grid.tick
+    moves = [(at.lag + way * tick, at.acceleration_time - way * tick) for way in (1.0, -1.0)]
+    beside = [at._replace(lag=lag, acceleration_time=window) for lag, window in moves]
+    return better(best, beside, best.starts)
+
+
+def _rivals(found: Sequence[Fit]) -> list[Fit]:
+    """The next best fit, if it is nearly as good as the best but not the same."""
     for other in found[1:]:
         if other.cost > AS_GOOD * found[0].cost:
             break
         pairs = zip(found[0].parameters[2:4], other.parameters[2:4], strict=True)
         if max(abs(one - two) for one, two in pairs) > found[0].grid.tick / 2.0:
-            return [found[0], other]
-    return found[:1]
+            return [other]
+    return []
 
 
 def moving(grid: Grid) -> Grid:
@@ -103,12 +133,12 @@ def moving(grid: Grid) -> Grid:
     return grid
 
 
-def settled_pieces(logs: Sequence[Log], fit: Adjusted) -> set[Place]:
+def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     """Pieces whose first rows say that their first request had been in force before."""
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = gridded(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
-    whole = adjust(every, fit.parameters, free=np.zeros(5, dtype=bool), scale=fit.scale, steps=4)
+    whole = least_squares(every, fit.parameters, free=NONE, scale=fit.scale, effort=SEARCH)
     errors = every.per_log(whole.residuals)
     bound = max(SETTLED * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()

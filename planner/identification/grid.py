@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -90,6 +91,12 @@ class Grid:
     def measured_starts(self) -> Array:
         """Angle at the first used row of each run [rad], shape (runs,)."""
         return np.asarray(self.angles[np.searchsorted(self.run, np.arange(len(self.starts)))])
+
+    @cached_property
+    def span(self) -> float:
+        """Difference between the largest and the least of requests and angles [rad]."""
+        both = np.concatenate([self.requests, self.angles])
+        return float(np.ptp(both)) or 1.0 if len(both) else 1.0
 
     def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
         """Values of the used rows, sorted back into one array per log."""

@@ -9,7 +9,6 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.given import as_flag
-from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.called import with_shown_speed
 from planner.identification.clock import Clock, clock_of
@@ -18,7 +17,9 @@ from planner.identification.even_rows import with_even_rows
 from planner.identification.fitting import fitted
 from planner.identification.identification import Alternative, Identification, Interval, LogFit
 from planner.identification.intervals import Bounds, bounds_of
+from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs
+from planner.identification.parameters import units
 from planner.identification.spread import Spread, spread_of
 from planner.identification.turns import continued
 from planner.identification.validation import HeldOut, held_out
@@ -110,7 +111,7 @@ def _alternatives(
 
 def _fitted(
     logs: Sequence[Log], *, tick: float | None, hold: int | None
-) -> tuple[Sequence[Log], Clock, Adjusted, bool]:
+) -> tuple[Sequence[Log], Clock, Fit, bool]:
     """The logs, on even times where these fit better, their ticks and the joint that fits best."""
     choose_tick = tick is None and hold is None
     clock = clock_of(logs, tick=tick, hold=hold)
@@ -132,7 +133,7 @@ def _check_alike(logs: Sequence[Log]) -> None:
             )
 
 
-def _signal(fit: Adjusted) -> float:
+def _signal(fit: Fit) -> float:
     """Standard deviation of the actual angles about their mean in each run [rad]."""
     grid = fit.grid
     runs = len(grid.starts)
@@ -140,7 +141,7 @@ def _signal(fit: Adjusted) -> float:
     return _rms(grid.angles - means[grid.run])
 
 
-def _intervals(fit: Adjusted, bounds: Bounds, spread: Spread) -> dict[str, Interval]:
+def _intervals(fit: Fit, bounds: Bounds, spread: Spread) -> dict[str, Interval]:
     return {
         "v_max": bounds.v_max,
         "theta_0": _theta_0(fit, bounds, spread),
@@ -150,7 +151,7 @@ def _intervals(fit: Adjusted, bounds: Bounds, spread: Spread) -> dict[str, Inter
     }
 
 
-def _theta_0(fit: Adjusted, bounds: Bounds, spread: Spread) -> Interval:
+def _theta_0(fit: Fit, bounds: Bounds, spread: Spread) -> Interval:
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
     if bounds.v_max.bounded and bounds.gain.bounded:
         way = np.array([-1.0, 1.0, 0.0, 0.0, 0.0])
@@ -162,23 +163,23 @@ def _theta_0(fit: Adjusted, bounds: Bounds, spread: Spread) -> Interval:
     return Interval(bounds.v_max.lower / bounds.gain.upper, upper)
 
 
-def _covariance(fit: Adjusted, bounds: Bounds, spread: Spread) -> Array | None:
+def _covariance(fit: Fit, bounds: Bounds, spread: Spread) -> Array | None:
     """Covariance of v_max, theta_0, lag, acceleration time and offset in SI units."""
     if not all(interval.bounded for interval in bounds):
         return None
-    at, tick = fit.parameters, fit.grid.tick
+    at, count = fit.parameters, units(fit.grid, fit.parameters)
     theta_0 = at.v_max / at.gain
-    change = np.zeros((5, 5))  # by log gain, log v_max, lag and acceleration [ticks], offset
+    change = np.zeros((5, 5))  # by the coordinates of gain, v_max, lag, acceleration time, offset
     change[0, 1] = at.v_max
     change[1, :2] = -theta_0, theta_0
-    change[2, 2] = change[3, 3] = tick
-    change[4, 4] = 1.0
+    for index in (2, 3, 4):
+        change[index, index] = count[index]
     covariance = change @ spread.covariance @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)
 
 
-def _log_fits(logs: Sequence[Log], fit: Adjusted, held: HeldOut | None) -> tuple[LogFit, ...]:
+def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:
     grid = fit.grid
     rows = np.zeros(len(grid.angles), dtype=bool) if held is None else held.rows
     by_held = np.full(len(grid.angles), np.nan)

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from planner.identification.adjust import FASTEST, adjust, units
-from planner.identification.adjusted import Adjusted
 from planner.identification.identification import Interval
-from planner.identification.simulation import Parameters
+from planner.identification.least_squares import Effort, Fit, least_squares
+from planner.identification.parameters import LARGEST_GAIN as FASTEST
+from planner.identification.parameters import Parameters, units
 from planner.identification.spread import Spread, spread_of
 
 MISFIT = 0.01
@@ -41,7 +41,7 @@ class Bounds(NamedTuple):
     offset: Interval
 
 
-def bounds_of(fit: Adjusted, spread: Spread) -> Bounds:
+def bounds_of(fit: Fit, spread: Spread) -> Bounds:
     """95 % intervals of the parameters of a fit, by profile where the covariance is not enough."""
     at = fit.parameters
     half = spread.quantile * spread.deviations
@@ -66,7 +66,7 @@ def _holding(interval: Interval, values: Sequence[float]) -> Interval:
     return Interval(float(min((interval.lower, *values))), float(max((interval.upper, *values))))
 
 
-def _narrow(fit: Adjusted, index: int, half: float) -> bool:
+def _narrow(fit: Fit, index: int, half: float) -> bool:
     """Whether an interval is so narrow that the slopes at its middle hold at its ends."""
     if index == OFFSET:
         return math.isfinite(half)
@@ -75,7 +75,7 @@ def _narrow(fit: Adjusted, index: int, half: float) -> bool:
     return half * fit.grid.tick <= max(fit.grid.tick, 0.3 * delay)
 
 
-def _end(fit: Adjusted, spread: Spread, index: int, way: int, possible: list[Parameters]) -> float:
+def _end(fit: Fit, spread: Spread, index: int, way: int, possible: list[Parameters]) -> float:
     """Where the profile of a parameter has risen as far as its interval reaches, to one side.
 
     The end is sought from where the covariance puts it outwards, so an interval may come out wider
@@ -110,9 +110,7 @@ def _end(fit: Adjusted, spread: Spread, index: int, way: int, possible: list[Par
 class _Profile:
     """The best fits with one parameter held, each begun from the one before."""
 
-    def __init__(
-        self, fit: Adjusted, index: int, allowed: float, possible: list[Parameters]
-    ) -> None:
+    def __init__(self, fit: Fit, index: int, allowed: float, possible: list[Parameters]) -> None:
         self._allowed = allowed
         self._possible = possible
         self._name = Parameters._fields[index]
@@ -122,14 +120,13 @@ class _Profile:
 
     def refutes(self, value: float) -> bool:
         """Whether nothing with the parameter at this value fits well enough."""
-        held = adjust(
+        held = least_squares(
             self._last.grid,
             self._last.parameters._replace(**{self._name: value}),
             free=self._free,
             starts=self._last.starts,
             scale=self._last.scale,
-            steps=5,
-            precision=1e-3,
+            effort=Effort(15, 1e-4),
             enough=self._allowed,
         )
         if math.isfinite(value):
@@ -139,27 +136,27 @@ class _Profile:
         return held.cost > self._allowed
 
 
-def _limit(fit: Adjusted, index: int, way: int) -> tuple[float, float]:
+def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:
     """How far a parameter can go to one side, and what to report where the data lets it."""
-    grid, at = fit.grid, fit.parameters
+    grid = fit.grid
     if index == GAIN:
         return (FASTEST / grid.tick, math.inf) if way > 0 else (0.0, 0.0)
     if index == V_MAX:
         return (math.inf, math.inf) if way > 0 else (0.0, 0.0)
     if index == LAG:
-        room = grid.reach - 2.0 * grid.tick
+        room = grid.reach - grid.tick
         return (room, math.inf) if way > 0 else (0.0, 0.0)
-    room = grid.reach - grid.tick - at.lag
+    room = grid.reach
     return (room, math.inf) if way > 0 else (grid.tick, 0.0)
 
 
-def _wald(spread: Spread, fit: Adjusted, index: int) -> float:
+def _wald(spread: Spread, fit: Fit, index: int) -> float:
     """Half the width of an interval by the covariance: a logarithm, or a time [s]."""
     half = spread.quantile * float(spread.deviations[index])
     return half if index in (GAIN, V_MAX) else half * fit.grid.tick
 
 
-def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
+def _first_step(fit: Fit, spread: Spread, index: int) -> float:
     half = _wald(spread, fit, index)
     if index in (GAIN, V_MAX):
         return min(max(half, 0.02), 0.3)
@@ -167,6 +164,6 @@ def _first_step(fit: Adjusted, spread: Spread, index: int) -> float:
     return min(max(half, 0.25 * fit.grid.tick), 0.3 * delay)
 
 
-def speed_bounded(fit: Adjusted) -> bool:
+def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
     return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1, []))

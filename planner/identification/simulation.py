@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.identification.grid import Grid
-from planner.model.joint import JointModel
+from planner.identification.parameters import Parameters
 from planner.model.response import run_columns
 from planner.trajectory import Array
 
@@ -20,39 +20,6 @@ AGREED = 1e-13
 CHUNKS_PER_TICK = 0.5
 """Length of a chunk over the square root of the number of ticks: shorter chunks are wider steps,
 longer ones fewer corrections; anything within a factor of 2 takes the same time."""
-
-
-class Parameters(NamedTuple):
-    """A joint by what its motion shows; v_max may be infinite: then it never saturates."""
-
-    gain: float  # v_max / theta_0 [1/s]
-    v_max: float  # [rad/s]
-    lag: float  # [s]
-    acceleration_time: float  # [s]
-    offset: float  # [rad]
-
-    @classmethod
-    def of(cls, model: JointModel) -> Self:
-        """The parameters of a model."""
-        return cls(
-            gain=model.v_max / model.theta_0,
-            v_max=model.v_max,
-            lag=model.lag,
-            acceleration_time=model.acceleration_time,
-            offset=model.offset,
-        )
-
-    def model(self, *, tick: float, hold: int) -> JointModel:
-        """The model with these parameters."""
-        return JointModel(
-            v_max=self.v_max,
-            theta_0=self.v_max / self.gain,
-            lag=self.lag,
-            acceleration_time=self.acceleration_time,
-            tick=tick,
-            hold=hold,
-            offset=self.offset,
-        )
 
 
 class Pulls(NamedTuple):

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtrit
 
-from planner.identification.adjust import slopes
-from planner.identification.adjusted import Adjusted
+from planner.identification.least_squares import Fit
 from planner.trajectory import Array
 
 CONFIDENCE = 0.95
@@ -19,7 +19,7 @@ LAGS_PER_TIME = 5.0
 
 
 class Spread(NamedTuple):
-    """Second moments of the estimate, in what the search counts in (see ``adjust.units``).
+    """Second moments of the estimate, by the coordinates of ``parameters.COORDINATES``.
 
     Attributes:
         covariance: Of log gain, log v_max, lag and acceleration time [ticks] and offset, (5, 5);
@@ -46,20 +46,18 @@ class Spread(NamedTuple):
         return 0.5 * self.quantile**2 * self.variance * self.inflation
 
 
-def spread_of(fit: Adjusted) -> Spread:
+def spread_of(fit: Fit) -> Spread:
     """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are not white.
 
     A clock that jitters, or a joint that is not the model, errs most in fast motion, on the very
     rows that tell lag and acceleration time.
     """
-    from scipy.special import stdtrit
-
-    slope = slopes(fit, blur=0.5 * fit.grid.tick * 0.05)
+    by_parameter = _beside_starts(fit)
     count = len(fit.residuals)
     pulls = fit.weights * fit.residuals
     freedom = max(count - 5 - len(fit.grid.starts), 1)
     variance = float(np.sum(pulls**2)) / freedom
-    inner = slope.by_parameter * (fit.weights >= 1.0)[:, np.newaxis]
+    inner = by_parameter * (fit.weights >= 1.0)[:, np.newaxis]
     matrix = inner.T @ inner
     size = np.sqrt(np.diag(matrix))
     acting = size > 1e-9 * np.max(size)
@@ -69,8 +67,8 @@ def spread_of(fit: Adjusted) -> Spread:
         scaled = matrix[np.ix_(acting, acting)] / np.outer(size[acting], size[acting])
         inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
         inverse /= np.outer(size[acting], size[acting])
-        influence = (pulls[:, np.newaxis] * slope.by_parameter[:, acting]) @ inverse
-        outer = slope.by_parameter[:, acting]
+        influence = (pulls[:, np.newaxis] * by_parameter[:, acting]) @ inverse
+        outer = by_parameter[:, acting]
         white = variance * inverse @ (outer.T @ outer) @ inverse
         uneven = np.maximum(1.0, np.sum(influence**2, axis=0) / np.diag(white))
         alike = [correlation_time(column) for column in influence.T]
@@ -81,6 +79,19 @@ def spread_of(fit: Adjusted) -> Spread:
     effective = max(count / float(np.median(inflation)) - 5.0, 2.0)
     quantile = float(stdtrit(effective, 0.5 + CONFIDENCE / 2.0))
     return Spread(covariance, inflation, variance, quantile)
+
+
+def _beside_starts(fit: Fit) -> Array:
+    """Derivatives by the parameters, free of what a change of the first angles could do as well."""
+    grid = fit.grid
+    raw, by_start = fit.sensitivities(blur=0.025)
+    runs = len(grid.starts)
+    norms: Array = np.bincount(grid.run, fit.weights * by_start**2, runs).astype(float)
+    along: Array = np.stack(
+        [np.bincount(grid.run, fit.weights * by_start * column, runs) for column in raw.T], axis=1
+    )
+    shares = along / np.maximum(norms, 1e-300)[:, np.newaxis]
+    return np.asarray(raw - by_start[:, np.newaxis] * shares[grid.run])
 
 
 def correlation_time(series: Array) -> float:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.identification.adjust import adjust
-from planner.identification.adjusted import Adjusted
 from planner.identification.grid import Grid
+from planner.identification.least_squares import SEARCH, Effort, Fit, least_squares
 from planner.identification.loss import huber
-from planner.identification.simulation import Parameters
+from planner.identification.parameters import Parameters
 from planner.trajectory import Array
 
 SPLITS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
@@ -23,28 +22,6 @@ NEARLY_AS_GOOD = 1.2
 
 MOST_FOLLOWED = 3
 """Starts that are followed to the end at most."""
-
-HOPS = ((1.0, -1.0), (-1.0, 1.0), (-1.0, 2.0), (1.0, -2.0))
-"""Changes of lag and acceleration time [ticks] that may lead to a better fit nearby; the gain makes
-up for the change of the whole delay."""
-
-LEAST_REST = 0.3
-"""Share of its time constant that the gain may give away for it."""
-
-MORE_HOPS = ((-0.5, 0.0), (0.5, 0.0), (-1.0, 0.0), (-2.0, 4.0), (0.0, 3.0), (0.0, -2.0), (1.0, 1.0))
-"""More of them, tried on short logs."""
-
-HOP_STEPS = (5, 15)
-"""Steps after which a hop is judged: on long logs, and on short ones, where steps cost little."""
-
-SHORT = 8000
-"""Ticks up to which a log is short."""
-
-HOP_ROUNDS = 3
-"""Hops in a row at most."""
-
-WORTH_A_HOP = 1e-3
-"""Share of the cost that a hop has to save."""
 
 
 def best_delay(grid: Grid) -> tuple[float, float]:
@@ -99,56 +76,33 @@ def top_speed(grid: Grid) -> float:
     return float(np.quantile(speeds, 0.98)) if len(speeds) else 0.0
 
 
-def searched(grid: Grid) -> list[Adjusted]:
+def divided(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
+    """Joints of about the same delay [s], divided into lag, window and time constant."""
+    return [
+        Parameters(
+            gain=share / delay,
+            v_max=v_max,
+            lag=lag * delay,
+            acceleration_time=window * delay,
+            offset=offset,
+        )
+        for lag, window, share in SPLITS
+    ]
+
+
+def searched(grid: Grid) -> list[Fit]:
     """Fits from several starts on a grid, promising ones followed to the end, best first."""
     delay, _ = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = top_speed(grid)
-    begins = [
-        Parameters(
-            gain=share / whole,
-            v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick),
-            lag=lag * whole,
-            acceleration_time=window * whole,
-            offset=0.0,
-        )
-        for lag, window, share in SPLITS
-    ]
-    quick = [adjust(grid, begin, rounds=2, steps=QUICK_STEPS, precision=1e-3) for begin in begins]
+    begins = divided(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
+    quick = [least_squares(grid, begin, effort=Effort(QUICK_STEPS, 1e-3, 2)) for begin in begins]
     scale = min(fit.scale for fit in quick)
     quick.sort(key=lambda fit: huber(fit.residuals, scale)[0])
     best = huber(quick[0].residuals, scale)[0]
     kept = [fit for fit in quick if huber(fit.residuals, scale)[0] <= NEARLY_AS_GOOD * best]
     ends = [
-        adjust(grid, fit.parameters, starts=fit.starts, scale=scale, precision=1e-3)
+        least_squares(grid, fit.parameters, starts=fit.starts, scale=scale, effort=SEARCH)
         for fit in kept[:MOST_FOLLOWED]
     ]
     return sorted(ends, key=lambda fit: fit.cost)
-
-
-def nearby(fit: Adjusted) -> Adjusted:
-    """The fit or a better one nearby, across the corners that whole ticks put into the cost."""
-    tick = fit.grid.tick
-    short = len(fit.grid.ticks) <= SHORT
-    steps, hops = HOP_STEPS[short], HOPS + MORE_HOPS * short
-    for _ in range(HOP_ROUNDS):
-        at = fit.parameters
-        moves = [(lag * tick, more * tick) for lag, more in hops]
-        begins = [
-            at._replace(
-                gain=1.0 / max(1.0 / at.gain - lag - more / 2.0, LEAST_REST / at.gain),
-                lag=at.lag + lag,
-                acceleration_time=at.acceleration_time + more,
-            )
-            for lag, more in moves
-            if at.lag + lag > -tick and at.acceleration_time + more > 0.0
-        ]
-        others = [
-            adjust(fit.grid, begin, starts=fit.starts, scale=fit.scale, steps=steps, precision=1e-3)
-            for begin in begins
-        ]
-        best = min(others, key=lambda other: other.cost, default=fit)
-        if best.cost >= (1.0 - WORTH_A_HOP) * fit.cost:
-            break
-        fit = best
-    return fit

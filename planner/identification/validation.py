@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.adjusted import Adjusted
 from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.called import fastest_call, peak_call, with_shown_speed
 from planner.identification.clock import Clock
 from planner.identification.fitting import fitted, moving
 from planner.identification.grid import Grid, gridded
 from planner.identification.intervals import speed_bounded
+from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.loss import sound_rms
 from planner.identification.simulation import pulls_of, respond
@@ -112,7 +112,7 @@ def _first_rows(log: Log, middle: int) -> Log | None:
     )
 
 
-def _starts(grid: Grid, fit: Adjusted, parts: Sequence[Log | None]) -> Array:
+def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:
     """Where the runs start: as fitted where the fit has seen it, else as measured."""
     numbers = [i for i, part in enumerate(parts) if part is not None]
     fitted_starts = {

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.adjusted import Adjusted
 from planner.identification.called import peak_call
 from planner.identification.clock import Clock, unequal
 from planner.identification.direction import Opposite
 from planner.identification.intervals import Bounds
+from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.loss import sound_rms
 from planner.identification.validation import HeldOut
@@ -53,7 +53,7 @@ class Verdict(NamedTuple):
 
 
 def verdict_on(
-    fit: Adjusted,
+    fit: Fit,
     bounds: Bounds,
     held: HeldOut | None,
     simple: dict[str, float],
@@ -133,7 +133,7 @@ REASONS = (
 )
 
 
-def _undetermined(fit: Adjusted, bounds: Bounds, unit: str) -> list[str]:
+def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
     """A sentence for each parameter that the log leaves open."""
     found = []
     at, called = fit.parameters, peak_call(fit)

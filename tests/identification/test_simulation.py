@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.identification.derivatives import derivatives
 from planner.identification.grid import GAP, glitches, gridded
-from planner.identification.simulation import CHUNKS_PER_TICK, Parameters, pulls_of, respond
+from planner.identification.parameters import Parameters, units
+from planner.identification.sensitivities import sensitivities
+from planner.identification.simulation import CHUNKS_PER_TICK, pulls_of, respond
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 
@@ -54,13 +55,14 @@ def test_the_derivatives_are_slopes(field):
     log = rich_log(model)
     grid = gridded([log], tick=model.tick, reach=0.5, burn_in=0.0)
     at, starts = Parameters.of(model), log.angles[:1]
-    slopes = derivatives(grid, at, respond(grid, at, starts), pulls_of(grid, at)).by_parameter
+    states = respond(grid, at, starts)
+    slopes = sensitivities(grid, at, states, pulls_of(grid, at)).by_parameter / units(grid, at)
     step = 1e-6 * max(getattr(at, field), 0.1)
     ahead, behind = (
         respond(grid, at._replace(**{field: getattr(at, field) + way}), starts)
         for way in (step, -step)
     )
-    quotients = (ahead - behind) / (2.0 * step)
+    quotients = grid.at_rows(ahead - behind) / (2.0 * step)
     column = slopes[:, Parameters._fields.index(field)]
     assert np.max(np.abs(quotients - column)) <= SLOPE * np.max(np.abs(quotients))
 

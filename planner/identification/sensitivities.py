@@ -1,41 +1,44 @@
-"""How the angles of a grid change with the parameters of the joint."""
+"""How the predicted angles change with the parameters of the joint and with the first angles."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from planner.identification.grid import Grid
-from planner.identification.simulation import Parameters, Pulls
+from planner.identification.parameters import COUNT, Parameters, units
+from planner.identification.simulation import Pulls
 from planner.model.joint import saturation
 from planner.trajectory import Array
 
-
-class Derivatives(NamedTuple):
-    """Derivatives of the angles at the states of a grid."""
-
-    by_parameter: Array  # (s, 5), in the order of Parameters
-    by_start: Array  # (s,), each by the start of its own run
+ASIDE = 1e-9
+"""Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
+change of the request the derivative jumps, and the mean of both sides is taken."""
 
 
-def derivatives(
-    grid: Grid, parameters: Parameters, states: Array, pulls: Pulls, *, blur: float = 0.0
-) -> Derivatives:
-    """Derivatives of the states by the parameters and by the starts, in one forward recursion.
+class Sensitivities(NamedTuple):
+    """Derivatives of the angles at the used rows of a grid."""
 
-    Where an edge of the window meets a change of the request the derivative jumps; there it is the
-    mean of those ``blur`` to either side.
+    by_parameter: Array  # (rows, 5), by the coordinates of ``parameters.COORDINATES``
+    by_start: Array  # (rows,), each by the first angle of its own run
+
+
+def sensitivities(
+    grid: Grid, parameters: Parameters, states: Array, pulls: Pulls, *, blur: float = ASIDE
+) -> Sensitivities:
+    """Derivatives by the parameters and by the first angles: Equation 16 of ``docs/math.md``.
+
+    One forward recursion, written as a bidiagonal system.
 
     Args:
         grid: The runs.
         parameters: The joint.
         states: Its angles at all states [rad], shape (s,).
-        pulls: What pulls at each tick.
-        blur: Distance over which derivatives by lag and acceleration time are averaged [s].
+        pulls: The requests that act at each tick.
+        blur: Distance over which derivatives by lag and acceleration time are averaged [ticks].
     """
-    from scipy.linalg import solve_banded
-
     gain, v_max = parameters.gain, parameters.v_max
     before = states[grid.states - 1]
     errors = pulls.targets - before[:, np.newaxis]
@@ -44,11 +47,10 @@ def derivatives(
     inside = (np.abs(called) < v_max) * pulls.weights
     young = grid.ticks - parameters.lag
     newest, oldest = (
-        _speed_at(grid, parameters, edge, before, blur)
+        _speed_at(grid, parameters, edge, before, blur * grid.tick)
         for edge in (young, young - parameters.acceleration_time)
     )
     slack = np.sum(inside, axis=1)
-    by_parameter = np.zeros((len(states), 6))
     drives = np.stack(
         [
             np.sum(inside * errors, axis=1),
@@ -59,20 +61,21 @@ def derivatives(
         ],
         axis=1,
     )
-    by_parameter[grid.states, :5] = grid.tick * drives
-    by_parameter[grid.starts, 5] = 1.0
+    right = np.zeros((len(states), COUNT + 1))
+    right[grid.states, :COUNT] = grid.tick * drives * units(grid, parameters)
+    right[grid.starts, COUNT] = 1.0
     band = np.ones((2, len(states)))
     band[1] = 0.0
     band[1, grid.states - 1] = grid.tick * gain * slack - 1.0
-    solved = solve_banded((1, 0), band, by_parameter, overwrite_b=True, check_finite=False)
-    return Derivatives(solved[:, :5], solved[:, 5])
+    solved = solve_banded((1, 0), band, right, overwrite_b=True, check_finite=False)
+    at_rows = grid.at_rows(solved)
+    return Sensitivities(at_rows[:, :COUNT], at_rows[:, COUNT])
 
 
 def _speed_at(
-    grid: Grid, parameters: Parameters, times: Array, before: Array, blur: float
+    grid: Grid, parameters: Parameters, times: Array, before: Array, aside: float
 ) -> Array:
     """Speed called for by the request in force at each time, the mean of a moment to both sides."""
-    aside = max(blur, 1e-9 * grid.tick)
     speed = np.zeros(len(times))
     for moment in (times - aside, times + aside):
         number = np.maximum(np.searchsorted(grid.edges, moment, side="right") - 1, 0)

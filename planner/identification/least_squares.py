@@ -1,0 +1,233 @@
+"""The parameters that fit best: least squares under Huber's loss, whose scale follows the rows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import optimize, sparse
+
+from planner.identification.grid import Grid
+from planner.identification.loss import HUBER, NO_ERROR, huber, scale_of
+from planner.identification.parameters import (
+    COUNT,
+    Parameters,
+    bounds_of,
+    coordinates_of,
+    parameters_at,
+)
+from planner.identification.sensitivities import Sensitivities, sensitivities
+from planner.identification.simulation import Pulls, pulls_of, respond
+from planner.trajectory import Array
+
+Free = npt.NDArray[np.bool_]
+
+ALL: Free = np.ones(COUNT, dtype=bool)
+"""Every parameter free."""
+
+NONE: Free = np.zeros(COUNT, dtype=bool)
+"""Only the first angles of the runs are free."""
+
+SETTLED_SCALE = 1e-3
+"""A change of the scale by less than this share of it ends the rounds."""
+
+MOST_DENSE = 64
+"""Runs up to which derivatives are a dense matrix; beyond, most of it would be zeros."""
+
+
+class Effort(NamedTuple):
+    """How far a fit is taken."""
+
+    evaluations: int  # of the model, in each round
+    tolerance: float  # relative change of loss or coordinates that ends a round
+    rounds: int = 1  # estimates of the scale
+
+
+FULL = Effort(evaluations=60, tolerance=1e-9, rounds=6)
+"""To the optimum: parameters to a millionth of their standard deviations."""
+
+SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
+"""To a loss that is right to a thousandth, which tells one local optimum from another."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fit to the rows of a grid.
+
+    Attributes:
+        grid: The rows.
+        parameters: The joint.
+        free: Which parameters were fitted, in their order.
+        starts: Angle at the start of each run [rad].
+        pulls: What pulls at each tick.
+        states: Angles at all states [rad].
+        scale: Standard deviation of the residuals, outliers aside [rad].
+        cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
+        weights: Weight of each row, 1 unless its residual is an outlier.
+    """
+
+    grid: Grid
+    parameters: Parameters
+    free: Free
+    starts: Array
+    pulls: Pulls
+    states: Array
+    scale: float
+    cost: float
+    weights: Array
+
+    @property
+    def predicted(self) -> Array:
+        """Angle at the used rows [rad]."""
+        return self.grid.at_rows(self.states)
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Predicted minus actual angle at the used rows [rad]."""
+        return self.predicted - self.grid.angles
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, outliers included [rad]."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    def sensitivities(self, **options: float) -> Sensitivities:
+        """Derivatives of the predicted angles."""
+        return sensitivities(self.grid, self.parameters, self.states, self.pulls, **options)
+
+
+def least_squares(
+    grid: Grid,
+    begin: Parameters,
+    *,
+    free: Free = ALL,
+    starts: Array | None = None,
+    scale: float | None = None,
+    effort: Effort = FULL,
+    enough: float = -math.inf,
+) -> Fit:
+    """Fit the free parameters and the first angle of every run: Equation 15 of ``docs/math.md``.
+
+    SciPy's Gauss-Newton method in a trust region (More's form of Levenberg-Marquardt), with the
+    derivatives of Equation 16. Bounds are kept by projection: a coordinate beyond its bound acts
+    as if it were on it, and has no slope. SciPy's own methods for bounds, ``trf`` and ``dogbox``,
+    stop where a corner of the loss meets a bound. The scale of the loss follows the residuals, from
+    round to round, unless it is given.
+
+    Args:
+        grid: The rows.
+        begin: Where to begin; what is not free stays.
+        free: Which parameters to fit, in their order.
+        starts: First angles of the runs, to begin with [rad]; by default those measured.
+        scale: Fixed scale of Huber's loss [rad].
+        effort: How far to go.
+        enough: Loss that need not be improved on [rad^2].
+
+    Returns:
+        The best fit found; never worse than where it began.
+    """
+    floor = NO_ERROR * max(float(np.std(grid.angles)), 1e-300)
+    if starts is None:
+        starts = grid.measured_starts
+    fit = _evaluated(grid, _within(grid, begin, free), starts, scale or math.inf, free=free)
+    if scale is not None:
+        return _minimised(fit, effort, enough)
+    for _ in range(effort.rounds):
+        found = scale_of(fit.residuals, floor)
+        settled = abs(found - fit.scale) <= SETTLED_SCALE * found
+        cost, weights = huber(fit.residuals, found)
+        fit = replace(fit, scale=found, cost=cost, weights=weights)
+        if settled:
+            break
+        fit = _minimised(fit, effort, enough)
+    return fit
+
+
+def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
+    """The best fit at a fixed scale."""
+    if begin.cost <= enough:
+        return begin
+    grid, free, scale = begin.grid, begin.free, begin.scale
+    chosen = np.flatnonzero(free)
+    held = coordinates_of(grid, begin.parameters)
+    span, runs = grid.span, len(grid.starts)
+    rows = np.arange(len(grid.angles))
+    lower, upper = (coordinates_of(grid, ends) for ends in bounds_of(grid))
+    lower[~free], upper[~free] = -np.inf, np.inf
+    fits: dict[bytes, Fit] = {}
+    accepted = begin
+
+    def at(unknowns: Array) -> Fit:
+        key = unknowns.tobytes()
+        if key not in fits:
+            coordinates = held.copy()
+            coordinates[chosen] = unknowns[: len(chosen)]
+            starts = span * unknowns[len(chosen) :]
+            joint = parameters_at(grid, np.clip(coordinates, lower, upper))
+            fits.clear()
+            fits[key] = _evaluated(grid, joint, starts, scale, accepted.states, free)
+        return fits[key]
+
+    def residuals(unknowns: Array) -> Array:
+        return at(unknowns).residuals
+
+    def derivatives(unknowns: Array) -> Any:
+        nonlocal accepted
+        accepted = at(unknowns)
+        slopes = accepted.sensitivities()
+        by_parameter, by_start = slopes.by_parameter[:, chosen], span * slopes.by_start
+        here = unknowns[: len(chosen)]
+        by_parameter = by_parameter * ((here >= lower[chosen]) & (here <= upper[chosen]))
+        if runs > MOST_DENSE:
+            ends = sparse.csr_array((by_start, (rows, grid.run)), shape=(len(rows), runs))
+            return sparse.csr_matrix(sparse.hstack([sparse.csr_array(by_parameter), ends]))
+        matrix = np.zeros((len(rows), len(chosen) + runs))
+        matrix[:, : len(chosen)] = by_parameter
+        matrix[rows, len(chosen) + grid.run] = by_start
+        return matrix
+
+    def stop_early(intermediate_result: Any) -> None:
+        if intermediate_result.cost <= enough:
+            raise StopIteration
+
+    optimize.least_squares(
+        residuals,
+        np.append(held[chosen], begin.starts / span),
+        derivatives,
+        method="trf",
+        loss="huber",
+        f_scale=HUBER * scale,
+        x_scale="jac",
+        ftol=effort.tolerance,
+        xtol=1e-3 * effort.tolerance,
+        gtol=None,
+        max_nfev=effort.evaluations,
+        callback=stop_early,
+    )
+    best = min((accepted, *fits.values()), key=lambda fit: fit.cost)
+    return best if best.cost < begin.cost else begin
+
+
+def _within(grid: Grid, parameters: Parameters, free: Free) -> Parameters:
+    """The parameters, those that are free moved into their bounds."""
+    ends = zip(parameters, *bounds_of(grid), free, strict=True)
+    return Parameters(*(min(max(at, low), high) if moves else at for at, low, high, moves in ends))
+
+
+def _evaluated(
+    grid: Grid,
+    parameters: Parameters,
+    starts: Array,
+    scale: float,
+    guess: Array | None = None,
+    free: Free = ALL,
+) -> Fit:
+    pulls = pulls_of(grid, parameters)
+    states = respond(grid, parameters, starts, pulls=pulls, guess=guess)
+    residuals = grid.at_rows(states) - grid.angles
+    cost, weights = huber(residuals, scale)
+    return Fit(grid, parameters, free, starts, pulls, states, scale, cost, weights)
