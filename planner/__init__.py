@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from planner.files.logs.options import LogOptions
     from planner.files.logs.read import joints_in, read_logs
     from planner.gait import half_ellipse, reference_walk
-    from planner.identification.identification import Identification
     from planner.identification.identify import identify
     from planner.identification.log import Log
+    from planner.identification.result import Identification
     from planner.inversion.certify import Certificate, certify, lower_bound
     from planner.inversion.closed_form import closed_form_requests, invert_closed_form
     from planner.inversion.foot.invert import invert_foot
@@ -108,7 +108,7 @@ _HOMES = {
     "planner.files.logs.options": ("LogOptions",),
     "planner.files.logs.read": ("joints_in", "read_logs"),
     "planner.gait": ("half_ellipse", "reference_walk"),
-    "planner.identification.identification": ("Identification",),
+    "planner.identification.result": ("Identification",),
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
     "planner.inversion.certify": ("Certificate", "certify", "lower_bound"),

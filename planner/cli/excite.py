@@ -14,7 +14,7 @@ from planner.cli.say import deliver
 
 if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
-    from planner.identification.identification import Identification
+    from planner.identification.result import Identification
     from planner.model.joint import JointModel
 
 KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
@@ -125,7 +125,7 @@ def excite(
     """  # noqa: D301
     from planner.files.joint_path import write_joint_path
     from planner.files.text import staged
-    from planner.identification.expectation import expect
+    from planner.identification.excitation import expect
     from planner.report.excitation_text import excitation_text
 
     _check(choices)

@@ -14,8 +14,8 @@ from planner.cli.log_options import log_options, to_log_options
 from planner.cli.say import Progress, deliver, naming, remark, warn
 
 if TYPE_CHECKING:
-    from planner.identification.identification import Identification
     from planner.identification.log import Log
+    from planner.identification.result import Identification
 
 
 @click.command(short_help="Find the model of a joint from logs of it.")

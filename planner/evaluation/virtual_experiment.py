@@ -17,9 +17,9 @@ from planner.evaluation.planned_walk import foot_outcome, plan_walk
 from planner.evaluation.virtual_outcome import Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
 from planner.gait import ReferenceWalk, reference_walk
-from planner.identification.identification import Identification
 from planner.identification.identify import identify
 from planner.identification.log import Log
+from planner.identification.result import Identification
 from planner.inversion.result import Inversion
 from planner.model.step_test import step_test
 from planner.trajectory import Array

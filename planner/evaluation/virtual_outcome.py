@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.outcome import PlannedWalk, approximation
-from planner.identification.identification import Identification
+from planner.identification.result import Identification
 from planner.model.response import simulate
 from planner.trajectory import Array
 from planner.virtual.constants import Constants

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.grid import Grid
+from planner.identification.initial_guess import best_delay, delayed_errors
 from planner.identification.least_squares import Effort, Fit, least_squares
 from planner.identification.parameters import Parameters
-from planner.identification.starts import best_delay, delayed_errors
+from planner.identification.resampling import Grid
 from planner.trajectory import Array
 
 FIRST_ORDER = np.array([True, False, True, False, True])
@@ -28,7 +28,7 @@ class Simple(NamedTuple):
 
     Attributes:
         name: "raw", "delay" or "first_order".
-        parameters: As in :class:`planner.identification.identification.Alternative`.
+        parameters: As in :class:`planner.identification.result.Alternative`.
         joint: The joint that behaves so; None for a request that is merely delayed.
     """
 

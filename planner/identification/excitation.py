@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification import signals
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.identification.result import Identification
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.model.step_test import step_test
 from planner.trajectory import Array
 
 SHARES = (0.125, 0.5, 1.0)
@@ -123,13 +129,13 @@ def excite(
         raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
     heights = _heights(amplitudes, reach) if kind == "steps" else ()
     make: Mapping[str, Callable[[], Array]] = {
-        "steps": lambda: signals.steps(
+        "steps": lambda: _steps(
             moving, shares=[height / (2.0 * reach) for height in heights], cycles=cycles
         ),
-        "multisine": lambda: signals.multisine(moving, period=period, highest=fastest, seed=seed),
-        "chirp": lambda: signals.chirp(moving, period=period, highest=fastest),
-        "random_steps": lambda: signals.random_steps(moving, period=period, seed=seed),
-        "triangle": lambda: signals.triangle(moving),
+        "multisine": lambda: _multisine(moving, period=period, highest=fastest, seed=seed),
+        "chirp": lambda: _chirp(moving, period=period, highest=fastest),
+        "random_steps": lambda: _random_steps(moving, period=period, seed=seed),
+        "triangle": lambda: _triangle(moving),
     }
     deflection = np.pad(make[kind](), rest)
     requests = np.clip(middle + reach * deflection, *limits)  # rounding may not leave the limits
@@ -184,3 +190,164 @@ def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, .
     if not amplitudes:
         raise InvalidInput("amplitudes: got none, expected at least one [rad]")
     return tuple(float(amplitude) for amplitude in amplitudes)
+
+
+TONES = 12
+"""Sines in a multisine: about five to a factor of ten in frequency."""
+
+DRAWS = 64
+"""Random phases that are tried for a multisine; the one with the lowest peak is kept."""
+
+SHORTEST_DWELL = 0.12
+LONGEST_DWELL = 0.9
+"""A random step lasts between these [s]: from about a hobby servo's lag and acceleration time to
+what it takes to arrive."""
+
+TRIANGLE_CYCLES = (1, 2, 4, 8)
+"""Cycles of a triangle in each of its equally long parts: speeds that double from part to part."""
+
+TAPER = 0.08
+"""Part of the signal over which a sine swells at the start, and dies down at the end."""
+
+
+def _steps(samples: int, *, shares: Sequence[float], cycles: int) -> Array:
+    """Step tests of Equation 1 about 0, one height after the other.
+
+    Args:
+        samples: Length of the signal.
+        shares: Height of each test, as a share of the whole range from -1 to 1.
+        cycles: Cycles of each test; whole, and as long as the samples allow.
+
+    Raises:
+        InvalidInput: A half cycle would be shorter than two samples.
+    """
+    half = samples // (2 * cycles * len(shares))
+    if half < 2:
+        raise InvalidInput(
+            f"{samples} samples for {len(shares)} step tests of {cycles} cycles leave {half} for "
+            "a half cycle, expected at least 2: ask for a longer duration or for fewer tests"
+        )
+    tests = [np.tile(step_test(2.0 * share, samples=2 * half) - share, cycles) for share in shares]
+    made = np.concatenate(tests)
+    return np.append(made, np.zeros(samples - len(made)))
+
+
+def _multisine(samples: int, *, period: float, highest: float, seed: int) -> Array:
+    """A sum of sines of random phase, low ones larger, that swells and dies down.
+
+    Args:
+        samples: Length of the signal.
+        period: Time between samples [s].
+        highest: Highest frequency [Hz].
+        seed: Of the phases; of several draws the one with the lowest peak is kept.
+    """
+    most = max(1, int(highest * samples * period))
+    waves = np.unique(np.round(np.geomspace(min(2, most), most, TONES)))  # in the whole signal
+    amplitudes = waves**-0.5
+    angles = 2.0 * np.pi * np.outer(waves, np.arange(samples) / samples)
+    swell = _swell(samples)
+    drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (DRAWS, len(waves)))
+    made = [swell * (amplitudes @ np.sin(angles + phases[:, None])) for phases in drawn]
+    flattest = min(made, key=lambda signal: float(np.max(np.abs(signal)) / np.std(signal)))
+    scaled: Array = flattest / np.max(np.abs(flattest))
+    return scaled
+
+
+def _chirp(samples: int, *, period: float, highest: float) -> Array:
+    """A sine whose frequency grows by equal factors in equal times, up to ``highest`` [Hz]."""
+    duration = samples * period
+    lowest = min(1.0 / duration, highest / 2.0)
+    rate = np.log(highest / lowest) / duration
+    times = np.arange(samples) * period
+    made: Array = _swell(samples) * np.sin(2.0 * np.pi * lowest * np.expm1(rate * times) / rate)
+    return made
+
+
+def _random_steps(samples: int, *, period: float, seed: int) -> Array:
+    """Levels drawn evenly between -1 and 1, each held for a random while."""
+    draw = np.random.default_rng(seed)
+    made = np.zeros(samples)
+    start = 0
+    while start < samples:
+        dwell = np.exp(draw.uniform(np.log(SHORTEST_DWELL), np.log(LONGEST_DWELL)))
+        end = start + max(2, round(dwell / period))
+        made[start:end] = draw.uniform(-1.0, 1.0)
+        start = end
+    return made
+
+
+def _triangle(samples: int) -> Array:
+    """To and fro between -1 and 1 at constant speeds, each part twice as fast as the last."""
+    parts = []
+    for cycles, rows in zip(
+        TRIANGLE_CYCLES, np.array_split(np.empty(samples), len(TRIANGLE_CYCLES)), strict=True
+    ):
+        phase = np.mod(cycles * np.arange(len(rows)) / len(rows) + 0.75, 1.0)
+        parts.append(1.0 - 4.0 * np.abs(phase - 0.5))
+    made: Array = -np.concatenate(parts)
+    return made
+
+
+def _swell(samples: int) -> Array:
+    """From 0 to 1 along half a cosine, and back at the end."""
+    share = np.arange(samples) / samples
+    nearest_end = np.minimum(share, 1.0 - share)
+    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / TAPER))
+    return risen
+
+
+def expect(
+    excitation: Excitation,
+    model: JointModel,
+    *,
+    noise: float = math.radians(0.2),
+    resolution: float = math.radians(0.3),
+    seed: int = 0,
+) -> Identification:
+    """Identify the expected joint from what it would answer to the signal.
+
+    Its intervals are those to expect from the robot, as far as the robot is like the model.
+
+    Args:
+        excitation: The signal.
+        model: The expected joint, at any rate.
+        noise: Standard deviation of the measured angles [rad].
+        resolution: Step of the sensor [rad]; 0 for none.
+        seed: Of the noise.
+
+    Raises:
+        InvalidInput: Noise or resolution is negative.
+    """
+    log = expected_log(excitation, model, noise=noise, resolution=resolution, seed=seed)
+    joint = at_period(model, excitation.period)
+    return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)
+
+
+def expected_log(
+    excitation: Excitation, model: JointModel, *, noise: float, resolution: float, seed: int = 0
+) -> Log:
+    """The log of the expected joint under the signal, as a sensor would record it.
+
+    Raises:
+        InvalidInput: Noise or resolution is negative.
+    """
+    for name, value in (("noise", noise), ("resolution", resolution)):
+        if not 0.0 <= value < math.inf:
+            raise InvalidInput(f"{name}: got {value:g} rad, expected 0 or more")
+    joint = at_period(model, excitation.period)
+    angles = simulate(joint, excitation.requests, cyclic=False)
+    measured = angles + noise * np.random.default_rng(seed).standard_normal(len(angles))
+    if resolution > 0.0:
+        measured = resolution * np.round(measured / resolution)
+    return Log(
+        times=excitation.times,
+        requests=excitation.requests,
+        angles=measured,
+        name=f"simulated {excitation.kind}",
+    )
+
+
+def at_period(model: JointModel, period: float) -> JointModel:
+    """The same joint, with a request every ``period`` [s] and ticks at most as long as its own."""
+    hold = max(1, math.ceil(period / model.tick - 1e-9))
+    return dataclasses.replace(model, tick=period / hold, hold=hold)

@@ -10,20 +10,15 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.given import as_flag
 from planner.identification.alternatives import Simple, errors_of, simple_fits
-from planner.identification.called import with_shown_speed
-from planner.identification.clock import Clock, clock_of
-from planner.identification.direction import opposite
-from planner.identification.even_rows import with_even_rows
-from planner.identification.fitting import fitted
-from planner.identification.identification import Alternative, Identification, Interval, LogFit
-from planner.identification.intervals import Bounds, bounds_of
+from planner.identification.fit import fit_joint, with_even_rows, with_observed_speed
+from planner.identification.intervals import Bounds, Uncertainty, bounds_of, uncertainty_of
 from planner.identification.least_squares import Fit
-from planner.identification.log import Log, as_logs
+from planner.identification.log import Log, as_logs, unwrapped
 from planner.identification.parameters import units
-from planner.identification.spread import Spread, spread_of
-from planner.identification.turns import continued
+from planner.identification.result import Alternative, Identification, Interval, LogFit
+from planner.identification.timestamps import Timing, timing_of
 from planner.identification.validation import HeldOut, held_out
-from planner.identification.verdict import notes_on, verdict_on
+from planner.identification.verdict import notes_on, opposite_sign, verdict_on
 from planner.trajectory import Array
 
 
@@ -52,12 +47,12 @@ def identify(
     hold_out = as_flag("hold_out", hold_out)
     logs = as_logs(logs)
     _check_alike(logs)
-    logs, jumps = zip(*map(continued, logs), strict=True)
-    logs, clock, fit, evened = _fitted(logs, tick=tick, hold=hold)
-    clock = clock.ticking(fit.grid.tick)
-    spread = spread_of(fit)
-    bounds = bounds_of(fit, spread)
-    held = held_out(logs, clock, fit.grid) if hold_out else None
+    logs, jumps = zip(*map(unwrapped, logs), strict=True)
+    logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
+    timing = timing.ticking(fit.grid.tick)
+    uncertainty = uncertainty_of(fit)
+    bounds = bounds_of(fit, uncertainty)
+    held = held_out(logs, timing, fit.grid) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal = _signal(fit)
@@ -66,28 +61,28 @@ def identify(
         bounds,
         held,
         errors,
-        against=opposite(fit.grid),
+        against=opposite_sign(fit.grid),
         signal=signal,
         unit="" if logs[0].unit == "1" else logs[0].unit,
     )
-    notes = notes_on(logs, clock, jumps)
-    if evened:
+    notes = notes_on(logs, timing, jumps)
+    if evenly_timed:
         notes.append(
-            f"the times of the rows jitter: rows every {1e3 * clock.period:.3g} ms fit better, and "
-            "are taken"
+            f"the times of the rows jitter: rows every {1e3 * timing.period:.3g} ms fit better, "
+            "and are taken"
         )
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
     return Identification(
-        model=fit.parameters.model(tick=clock.tick, hold=clock.hold),
+        model=fit.parameters.model(tick=timing.tick, hold=timing.hold),
         fits=_log_fits(logs, fit, held),
         rms=fit.rms,
         held_out_rms=None if held is None else held.rms,
         noise=fit.scale,
         signal=signal,
-        intervals=_intervals(fit, bounds, spread),
+        intervals=_intervals(fit, bounds, uncertainty),
         gain_interval=bounds.gain,
-        covariance=_covariance(fit, bounds, spread),
+        covariance=_covariance(fit, bounds, uncertainty),
         alternatives=_alternatives(simple, errors, held),
         warnings=(*verdict.warnings, *notes),
         accepted=verdict.accepted,
@@ -111,16 +106,16 @@ def _alternatives(
 
 def _fitted(
     logs: Sequence[Log], *, tick: float | None, hold: int | None
-) -> tuple[Sequence[Log], Clock, Fit, bool]:
+) -> tuple[Sequence[Log], Timing, Fit, bool]:
     """The logs, on even times where these fit better, their ticks and the joint that fits best."""
     choose_tick = tick is None and hold is None
-    clock = clock_of(logs, tick=tick, hold=hold)
-    fit = fitted(logs, clock, choose_tick=choose_tick)
-    even = with_even_rows(logs, clock, fit)
+    timing = timing_of(logs, tick=tick, hold=hold)
+    fit = fit_joint(logs, timing, choose_tick=choose_tick)
+    even = with_even_rows(logs, timing, fit)
     if even is not None:
-        logs, clock = even, clock_of(even, tick=tick, hold=hold)
-        fit = fitted(logs, clock, choose_tick=choose_tick)
-    return logs, clock, with_shown_speed(fit), even is not None
+        logs, timing = even, timing_of(even, tick=tick, hold=hold)
+        fit = fit_joint(logs, timing, choose_tick=choose_tick)
+    return logs, timing, with_observed_speed(fit), even is not None
 
 
 def _check_alike(logs: Sequence[Log]) -> None:
@@ -141,21 +136,21 @@ def _signal(fit: Fit) -> float:
     return _rms(grid.angles - means[grid.run])
 
 
-def _intervals(fit: Fit, bounds: Bounds, spread: Spread) -> dict[str, Interval]:
+def _intervals(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> dict[str, Interval]:
     return {
         "v_max": bounds.v_max,
-        "theta_0": _theta_0(fit, bounds, spread),
+        "theta_0": _theta_0(fit, bounds, uncertainty),
         "lag": bounds.lag,
         "acceleration_time": bounds.acceleration_time,
         "offset": bounds.offset,
     }
 
 
-def _theta_0(fit: Fit, bounds: Bounds, spread: Spread) -> Interval:
+def _theta_0(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> Interval:
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
     if bounds.v_max.bounded and bounds.gain.bounded:
         way = np.array([-1.0, 1.0, 0.0, 0.0, 0.0])
-        half = spread.quantile * float(np.sqrt(way @ spread.covariance @ way))
+        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance @ way))
         value = fit.parameters.v_max / fit.parameters.gain
         if half < 1.0:
             return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
@@ -163,7 +158,7 @@ def _theta_0(fit: Fit, bounds: Bounds, spread: Spread) -> Interval:
     return Interval(bounds.v_max.lower / bounds.gain.upper, upper)
 
 
-def _covariance(fit: Fit, bounds: Bounds, spread: Spread) -> Array | None:
+def _covariance(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> Array | None:
     """Covariance of v_max, theta_0, lag, acceleration time and offset in SI units."""
     if not all(interval.bounded for interval in bounds):
         return None
@@ -174,7 +169,7 @@ def _covariance(fit: Fit, bounds: Bounds, spread: Spread) -> Array | None:
     change[1, :2] = -theta_0, theta_0
     for index in (2, 3, 4):
         change[index, index] = count[index]
-    covariance = change @ spread.covariance @ change.T
+    covariance = change @ uncertainty.covariance @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)
 

@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from planner.identification.identification import Interval
+import numpy as np
+from scipy.special import stdtrit
+
 from planner.identification.least_squares import Effort, Fit, least_squares
 from planner.identification.parameters import LARGEST_GAIN as FASTEST
 from planner.identification.parameters import Parameters, units
-from planner.identification.spread import Spread, spread_of
+from planner.identification.result import Interval
+from planner.trajectory import Array
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real
@@ -41,23 +44,25 @@ class Bounds(NamedTuple):
     offset: Interval
 
 
-def bounds_of(fit: Fit, spread: Spread) -> Bounds:
+def bounds_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
     """95 % intervals of the parameters of a fit, by profile where the covariance is not enough."""
     at = fit.parameters
-    half = spread.quantile * spread.deviations
+    half = uncertainty.quantile * uncertainty.deviations
     scaling = units(fit.grid, at)
     ends: list[Interval] = []
     possible: list[Parameters] = []
     for index, value in enumerate(at):
         logarithmic = index in (GAIN, V_MAX)
-        if logarithmic and half[index] <= CERTAIN * spread.quantile:
+        if logarithmic and half[index] <= CERTAIN * uncertainty.quantile:
             ends.append(Interval(value * math.exp(-half[index]), value * math.exp(half[index])))
         elif not logarithmic and _narrow(fit, index, half[index]):
             width = half[index] * scaling[index]
             low = value - width
             ends.append(Interval(low if index == OFFSET else max(low, 0.0), value + width))
         else:
-            ends.append(Interval(*(_end(fit, spread, index, way, possible) for way in (-1, 1))))
+            ends.append(
+                Interval(*(_end(fit, uncertainty, index, way, possible) for way in (-1, 1)))
+            )
     return Bounds(*map(_holding, ends, zip(*possible, strict=True) if possible else [()] * 5))
 
 
@@ -75,13 +80,15 @@ def _narrow(fit: Fit, index: int, half: float) -> bool:
     return half * fit.grid.tick <= max(fit.grid.tick, 0.3 * delay)
 
 
-def _end(fit: Fit, spread: Spread, index: int, way: int, possible: list[Parameters]) -> float:
+def _end(
+    fit: Fit, uncertainty: Uncertainty, index: int, way: int, possible: list[Parameters]
+) -> float:
     """Where the profile of a parameter has risen as far as its interval reaches, to one side.
 
     The end is sought from where the covariance puts it outwards, so an interval may come out wider
     than its profile but not narrower. What is not refuted on the way is added to ``possible``.
     """
-    rise = max(float(spread.threshold[index]), MISFIT * fit.cost)
+    rise = max(float(uncertainty.threshold[index]), MISFIT * fit.cost)
     value = fit.parameters[index]
     limit, reported = _limit(fit, index, way)
     profile = _Profile(fit, index, fit.cost + rise, possible)
@@ -89,7 +96,7 @@ def _end(fit: Fit, spread: Spread, index: int, way: int, possible: list[Paramete
         return reported
     profile = _Profile(fit, index, fit.cost + rise, possible)
     logarithmic = index in (GAIN, V_MAX)
-    inner, step = value, _first_step(fit, spread, index)
+    inner, step = value, _first_step(fit, uncertainty, index)
     for _ in range(PROFILE_STEPS):
         outer = value * math.exp(way * step) if logarithmic else value + way * step
         beyond = (outer - limit) * way >= 0.0
@@ -101,7 +108,7 @@ def _end(fit: Fit, spread: Spread, index: int, way: int, possible: list[Paramete
         inner, step = outer, WIDENING * step
     else:
         return reported
-    for _ in range(BISECTIONS if inner != value or step > _wald(spread, fit, index) else 0):
+    for _ in range(BISECTIONS if inner != value or step > _wald(uncertainty, fit, index) else 0):
         middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
         inner, outer = (inner, middle) if profile.refutes(middle) else (middle, outer)
     return outer
@@ -150,14 +157,14 @@ def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:
     return (room, math.inf) if way > 0 else (grid.tick, 0.0)
 
 
-def _wald(spread: Spread, fit: Fit, index: int) -> float:
+def _wald(uncertainty: Uncertainty, fit: Fit, index: int) -> float:
     """Half the width of an interval by the covariance: a logarithm, or a time [s]."""
-    half = spread.quantile * float(spread.deviations[index])
+    half = uncertainty.quantile * float(uncertainty.deviations[index])
     return half if index in (GAIN, V_MAX) else half * fit.grid.tick
 
 
-def _first_step(fit: Fit, spread: Spread, index: int) -> float:
-    half = _wald(spread, fit, index)
+def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
+    half = _wald(uncertainty, fit, index)
     if index in (GAIN, V_MAX):
         return min(max(half, 0.02), 0.3)
     delay = fit.parameters.lag + fit.parameters.acceleration_time + 1.0 / fit.parameters.gain
@@ -166,4 +173,105 @@ def _first_step(fit: Fit, spread: Spread, index: int) -> float:
 
 def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
-    return math.isfinite(_end(fit, spread_of(fit), V_MAX, 1, []))
+    return math.isfinite(_end(fit, uncertainty_of(fit), V_MAX, 1, []))
+
+
+CONFIDENCE = 0.95
+"""Probability with which an interval holds the truth."""
+
+LAGS_PER_TIME = 5.0
+"""Autocorrelations are summed up to so many correlation times."""
+
+
+class Uncertainty(NamedTuple):
+    """Second moments of the estimate, by the coordinates of ``parameters.COORDINATES``.
+
+    Attributes:
+        covariance: Of log gain, log v_max, lag and acceleration time [ticks] and offset, (5, 5);
+            infinite on the diagonal where a parameter has no effect at all.
+        inflation: By how much residuals that are correlated, or largest where the parameter acts,
+            raise each variance, at least 1, (5,).
+        variance: Of one residual [rad^2].
+        quantile: Standard deviations to either side of the estimate.
+    """
+
+    covariance: Array
+    inflation: Array
+    variance: float
+    quantile: float
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations, (5,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def threshold(self) -> Array:
+        """Rise of the loss at the ends of each interval [rad^2], (5,)."""
+        return 0.5 * self.quantile**2 * self.variance * self.inflation
+
+
+def uncertainty_of(fit: Fit) -> Uncertainty:
+    """Covariance of a fit: the sandwich of Huber's loss, raised where residuals are not white.
+
+    A clock that jitters, or a joint that is not the model, errs most in fast motion, on the very
+    rows that tell lag and acceleration time.
+    """
+    by_parameter = _beside_starts(fit)
+    count = len(fit.residuals)
+    active = fit.weights * fit.residuals
+    freedom = max(count - 5 - len(fit.grid.starts), 1)
+    variance = float(np.sum(active**2)) / freedom
+    inner = by_parameter * (fit.weights >= 1.0)[:, np.newaxis]
+    matrix = inner.T @ inner
+    size = np.sqrt(np.diag(matrix))
+    acting = size > 1e-9 * np.max(size)
+    covariance = np.diag(np.full(5, math.inf))
+    inflation = np.ones(5)
+    if acting.any():
+        scaled = matrix[np.ix_(acting, acting)] / np.outer(size[acting], size[acting])
+        inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
+        inverse /= np.outer(size[acting], size[acting])
+        influence = (active[:, np.newaxis] * by_parameter[:, acting]) @ inverse
+        outer = by_parameter[:, acting]
+        white = variance * inverse @ (outer.T @ outer) @ inverse
+        uneven = np.maximum(1.0, np.sum(influence**2, axis=0) / np.diag(white))
+        alike = [correlation_time(column) for column in influence.T]
+        inflation[acting] = uneven * alike
+        inflation[~acting] = np.max(inflation)
+        root = np.sqrt(inflation[acting])
+        covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
+    effective = max(count / float(np.median(inflation)) - 5.0, 2.0)
+    quantile = float(stdtrit(effective, 0.5 + CONFIDENCE / 2.0))
+    return Uncertainty(covariance, inflation, variance, quantile)
+
+
+def _beside_starts(fit: Fit) -> Array:
+    """Derivatives by the parameters, free of what a change of the first angles could do as well."""
+    grid = fit.grid
+    raw, by_start = fit.sensitivities(averaging=0.025)
+    runs = len(grid.starts)
+    norms: Array = np.bincount(grid.run, fit.weights * by_start**2, runs).astype(float)
+    along: Array = np.stack(
+        [np.bincount(grid.run, fit.weights * by_start * column, runs) for column in raw.T], axis=1
+    )
+    shares = along / np.maximum(norms, 1e-300)[:, np.newaxis]
+    return np.asarray(raw - by_start[:, np.newaxis] * shares[grid.run])
+
+
+def correlation_time(series: Array) -> float:
+    """Rows that count as one because they are alike: 1 + 2 times the sum of autocorrelations.
+
+    The sum ends at five times itself, where what follows is noise (Sokal's window), and at the
+    square root of the number of rows, beyond which it would mistake a cycle for one long
+    correlation; at least 1.
+    """
+    count = len(series)
+    transformed = np.fft.rfft(series, 2 * count)
+    products = np.fft.irfft(np.abs(transformed) ** 2)[:count]
+    if products[0] <= 0.0:
+        return 1.0
+    times = 2.0 * np.cumsum(products / products[0]) - 1.0
+    furthest = math.isqrt(count)
+    ended = np.flatnonzero(np.arange(furthest) >= LAGS_PER_TIME * times[:furthest])
+    return max(1.0, float(times[ended[0] if len(ended) else furthest]))

@@ -11,8 +11,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy import optimize, sparse
 
-from planner.identification.grid import Grid
-from planner.identification.loss import HUBER, NO_ERROR, huber, scale_of
 from planner.identification.parameters import (
     COUNT,
     Parameters,
@@ -20,8 +18,10 @@ from planner.identification.parameters import (
     coordinates_of,
     parameters_at,
 )
+from planner.identification.resampling import Grid
+from planner.identification.robust_loss import HUBER, NO_ERROR, huber, scale_of
 from planner.identification.sensitivities import Sensitivities, sensitivities
-from planner.identification.simulation import Pulls, pulls_of, respond
+from planner.identification.simulation import ActiveRequests, active_requests, respond
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -63,7 +63,7 @@ class Fit:
         parameters: The joint.
         free: Which parameters were fitted, in their order.
         starts: Angle at the start of each run [rad].
-        pulls: What pulls at each tick.
+        active: The requests that act at each tick.
         states: Angles at all states [rad].
         scale: Standard deviation of the residuals, outliers aside [rad].
         cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
@@ -74,7 +74,7 @@ class Fit:
     parameters: Parameters
     free: Free
     starts: Array
-    pulls: Pulls
+    active: ActiveRequests
     states: Array
     scale: float
     cost: float
@@ -97,7 +97,7 @@ class Fit:
 
     def sensitivities(self, **options: float) -> Sensitivities:
         """Derivatives of the predicted angles."""
-        return sensitivities(self.grid, self.parameters, self.states, self.pulls, **options)
+        return sensitivities(self.grid, self.parameters, self.states, self.active, **options)
 
 
 def least_squares(
@@ -226,8 +226,8 @@ def _evaluated(
     guess: Array | None = None,
     free: Free = ALL,
 ) -> Fit:
-    pulls = pulls_of(grid, parameters)
-    states = respond(grid, parameters, starts, pulls=pulls, guess=guess)
+    active = active_requests(grid, parameters)
+    states = respond(grid, parameters, starts, active=active, guess=guess)
     residuals = grid.at_rows(states) - grid.angles
     cost, weights = huber(residuals, scale)
-    return Fit(grid, parameters, free, starts, pulls, states, scale, cost, weights)
+    return Fit(grid, parameters, free, starts, active, states, scale, cost, weights)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,19 @@ LATEST = 1e12
 
 FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
+
+
+GAP = 10.0
+"""Pause between rows, in median periods, after which nothing is assumed of what was requested."""
+
+TURN = 2.0 * np.pi
+"""What an encoder loses or gains when it starts again [rad]."""
+
+SUDDEN = 0.75 * TURN
+"""A step between two rows beyond this is the encoder's [rad], where rows are close enough."""
+
+FASTEST = 50.0
+"""No joint is as fast as this [rad/s]: rows must be close enough that a sudden step exceeds it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,3 +174,42 @@ def _as_log(given: Any, number: int) -> Log:
         f"{name}: got {type(given).__name__}, expected a planner.Log, a triple of arrays or a "
         "mapping with the keys times, requests and angles"
     )
+
+
+def pieces_of(log: Log) -> list[slice]:
+    """Rows of a log between its gaps."""
+    breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
+    ends = [0, *breaks.tolist(), len(log.times)]
+    return [slice(first, beyond) for first, beyond in pairwise(ends)]
+
+
+def unwrapped(log: Log) -> tuple[Log, int]:
+    """The log with angles that go on where the encoder started again, and how often it did.
+
+    Requests may start again as well. They are made continuous too if that brings them nearer to the
+    angles; the angles then take the turn in which they are nearest to the requests. A log that
+    comes no nearer to its requests so, or that is a share of a range, stays as it is.
+    """
+    if log.unit != "rad" or log.period * FASTEST > SUDDEN:
+        return log, 0
+    turns = _turns(log.angles)
+    jumps = int(np.count_nonzero(np.diff(turns)))
+    if not jumps:
+        return log, 0
+    angles = log.angles + TURN * turns
+    requests = min(
+        (log.requests, log.requests + TURN * _turns(log.requests)),
+        key=lambda each: float(np.std(each - angles)),
+    )
+    if np.std(requests - angles) >= np.std(log.requests - log.angles):
+        return log, 0
+    angles = angles + TURN * np.round(np.median(requests - angles) / TURN)
+    return replace(log, requests=requests, angles=angles), jumps
+
+
+def _turns(angles: Array) -> Array:
+    """Turns to add to each row; none for glitches, which jump away and back within two rows."""
+    turns: Array = np.round((np.unwrap(angles, discont=SUDDEN) - angles) / TURN)
+    padded = np.pad(turns, 2, mode="edge")
+    lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+    return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)

@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from planner.identification.grid import Grid
+from planner.identification.resampling import Grid
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 

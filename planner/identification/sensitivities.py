@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_banded
 
-from planner.identification.grid import Grid
 from planner.identification.parameters import COUNT, Parameters, units
-from planner.identification.simulation import Pulls
+from planner.identification.resampling import Grid
+from planner.identification.simulation import ActiveRequests
 from planner.model.joint import saturation
 from planner.trajectory import Array
 
@@ -26,7 +26,12 @@ class Sensitivities(NamedTuple):
 
 
 def sensitivities(
-    grid: Grid, parameters: Parameters, states: Array, pulls: Pulls, *, blur: float = ASIDE
+    grid: Grid,
+    parameters: Parameters,
+    states: Array,
+    active: ActiveRequests,
+    *,
+    averaging: float = ASIDE,
 ) -> Sensitivities:
     """Derivatives by the parameters and by the first angles: Equation 16 of ``docs/math.md``.
 
@@ -36,27 +41,28 @@ def sensitivities(
         grid: The runs.
         parameters: The joint.
         states: Its angles at all states [rad], shape (s,).
-        pulls: The requests that act at each tick.
-        blur: Distance over which derivatives by lag and acceleration time are averaged [ticks].
+        active: The requests that act at each tick.
+        averaging: Distance to both sides over which derivatives by lag and acceleration time are
+            averaged [ticks].
     """
     gain, v_max = parameters.gain, parameters.v_max
     before = states[grid.states - 1]
-    errors = pulls.targets - before[:, np.newaxis]
+    errors = active.targets - before[:, np.newaxis]
     called = gain * errors
     limited = saturation(errors, gain=gain, v_max=v_max)
-    inside = (np.abs(called) < v_max) * pulls.weights
+    inside = (np.abs(called) < v_max) * active.weights
     young = grid.ticks - parameters.lag
     newest, oldest = (
-        _speed_at(grid, parameters, edge, before, blur * grid.tick)
+        _speed_at(grid, parameters, edge, before, averaging * grid.tick)
         for edge in (young, young - parameters.acceleration_time)
     )
     slack = np.sum(inside, axis=1)
     drives = np.stack(
         [
             np.sum(inside * errors, axis=1),
-            np.sum(np.sign(called) * (pulls.weights - inside), axis=1),
+            np.sum(np.sign(called) * (active.weights - inside), axis=1),
             (oldest - newest) / parameters.acceleration_time,
-            (oldest - np.sum(pulls.weights * limited, axis=1)) / parameters.acceleration_time,
+            (oldest - np.sum(active.weights * limited, axis=1)) / parameters.acceleration_time,
             gain * slack,
         ],
         axis=1,

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.grid import Grid
 from planner.identification.parameters import Parameters
+from planner.identification.resampling import Grid
 from planner.model.response import run_columns
 from planner.trajectory import Array
 
@@ -22,15 +22,15 @@ CHUNKS_PER_TICK = 0.5
 longer ones fewer corrections; anything within a factor of 2 takes the same time."""
 
 
-class Pulls(NamedTuple):
+class ActiveRequests(NamedTuple):
     """The requests that act at each tick, those in force in [t - lag - a, t - lag]."""
 
     weights: Array  # (t, m), sums to 1
     targets: Array  # request + offset [rad], (t, m)
 
 
-def pulls_of(grid: Grid, parameters: Parameters) -> Pulls:
-    """What pulls at each tick: a request counts by the time it is in force within the window.
+def active_requests(grid: Grid, parameters: Parameters) -> ActiveRequests:
+    """The requests that act at each tick: each counts by the time it is in force within the window.
 
     With even rows and whole ticks these are the weights of :attr:`JointModel.window`.
     """
@@ -47,7 +47,7 @@ def pulls_of(grid: Grid, parameters: Parameters) -> Pulls:
     overlap[first[:, np.newaxis] + np.arange(width) > last] = 0.0
     np.maximum(overlap, 0.0, out=overlap)
     overlap /= np.sum(overlap, axis=1, keepdims=True)
-    return Pulls(overlap, grid.requests[numbers] + parameters.offset)
+    return ActiveRequests(overlap, grid.requests[numbers] + parameters.offset)
 
 
 def respond(
@@ -55,7 +55,7 @@ def respond(
     parameters: Parameters,
     starts: Array,
     *,
-    pulls: Pulls | None = None,
+    active: ActiveRequests | None = None,
     guess: Array | None = None,
 ) -> Array:
     """Angles at all states: Equation 3, run.
@@ -67,27 +67,27 @@ def respond(
         grid: The runs.
         parameters: The joint.
         starts: Angle at the start of each run [rad], shape (runs,).
-        pulls: What :func:`pulls_of` says, where it is known already.
+        active: What :func:`active_requests` says, where it is known already.
         guess: Angles at all states that are nearly right [rad], shape (s,).
 
     Returns:
         Angles [rad], shape (s,).
     """
-    pulls = pulls or pulls_of(grid, parameters)
+    active = active or active_requests(grid, parameters)
     gain, v_max = parameters.gain, parameters.v_max
-    if v_max == math.inf or (guess is not None and not _saturated(grid, parameters, pulls, guess)):
-        mean = np.sum(pulls.weights * pulls.targets, axis=1, keepdims=True)
+    if v_max == math.inf or (guess is not None and not _saturated(grid, parameters, active, guess)):
+        mean = np.sum(active.weights * active.targets, axis=1, keepdims=True)
         chunks = _Chunks(grid, np.ones_like(mean), mean, gain, math.inf)
         states = _joined(grid, chunks, starts, guess)
-        if v_max == math.inf or not _saturated(grid, parameters, pulls, states):
+        if v_max == math.inf or not _saturated(grid, parameters, active, states):
             return states
-    return _joined(grid, _Chunks(grid, pulls.weights, pulls.targets, gain, v_max), starts, guess)
+    return _joined(grid, _Chunks(grid, active.weights, active.targets, gain, v_max), starts, guess)
 
 
-def _saturated(grid: Grid, parameters: Parameters, pulls: Pulls, states: Array) -> bool:
+def _saturated(grid: Grid, parameters: Parameters, active: ActiveRequests, states: Array) -> bool:
     """Whether any request that counts calls for more than the top speed."""
-    errors = np.abs(pulls.targets - states[grid.states - 1][:, np.newaxis])
-    return bool(np.any((errors * parameters.gain >= parameters.v_max) & (pulls.weights > 0.0)))
+    errors = np.abs(active.targets - states[grid.states - 1][:, np.newaxis])
+    return bool(np.any((errors * parameters.gain >= parameters.v_max) & (active.weights > 0.0)))
 
 
 def _joined(grid: Grid, chunks: _Chunks, starts: Array, guess: Array | None) -> Array:

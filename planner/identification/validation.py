@@ -9,15 +9,20 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.alternatives import errors_of, simple_fits
-from planner.identification.called import fastest_call, peak_call, with_shown_speed
-from planner.identification.clock import Clock
-from planner.identification.fitting import fitted, moving
-from planner.identification.grid import Grid, gridded
+from planner.identification.fit import (
+    commanded_speed,
+    fit_joint,
+    moving,
+    peak_command,
+    with_observed_speed,
+)
 from planner.identification.intervals import speed_bounded
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log
-from planner.identification.loss import sound_rms
-from planner.identification.simulation import pulls_of, respond
+from planner.identification.resampling import Grid, resampled
+from planner.identification.robust_loss import sound_rms
+from planner.identification.simulation import active_requests, respond
+from planner.identification.timestamps import Timing
 from planner.trajectory import Array
 
 FASTER = 1.1
@@ -48,12 +53,12 @@ class HeldOut(NamedTuple):
     beyond: bool
 
 
-def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
+def held_out(logs: Sequence[Log], timing: Timing, grid: Grid) -> HeldOut | None:
     """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
 
     Args:
         logs: The logs.
-        clock: Their ticks.
+        timing: Their ticks.
         grid: All rows that are used in the end.
     """
     middles = [_middle(log) for log in logs]
@@ -62,7 +67,7 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
     if not known:
         return None
     try:
-        fit = fitted(known, clock)
+        fit = fit_joint(known, timing)
     except InvalidInput:
         return None
     rows = np.concatenate(
@@ -70,13 +75,15 @@ def held_out(logs: Sequence[Log], clock: Clock, grid: Grid) -> HeldOut | None:
     )
     if not rows.any():
         return None
-    shown = peak_call(fit)
-    fit = with_shown_speed(fit)
-    pulls = pulls_of(grid, fit.parameters)
-    states = respond(grid, fit.parameters, _starts(grid, fit, parts), pulls=pulls)
-    called = fastest_call(fit.parameters, grid, pulls, states)
+    shown = peak_command(fit)
+    fit = with_observed_speed(fit)
+    active = active_requests(grid, fit.parameters)
+    states = respond(grid, fit.parameters, _starts(grid, fit, parts), active=active)
+    called = commanded_speed(fit.parameters, grid, active, states)
     predicted = grid.at_rows(states)
-    simple = simple_fits(moving(gridded(known, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
+    simple = simple_fits(
+        moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
+    )
     starts = grid.measured_starts
     others = {other.name: _rms(errors_of(other, grid, starts)[rows]) for other in simple}
     errors = (predicted - grid.angles)[rows]

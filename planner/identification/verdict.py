@@ -8,14 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.called import peak_call
-from planner.identification.clock import Clock, unequal
-from planner.identification.direction import Opposite
+from planner.identification.fit import peak_command
+from planner.identification.initial_guess import delayed_errors
 from planner.identification.intervals import Bounds
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log
-from planner.identification.loss import sound_rms
+from planner.identification.resampling import Grid
+from planner.identification.robust_loss import sound_rms
+from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
+from planner.trajectory import Array
 
 REFUSED = 0.25
 """A model whose error exceeds this share of the motion's standard deviation is refused. Recordings
@@ -58,7 +60,7 @@ def verdict_on(
     held: HeldOut | None,
     simple: dict[str, float],
     *,
-    against: Opposite | None,
+    against: OppositeSign | None,
     signal: float,
     unit: str,
 ) -> Verdict:
@@ -136,7 +138,7 @@ REASONS = (
 def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
     """A sentence for each parameter that the log leaves open."""
     found = []
-    at, called = fit.parameters, peak_call(fit)
+    at, called = fit.parameters, peak_command(fit)
     speed = f"{unit}/s" if unit else "/s"
     if math.isinf(bounds.v_max.upper):
         hardly = "never" if at.v_max > called else "hardly"
@@ -171,12 +173,12 @@ def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
     return found
 
 
-def notes_on(logs: Sequence[Log], clock: Clock, jumps: Sequence[int]) -> list[str]:
+def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[str]:
     """What is odd about the logs themselves.
 
     Args:
         logs: The logs.
-        clock: Their ticks.
+        timing: Their ticks.
         jumps: For each log, how often its angles started again after a turn.
     """
     found = []
@@ -184,7 +186,7 @@ def notes_on(logs: Sequence[Log], clock: Clock, jumps: Sequence[int]) -> list[st
     if unequal(logs):
         found.append(
             f"the logs have periods from {1e3 * min(periods):.3g} to {1e3 * max(periods):.3g} ms; "
-            f"the model's is {1e3 * clock.period:.3g} ms"
+            f"the model's is {1e3 * timing.period:.3g} ms"
         )
     for log, often in zip(logs, jumps, strict=True):
         if often:
@@ -207,3 +209,83 @@ def _rounded(value: float) -> float:
     """One significant digit."""
     digit = 10.0 ** math.floor(math.log10(max(value, 1e-300)))
     return float(round(value / digit) * digit)
+
+
+AS_GOOD = 1.05
+"""Both signs explain the angles if what they leave unexplained is within this factor."""
+
+LEAST_LIKENESS = 0.7
+"""Correlation below which a delay explains nothing."""
+
+DELAYS = 200
+"""Delays that are compared, and more around the best."""
+
+
+class OppositeSign(NamedTuple):
+    """What speaks for the opposite sign: the angles are as much like requests of that sign, sooner.
+
+    Attributes:
+        delay: How long after requests of the opposite sign the angles come [s].
+        likeness: Their correlation then, 0 to 1.
+        same_delay: The same by the requests as they are [s].
+        same_likeness: And the correlation with these.
+    """
+
+    delay: float
+    likeness: float
+    same_delay: float
+    same_likeness: float
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the motion repeats itself, so that only the delay tells the signs apart."""
+        return _unlike(self.same_likeness) <= AS_GOOD * _unlike(self.likeness)
+
+    @property
+    def words(self) -> str:
+        """Why the sign of a column may be wrong."""
+        otherwise = ", or record motion that does not repeat itself" if self.repeats else ""
+        return (
+            f"the joint seems to move against its requests: its angles correlate by "
+            f"{self.likeness:.2f} with requests of the opposite sign {1e3 * self.delay:.0f} ms "
+            f"before, and by {self.same_likeness:.2f} with the requests themselves "
+            f"{1e3 * self.same_delay:.0f} ms before; invert the sign of one column{otherwise}"
+        )
+
+
+def opposite_sign(grid: Grid) -> OppositeSign | None:
+    """What speaks for a joint that moves against its requests; None where nothing does.
+
+    Half a cycle of motion that repeats itself looks like the other sign. There the shorter delay
+    is taken for the true one: what a joint is late by is less than half a cycle.
+    """
+    delays = np.linspace(0.0, grid.reach, DELAYS)
+    coarse = _likeness(grid, delays)
+    best = []
+    for sign in (1.0, -1.0):
+        near = delays[np.argmax(sign * coarse)] + delays[1] * np.linspace(-1.0, 1.0, 17)
+        near = np.maximum(near, 0.0)
+        fine = sign * _likeness(grid, near)
+        best.append((float(near[np.argmax(fine)]), float(np.max(fine))))
+    (same_delay, same), (delay, other) = best
+    as_good = _unlike(other) <= AS_GOOD * _unlike(same)
+    if other < LEAST_LIKENESS or not as_good or delay >= same_delay:
+        return None
+    return OppositeSign(delay, other, same_delay, same)
+
+
+def _unlike(likeness: float) -> float:
+    """Share of the motion that a correlation leaves unexplained, as a standard deviation."""
+    return float(np.sqrt(max(1.0 - likeness * abs(likeness), 0.0)))
+
+
+def _likeness(grid: Grid, delays: Array) -> Array:
+    """Correlation of the angles with the requests of some time before, by that time [s]."""
+    angles = grid.angles - np.mean(grid.angles)
+    found = np.zeros(len(delays))
+    for k, delay in enumerate(delays):
+        requests = delayed_errors(grid, float(delay)) + grid.angles
+        requests -= np.mean(requests)
+        size = float(np.linalg.norm(requests) * np.linalg.norm(angles))
+        found[k] = float(requests @ angles) / size if size > 0.0 else 0.0
+    return found

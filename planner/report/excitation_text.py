@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from planner.identification.excitation import Excitation
-from planner.identification.identification import Identification
+from planner.identification.result import Identification
 from planner.report.identification_parameters import Parameter, parameters
 from planner.report.identification_text import SYMBOLS
 from planner.report.text_table import text_table

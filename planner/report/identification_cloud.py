@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from planner.identification.speed_cloud import SpeedCloud, speed_cloud
+from planner.identification.result import SpeedPoints, speed_against_error
 from planner.report.curves import Curve
 from planner.report.identification_parameters import units_of
 from planner.report.live_plane import Axis, plane_plot
@@ -15,7 +15,7 @@ from planner.report.live_words import label, stroke
 from planner.report.style import CLOSED_FORM, INK, MUTED
 
 if TYPE_CHECKING:
-    from planner.identification.identification import Identification
+    from planner.identification.result import Identification
 
 MOST_POINTS = 1500
 """Points of each kind that are drawn, evenly chosen: enough to see a shape, and a light page."""
@@ -33,7 +33,7 @@ class CloudView(NamedTuple):
         highest: The largest speed shown [rad/s].
     """
 
-    cloud: SpeedCloud
+    cloud: SpeedPoints
     reach: float
     highest: float
 
@@ -41,8 +41,8 @@ class CloudView(NamedTuple):
 def cloud_view(identification: Identification) -> CloudView:
     """All points of an identification, and the part of the plane that nearly all of them are in."""
     model = identification.model
-    clouds = [speed_cloud(model, fit) for fit in identification.fits]
-    cloud = SpeedCloud(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
+    clouds = [speed_against_error(model, fit) for fit in identification.fits]
+    cloud = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
     reach = _reach(cloud, model.theta_0)
     shown = np.abs(cloud.speeds[np.abs(cloud.errors) <= reach])
     line = float(model.speed(reach))
@@ -94,7 +94,7 @@ def cloud_plot(identification: Identification) -> dict[str, Any]:
     )
 
 
-def _reach(cloud: SpeedCloud, theta_0: float) -> float:
+def _reach(cloud: SpeedPoints, theta_0: float) -> float:
     """How far to draw: nearly all errors, and a little beyond theta_0 where the data gets there."""
     if not len(cloud.errors):
         return 2.0 * theta_0

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.identification.identification import Identification
+    from planner.identification.result import Identification
 
 STRIP = 0.52
 """Height of one parameter's strip [inch]."""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from planner.identification.identification import LogFit
+    from planner.identification.result import LogFit
     from planner.report.identification_parameters import Units
     from planner.trajectory import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from planner.identification.identification import Identification, LogFit
+from planner.identification.result import Identification, LogFit
 from planner.report import identification_draw as draw
 from planner.report import identification_draw_log as draw_log
 from planner.report.figures import Picture

@@ -12,7 +12,7 @@ from planner.report.live_plot import time_plot
 from planner.report.style import CLOSED_FORM, DIRECT, INK, OPTIMAL, REQUESTED
 
 if TYPE_CHECKING:
-    from planner.identification.identification import LogFit
+    from planner.identification.result import LogFit
     from planner.report.identification_parameters import Units
     from planner.trajectory import Array
 

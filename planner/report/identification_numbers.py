@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from planner.identification.identification import Interval
+from planner.identification.result import Interval
 
 
 def figure(value: float, interval: Interval) -> str:

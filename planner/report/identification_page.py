@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner._version import __version__
-from planner.identification.identification import Identification
-from planner.identification.speed_cloud import speed_cloud
+from planner.identification.result import Identification, speed_against_error
 from planner.report.identification_figures import IdentificationPictures, identification_pictures
 from planner.report.identification_parameters import Parameter, Units, parameters, units_of
 from planner.report.identification_words import Error, errors, known, telling_error, verdict
@@ -115,6 +114,6 @@ def _joint(name: str, found: Identification, prefix: str) -> Joint:
 
 
 def _saturated(found: Identification) -> float:
-    clouds = [speed_cloud(found.model, fit) for fit in found.fits]
+    clouds = [speed_against_error(found.model, fit) for fit in found.fits]
     intervals = sum(len(cloud.errors) for cloud in clouds)
     return sum(int(np.sum(cloud.saturated)) for cloud in clouds) / max(1, intervals)

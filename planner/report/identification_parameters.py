@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from planner.identification.identification import Identification, Interval
+from planner.identification.result import Identification, Interval
 from planner.report.identification_numbers import between, figure, percent_of, two_figures
 
 NAMES = {

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from planner._version import __version__
-from planner.identification.identification import Identification, Interval
+from planner.identification.result import Identification, Interval
 from planner.report.identification_words import verdict
 
 SI = {

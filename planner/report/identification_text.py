@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from planner.identification.identification import Identification
+from planner.identification.result import Identification
 from planner.report.identification_parameters import Parameter, parameters, units_of
 from planner.report.identification_words import errors, verdict
 from planner.report.text_table import NOTHING, text_table

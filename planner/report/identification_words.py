@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from planner.identification.identification import Alternative, Identification
+from planner.identification.result import Alternative, Identification
 from planner.report.identification_numbers import percent_of
 from planner.report.identification_parameters import parameters, units_of
 

@@ -12,7 +12,7 @@ from planner.evaluation.paper import SOURCE, Published, deviations, published, p
 from planner.evaluation.planned_walk import REFINE, RULE
 from planner.evaluation.virtual_experiment import AMPLITUDES, STEP_CYCLES
 from planner.evaluation.virtual_outcome import OverCycles, VirtualOutcome
-from planner.identification.identification import Identification
+from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.paper_tables import COMPARISONS, METHODS
 from planner.report.results import (

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.called import with_shown_speed
-from planner.identification.grid import gridded
+from planner.identification.fit import with_observed_speed
+from planner.identification.intervals import correlation_time
 from planner.identification.least_squares import NONE, Effort, least_squares
 from planner.identification.parameters import Parameters
-from planner.identification.spread import correlation_time
+from planner.identification.resampling import resampled
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 SEEDS = 24
@@ -159,10 +159,10 @@ def test_logs_of_different_joints_are_refused():
 
 def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
     log = rich_log(amplitude=GENTLE)
-    grid = gridded([log], tick=AIBO.tick, reach=0.5, burn_in=0.0)
+    grid = resampled([log], tick=AIBO.tick, reach=0.5, burn_in=0.0)
     begin = Parameters.of(AIBO)._replace(v_max=50.0)
     fit = least_squares(grid, begin, effort=Effort(evaluations=2, tolerance=1e-3))
-    lowered = with_shown_speed(fit)
+    lowered = with_observed_speed(fit)
     errors = np.abs(log.requests[:, np.newaxis] - log.angles)
     assert lowered.parameters.v_max <= fit.parameters.gain * np.max(errors) * 1.01
     again = least_squares(grid, lowered.parameters, free=NONE)

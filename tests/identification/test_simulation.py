@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.identification.grid import GAP, glitches, gridded
+from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, units
+from planner.identification.resampling import glitches, resampled
 from planner.identification.sensitivities import sensitivities
-from planner.identification.simulation import CHUNKS_PER_TICK, pulls_of, respond
+from planner.identification.simulation import CHUNKS_PER_TICK, active_requests, respond
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 
@@ -32,7 +33,7 @@ def log_of(model, requests):
 def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests):
     log = log_of(model, requests)
     window = model.lag + model.acceleration_time
-    grid = gridded([log], tick=model.tick, reach=2.0 * window + model.period, burn_in=0.0)
+    grid = resampled([log], tick=model.tick, reach=2.0 * window + model.period, burn_in=0.0)
     states = respond(grid, Parameters.of(model), log.angles[:1])
     assert np.max(np.abs(grid.at_rows(states) - log.angles[grid.places[0]])) <= SAME_RUN
 
@@ -40,7 +41,7 @@ def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests):
 def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
     model = planner.JointModel(v_max=0.3, theta_0=0.05, lag=0.02, acceleration_time=0.05)
     log = rich_log(model, rows=600)  # saturated most of the time: nothing is forgotten
-    grid = gridded([log], tick=model.tick, reach=1.0, burn_in=0.0)
+    grid = resampled([log], tick=model.tick, reach=1.0, burn_in=0.0)
     assert len(grid.ticks) > 4 * CHUNKS_PER_TICK * len(grid.ticks) ** 0.5
     guess = np.random.default_rng(0).normal(size=len(grid.ticks) + 1)
     states = respond(grid, Parameters.of(model), log.angles[:1], guess=guess)
@@ -53,10 +54,12 @@ def test_the_derivatives_are_slopes(field):
         v_max=4.0, theta_0=0.2, lag=0.0133, acceleration_time=0.0371, hold=2, offset=0.03
     )
     log = rich_log(model)
-    grid = gridded([log], tick=model.tick, reach=0.5, burn_in=0.0)
+    grid = resampled([log], tick=model.tick, reach=0.5, burn_in=0.0)
     at, starts = Parameters.of(model), log.angles[:1]
     states = respond(grid, at, starts)
-    slopes = sensitivities(grid, at, states, pulls_of(grid, at)).by_parameter / units(grid, at)
+    slopes = sensitivities(grid, at, states, active_requests(grid, at)).by_parameter / units(
+        grid, at
+    )
     step = 1e-6 * max(getattr(at, field), 0.1)
     ahead, behind = (
         respond(grid, at._replace(**{field: getattr(at, field) + way}), starts)
@@ -73,7 +76,7 @@ def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():
     torque = np.ones(300, dtype=bool)
     torque[100:130] = False
     angles = np.where(torque, log.angles, 7.0)  # whatever the joint does without torque
-    grid = gridded(
+    grid = resampled(
         [changed(log, angles=angles, torque_on=torque)], tick=model.tick, reach=0.5, burn_in=0.0
     )
     assert [first for _, first in grid.firsts] == [0, 130]
@@ -84,7 +87,7 @@ def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():
 def test_after_a_gap_nothing_is_assumed_of_the_requests_before():
     log = rich_log(rows=300)
     times = np.where(np.arange(300) < 150, log.times, log.times + 2.0 * GAP * log.period)
-    grid = gridded([changed(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
+    grid = resampled([changed(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
     rows = np.ceil(0.1 / 0.008)
     assert [first for _, first in grid.firsts] == [rows, 150 + rows]
 

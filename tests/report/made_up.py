@@ -7,15 +7,14 @@ import math
 
 import numpy as np
 
-from planner.identification.excitation import excite
-from planner.identification.expectation import at_period
-from planner.identification.identification import (
+from planner.identification.excitation import at_period, excite
+from planner.identification.log import Log
+from planner.identification.result import (
     Alternative,
     Identification,
     Interval,
     LogFit,
 )
-from planner.identification.log import Log
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 

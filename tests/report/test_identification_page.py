@@ -9,7 +9,7 @@ import struct
 
 import pytest
 
-from planner.identification.identification import PARAMETERS, Interval
+from planner.identification.result import PARAMETERS, Interval
 from planner.report.identification_page import identification_page
 from planner.report.linked_files import LinkedFile
 from planner.report.style import ROLES

@@ -9,7 +9,7 @@ import tomllib
 import pytest
 
 from planner.files.joint_model import models_text, read_models
-from planner.identification.identification import Interval
+from planner.identification.result import Interval
 from planner.report.identification_parameters import parameters
 from planner.report.identification_remarks import model_comments, remarks
 from planner.report.identification_text import identification_text

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.log import Log
+from planner.identification.log import Log, pieces_of
 from planner.trajectory import Array
 
 Rows = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
 Place = tuple[int, int]
 """A row of a log: number of the log, number of the row."""
-
-GAP = 10.0
-"""Pause between rows, in median periods, after which nothing is assumed of what was requested."""
 
 FEWEST_USED = 3
 """Rows with torque below which a run tells nothing: its first angle is free."""
@@ -143,14 +139,7 @@ def glitches(angles: Array) -> Rows:
     return np.asarray(off > allowed)
 
 
-def pieces_of(log: Log) -> list[slice]:
-    """Rows of a log between its gaps."""
-    breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
-    ends = [0, *breaks.tolist(), len(log.times)]
-    return [slice(first, beyond) for first, beyond in pairwise(ends)]
-
-
-def gridded(
+def resampled(
     logs: Sequence[Log],
     *,
     tick: float,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.given import as_number, as_whole, shown
-from planner.identification.log import Log
+from planner.identification.log import Log, pieces_of
 from planner.model.joint import MOST_HOLD
 from planner.trajectory import Array
 
@@ -60,7 +61,12 @@ ROUNDS = 3
 """Estimates of a period, each of which says anew which pauses tell it."""
 
 
-class Clock(NamedTuple):
+DROPPED = 0.3
+"""A pause that is short of whole periods by less than this share of one is as many: less likely a
+dropped row than a late one."""
+
+
+class Timing(NamedTuple):
     """Ticks and periods.
 
     Attributes:
@@ -75,13 +81,13 @@ class Clock(NamedTuple):
     hold: int
     reach: float
 
-    def ticking(self, tick: float) -> Clock:
+    def ticking(self, tick: float) -> Timing:
         """The same with ticks of about this length [s], a whole number in a period."""
         hold = round(self.period / tick)
         return self._replace(tick=self.period / hold, hold=hold)
 
 
-def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Clock:
+def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Timing:
     """The ticks of the logs, as given or chosen.
 
     Raises:
@@ -106,7 +112,7 @@ def clock_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Cl
             f"tick, hold: got {hold} ticks of {made:g} s, expected the log's period of "
             f"{period:g} s; give one of the two, or neither"
         )
-    return Clock(made * hold, made, hold, reach)
+    return Timing(made * hold, made, hold, reach)
 
 
 def unequal(logs: Sequence[Log]) -> bool:
@@ -166,3 +172,33 @@ def _count(hold: object) -> int:
             f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
         )
     return count
+
+
+def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], float]:
+    """The logs with each row at the next whole period, and by how much times were off [s], rms.
+
+    Pauses of several periods are dropped rows, and every piece between two gaps begins anew. The
+    period is that of all pieces together, or the one given where the times agree with it.
+    """
+    lines = []
+    for log in logs:
+        for piece in pieces_of(log):
+            steps = np.maximum(np.floor(np.diff(log.times[piece]) / period + DROPPED), 1.0)
+            places = np.concatenate([[0.0], np.cumsum(steps)])
+            since = log.times[piece] - log.times[piece.start]
+            lines.append((places - np.mean(places), since - np.mean(since)))
+    places, since = (np.concatenate(column) for column in zip(*lines, strict=True))
+    weight = max(float(places @ places), 1.0)
+    slope = float(places @ since) / weight
+    unsure = float(np.std(since - slope * places)) / np.sqrt(weight)
+    if abs(slope - period) <= SURE * unsure:
+        slope = period
+    off = slope * places - since
+    moved, done = [], 0
+    for log in logs:
+        times = log.times + off[done : done + len(log.times)]
+        done += len(log.times)
+        if not np.all(np.diff(times) > 0.0):
+            return tuple(logs), 0.0
+        moved.append(replace(log, times=times))
+    return tuple(moved), float(np.sqrt(np.mean(off**2)))

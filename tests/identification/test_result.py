@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from planner.identification.excitation import excite
-from planner.identification.identification import LogFit
 from planner.identification.log import Log
-from planner.identification.speed_cloud import speed_cloud
+from planner.identification.result import LogFit, speed_against_error
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 
@@ -45,7 +44,7 @@ def fit_of(model, kind="random_steps", *, used=None, late=0.0):
 
 @pytest.mark.parametrize("kind", ["random_steps", "multisine", "triangle"])
 def test_dots_lie_on_f_unless_their_window_is_on_both_sides_of_a_corner(kind):
-    cloud = speed_cloud(MODEL, fit_of(MODEL, kind))
+    cloud = speed_against_error(MODEL, fit_of(MODEL, kind))
     expected = MODEL.speed(cloud.errors)
     off = np.abs(cloud.speeds - expected) / MODEL.v_max
     assert np.max(off[~cloud.apart]) < ON_THE_LINE
@@ -53,7 +52,7 @@ def test_dots_lie_on_f_unless_their_window_is_on_both_sides_of_a_corner(kind):
 
 
 def test_saturated_dots_are_at_the_top_speed_and_there_are_some():
-    cloud = speed_cloud(MODEL, fit_of(MODEL))
+    cloud = speed_against_error(MODEL, fit_of(MODEL))
     assert np.sum(cloud.saturated) > 50
     np.testing.assert_allclose(np.abs(cloud.speeds[cloud.saturated]), MODEL.v_max, rtol=1e-9)
     assert not np.any(cloud.saturated & cloud.apart)
@@ -63,7 +62,7 @@ def test_a_wrong_lag_takes_the_dots_off_the_line():
     wrong = JointModel(
         v_max=4.0, theta_0=0.25, lag=0.0573, acceleration_time=0.041, tick=0.004, offset=0.03
     )
-    cloud = speed_cloud(wrong, fit_of(MODEL, "multisine"))
+    cloud = speed_against_error(wrong, fit_of(MODEL, "multisine"))
     expected = MODEL.speed(cloud.errors)
     off = np.abs(cloud.speeds - expected) / MODEL.v_max
     assert np.max(off[~cloud.apart]) > OFF_THE_LINE
@@ -71,9 +70,9 @@ def test_a_wrong_lag_takes_the_dots_off_the_line():
 
 def test_only_intervals_between_used_rows_have_a_dot():
     fit = fit_of(MODEL, used=lambda log: (log.times > 2.0) & (log.times < 4.0))
-    assert len(speed_cloud(MODEL, fit).errors) == np.sum(fit.used) - 1
+    assert len(speed_against_error(MODEL, fit).errors) == np.sum(fit.used) - 1
 
 
 def test_the_clock_of_a_log_may_start_anywhere():
-    now, later = (speed_cloud(MODEL, fit_of(MODEL, late=late)) for late in (0.0, 1000.0))
+    now, later = (speed_against_error(MODEL, fit_of(MODEL, late=late)) for late in (0.0, 1000.0))
     np.testing.assert_allclose(later.errors, now.errors, atol=1e-8)

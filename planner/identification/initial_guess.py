@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.identification.grid import Grid
 from planner.identification.least_squares import SEARCH, Effort, Fit, least_squares
-from planner.identification.loss import huber
 from planner.identification.parameters import Parameters
+from planner.identification.resampling import Grid
+from planner.identification.robust_loss import huber
 from planner.trajectory import Array
 
 SPLITS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
@@ -76,7 +76,7 @@ def top_speed(grid: Grid) -> float:
     return float(np.quantile(speeds, 0.98)) if len(speeds) else 0.0
 
 
-def divided(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
+def divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
     """Joints of about the same delay [s], divided into lag, window and time constant."""
     return [
         Parameters(
@@ -90,12 +90,12 @@ def divided(delay: float, *, v_max: float, offset: float = 0.0) -> list[Paramete
     ]
 
 
-def searched(grid: Grid) -> list[Fit]:
+def initial_fits(grid: Grid) -> list[Fit]:
     """Fits from several starts on a grid, promising ones followed to the end, best first."""
     delay, _ = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = top_speed(grid)
-    begins = divided(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
+    begins = divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
     quick = [least_squares(grid, begin, effort=Effort(QUICK_STEPS, 1e-3, 2)) for begin in begins]
     scale = min(fit.scale for fit in quick)
     quick.sort(key=lambda fit: huber(fit.residuals, scale)[0])

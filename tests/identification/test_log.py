@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import planner
-from planner.identification.turns import TURN, continued
+from planner.identification.log import TURN, unwrapped
 from tests.identification.made import AIBO, NOISE, changed, rich_log
 
 SAME = 1e-12
@@ -33,7 +33,7 @@ def test_an_encoder_that_starts_again_gives_the_model_of_one_that_does_not():
 def test_requests_that_start_again_too_go_on_as_well():
     log = rich_log(noise=NOISE)
     both = changed(log, requests=wrapped(log.requests + 3.1), angles=wrapped(log.angles + 3.1))
-    read, jumps = continued(both)
+    read, jumps = unwrapped(both)
     assert jumps > 0
     assert np.max(np.abs(np.diff(read.angles))) < 1.0
     assert np.max(np.abs(read.angles - read.requests - log.angles + log.requests)) <= SAME
@@ -45,8 +45,8 @@ def test_a_request_for_a_whole_turn_stays_one():
     log = planner.Log(
         times=AIBO.period * np.arange(len(requests)), requests=requests, angles=angles
     )
-    assert continued(log) == (log, 0)
-    read, jumps = continued(changed(log, angles=wrapped(angles)))
+    assert unwrapped(log) == (log, 0)
+    read, jumps = unwrapped(changed(log, angles=wrapped(angles)))
     assert jumps > 0
     assert np.array_equal(read.requests, requests)
     assert np.max(np.abs(read.angles - angles)) <= SAME
@@ -57,9 +57,9 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     angles = log.angles.copy()
     angles[[50, 120, 121]] += 6.0
     glitched = changed(log, angles=angles)
-    assert continued(glitched) == (glitched, 0)
+    assert unwrapped(glitched) == (glitched, 0)
     high = changed(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
     share = replace(high, unit="1")
-    assert continued(share) == (share, 0)
+    assert unwrapped(share) == (share, 0)
     slow = replace(high, times=0.2 * np.arange(len(high.times)))
-    assert continued(slow) == (slow, 0)
+    assert unwrapped(slow) == (slow, 0)

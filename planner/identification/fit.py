@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.called import peak_call
-from planner.identification.clock import Clock
-from planner.identification.grid import Grid, Place, gridded, pieces_of
+from planner.identification.initial_guess import best_delay, divided_delay, initial_fits
 from planner.identification.least_squares import NONE, SEARCH, Fit, least_squares
-from planner.identification.log import Log
+from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters
-from planner.identification.starts import best_delay, divided, searched
+from planner.identification.resampling import Grid, Place, resampled
+from planner.identification.simulation import ActiveRequests
+from planner.identification.timestamps import Timing, evenly_timed, unequal
 from planner.trajectory import Array
+
+EVEN = 0.01
+"""Times that are off an even clock by less than this share of a period (rms) are even."""
+
+WORTH_EVENING = 0.03
+"""Share of the loss that even times have to save: jitter that matters more than doubles it."""
 
 SETTLED = 2.0
 """The first rows of a piece are used where the model, told that the first request had been in force
@@ -44,32 +51,38 @@ ROUNDED = 1e-9
 """Errors below this, relative to the spread of the angles, are rounding."""
 
 
-def fitted(logs: Sequence[Log], clock: Clock, *, choose_tick: bool = False) -> Fit:
+def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> Fit:
     """Fit the joint to all logs.
 
     Args:
         logs: The logs.
-        clock: Their ticks.
+        timing: Their ticks.
         choose_tick: Whether ticks of a whole period may do instead, where they fit better.
 
     Raises:
         InvalidInput: There is no motion to fit.
     """
-    delay, _ = best_delay(moving(gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=0.0)))
-    burn_in = min(2.0 * delay + 2.0 * clock.period, clock.reach)
-    stride = clock.period * max(1, int(SEARCH_TICK / clock.period * (1.0 + 1e-9)))
-    coarse = moving(gridded(logs, tick=stride, reach=clock.reach, burn_in=burn_in))
-    found = searched(coarse)
-    fine = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in)
+    delay, _ = best_delay(
+        moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0))
+    )
+    burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
+    stride = timing.period * max(1, int(SEARCH_TICK / timing.period * (1.0 + 1e-9)))
+    coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
+    found = initial_fits(coarse)
+    fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
     best = _multistart(fine, found, found[0].scale)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
     if settled or window > burn_in:
-        burn_in = min(max(burn_in, 1.2 * window), clock.reach)
-        final = gridded(logs, tick=clock.tick, reach=clock.reach, burn_in=burn_in, settled=settled)
+        burn_in = min(max(burn_in, 1.2 * window), timing.reach)
+        final = resampled(
+            logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in, settled=settled
+        )
         best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
-    if choose_tick and clock.hold > 1:
-        rows = gridded(logs, tick=clock.period, reach=clock.reach, burn_in=burn_in, settled=settled)
+    if choose_tick and timing.hold > 1:
+        rows = resampled(
+            logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
+        )
         simple = _multistart(rows, found, best.scale)
         best = simple if simple.cost < (1.0 - WORTH_COARSER) * best.cost else best
     return least_squares(best.grid, best.parameters, starts=best.starts)
@@ -94,8 +107,8 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
     delay = at.lag + at.acceleration_time / 2.0 + 1.0 / at.gain
     best = least_squares(grid, at, scale=scale, effort=SEARCH)
     begins = [fit.parameters for fit in _rivals(found)]
-    best = better(best, [*begins, *divided(delay, v_max=at.v_max, offset=at.offset)])
-    at, shown = best.parameters, peak_call(best)
+    best = better(best, [*begins, *divided_delay(delay, v_max=at.v_max, offset=at.offset)])
+    at, shown = best.parameters, peak_command(best)
     if at.v_max > shown:
         best = better(best, [at._replace(v_max=CALLED_FOR * shown)], best.starts)
     at, tick = best.parameters, grid.tick
@@ -137,7 +150,7 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     """Pieces whose first rows say that their first request had been in force before."""
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
-    every = gridded(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
+    every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
     whole = least_squares(every, fit.parameters, free=NONE, scale=fit.scale, effort=SEARCH)
     errors = every.per_log(whole.residuals)
     bound = max(SETTLED * fit.scale, ROUNDED * float(np.std(grid.angles)))
@@ -149,3 +162,63 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
         if new.any() and np.sqrt(np.mean(errors[number][new] ** 2)) <= bound:
             found.add((number, row))
     return found
+
+
+JUST_ABOVE = 1e-6
+"""Share by which a top speed that was never reached lies above the fastest call."""
+
+
+def peak_command(fit: Fit) -> float:
+    """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
+    return commanded_speed(fit.parameters, fit.grid, fit.active, fit.states)
+
+
+def commanded_speed(
+    parameters: Parameters, grid: Grid, active: ActiveRequests, states: Array
+) -> float:
+    """Highest speed that the requests called for in any run, limited or not [rad/s]."""
+    errors = active.targets - states[grid.states - 1][:, np.newaxis]
+    errors[active.weights <= 0.0] = 0.0
+    return float(parameters.gain * np.max(np.abs(errors)))
+
+
+def with_observed_speed(fit: Fit) -> Fit:
+    """The fit with a top speed no higher than anything the log called for.
+
+    Beyond that every top speed predicts the same; this one promises the least.
+    """
+    shown = peak_command(fit)
+    if fit.parameters.v_max <= shown:
+        return fit
+    return replace(fit, parameters=fit.parameters._replace(v_max=(1.0 + JUST_ABOVE) * shown))
+
+
+def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, ...] | None:
+    """The logs with even times, if a joint with these explains them clearly better.
+
+    Times that a program notes may come late by a millisecond or so, though the servo is read
+    evenly. Rows that really are uneven fit worse on an even clock.
+
+    Args:
+        logs: The logs.
+        timing: Their ticks.
+        fit: The joint that was fitted to them as they are.
+
+    Returns:
+        The logs, or None where they are to stay as they are.
+    """
+    if unequal(logs):
+        return None
+    even, off = evenly_timed(logs, timing.period)
+    if off <= EVEN * timing.period:
+        return None
+    delay = fit.parameters.lag + fit.parameters.acceleration_time
+    burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
+    losses = []
+    for each in (logs, even):
+        grid = resampled(each, tick=fit.grid.tick, reach=timing.reach, burn_in=burn_in)
+        if not len(grid.angles):
+            return None
+        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=SEARCH)
+        losses.append(again.cost / len(grid.angles))
+    return even if losses[1] < (1.0 - WORTH_EVENING) * losses[0] else None

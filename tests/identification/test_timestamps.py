@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import planner
-from planner.identification.clock import clock_of
-from planner.identification.even_rows import evened
+from planner.identification.fit import evenly_timed
+from planner.identification.timestamps import timing_of
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 JITTER = 1e-3
@@ -72,7 +72,7 @@ def test_dropped_rows_and_gaps_keep_their_places():
     rng = np.random.default_rng(1)
     times = true + rng.uniform(-0.1, 0.1, size=len(true)) * AIBO.period
     sparse = planner.Log(times=times, requests=log.requests[kept], angles=log.angles[kept])
-    (even,), off = evened([sparse], AIBO.period)
+    (even,), off = evenly_timed([sparse], AIBO.period)
     assert 0.02 * AIBO.period <= off <= 0.1 * AIBO.period
     for part in (slice(0, 197), slice(197, None)):
         assert np.std((even.times - true)[part]) <= 1e-3 * AIBO.period
@@ -88,7 +88,7 @@ def test_a_period_is_the_mean_of_times_that_are_rounded_to_milliseconds():
 def test_a_loop_that_is_late_now_and_then_has_the_period_of_most_of_its_rows():
     log = rich_log(rows=400, noise=NOISE)
     late = np.random.default_rng(2).random(400) < 0.15
-    clock = clock_of(
+    timing = timing_of(
         [changed(log, times=np.cumsum(np.where(late, 0.028, 0.0205)))], tick=None, hold=None
     )
-    assert abs(clock.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
+    assert abs(timing.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
