@@ -35,6 +35,11 @@ NONE: Free = np.zeros(COUNT, dtype=bool)
 SETTLED_SCALE = 1e-3
 """A change of the scale by less than this share of it ends the rounds."""
 
+FIRST_STEP = 0.2
+"""Share of the residuals that the first step may explain, parameter by parameter: longer steps jump
+to delays a cycle away. On a pure sine the fit ends in a local optimum at 0.1 and at 0.4; from 1 on
+the recording of a servo under load is fitted 8 % worse."""
+
 MOST_DENSE = 64
 """Runs up to which derivatives are a dense matrix; beyond, most of it would be zeros."""
 
@@ -155,6 +160,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
     chosen = np.flatnonzero(free)
     held = coordinates_of(grid, begin.parameters)
     span, runs = grid.span, len(grid.starts)
+    size = FIRST_STEP * float(np.linalg.norm(begin.residuals)) or 1.0
     rows = np.arange(len(grid.angles))
     lower, upper = (coordinates_of(grid, ends) for ends in bounds_of(grid))
     lower[~free], upper[~free] = -np.inf, np.inf
@@ -165,23 +171,24 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
         key = unknowns.tobytes()
         if key not in fits:
             coordinates = held.copy()
-            coordinates[chosen] = unknowns[: len(chosen)]
-            starts = span * unknowns[len(chosen) :]
+            coordinates[chosen] += unknowns[: len(chosen)]
+            starts = begin.starts + span * unknowns[len(chosen) :]
             joint = parameters_at(grid, np.clip(coordinates, lower, upper))
             fits.clear()
             fits[key] = _evaluated(grid, joint, starts, scale, accepted.states, free)
         return fits[key]
 
     def residuals(unknowns: Array) -> Array:
-        return at(unknowns).residuals
+        return at(unknowns).residuals / size
 
     def derivatives(unknowns: Array) -> Any:
         nonlocal accepted
         accepted = at(unknowns)
         slopes = accepted.sensitivities()
-        by_parameter, by_start = slopes.by_parameter[:, chosen], span * slopes.by_start
-        here = unknowns[: len(chosen)]
-        by_parameter = by_parameter * ((here >= lower[chosen]) & (here <= upper[chosen]))
+        by_parameter = slopes.by_parameter[:, chosen] / size
+        by_start = span / size * slopes.by_start
+        here = held[chosen] + unknowns[: len(chosen)]
+        by_parameter *= (here >= lower[chosen]) & (here <= upper[chosen])
         if runs > MOST_DENSE:
             ends = sparse.csr_array((by_start, (rows, grid.run)), shape=(len(rows), runs))
             return sparse.csr_matrix(sparse.hstack([sparse.csr_array(by_parameter), ends]))
@@ -191,16 +198,16 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
         return matrix
 
     def stop_early(intermediate_result: Any) -> None:
-        if intermediate_result.cost <= enough:
+        if size**2 * intermediate_result.cost <= enough:
             raise StopIteration
 
     optimize.least_squares(
         residuals,
-        np.append(held[chosen], begin.starts / span),
+        np.zeros(len(chosen) + runs),
         derivatives,
         method="trf",
         loss="huber",
-        f_scale=HUBER * scale,
+        f_scale=HUBER * scale / size,
         x_scale="jac",
         ftol=effort.tolerance,
         xtol=1e-3 * effort.tolerance,
