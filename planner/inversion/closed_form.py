@@ -12,8 +12,8 @@ from planner.approximation.curve_batch import CurveStack, lines_in_force
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput
 from planner.given import as_flag
-from planner.inversion.line_inverse import AT_TOP_SPEED, Rule, check_rule, line_offset
-from planner.inversion.pattern_search import MOST_WORK, refined_curve
+from planner.inversion.line_inverse import AT_TOP_SPEED, RULES, Rule, check_rule, offsets_of
+from planner.inversion.pattern_search import refined_curve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, checked_model
@@ -69,19 +69,13 @@ def invert_closed_form(
         SolverFailed: The approximation was not found.
     """
     model = checked_model(model)
-    check_rule(rule)
+    check_rule(rule, model)
     desired = as_trajectory(desired, name="desired", minimum=3)
     cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
     start = None if cyclic else float(desired[0])
     problem = track(model, desired, cyclic=cyclic, start=start)
-    curve, column = closed_form(
-        problem, desired, segments=segments, rule=rule, refining=MOST_WORK if refine else 0
-    )
-    more = curve.segments + MORE_LINES
-    if refine and segments is None and more <= desired.size - (not cyclic):
-        other = closed_form(problem, desired, segments=more, rule=rule, refining=MOST_WORK)
-        if problem.exact_error(other[1]) < WORTH_MORE * problem.exact_error(column):
-            curve, column = other
+    curves = approximations(model, desired, cyclic=cyclic, segments=segments, refine=refine)
+    curve, column = inverted(problem, curves, rule=rule, refine=refine)
     requests = column[:, 0].copy()
     requests.setflags(write=False)
     return Inversion(
@@ -95,38 +89,58 @@ def invert_closed_form(
     )
 
 
-def closed_form(
-    problem: TrackingProblem,
-    desired: Array,
-    *,
-    segments: int | None = None,
-    rule: Rule,
-    refining: int,
+def best_closed_form(problem: TrackingProblem, desired: Array) -> Array:
+    """The requests of :func:`invert_closed_form`, by whichever rule does better [rad], (n, 1).
+
+    They are brought within the limits at last, as whoever has no other plan would do.
+    """
+    (model,) = problem.models
+    start = None if problem.start is None else float(problem.start[0])
+    free = track(model, desired, cyclic=problem.cyclic, start=start)
+    curves = approximations(model, desired, cyclic=problem.cyclic, segments=None, refine=True)
+    columns = [inverted(free, curves, rule=rule, refine=True)[1] for rule in RULES]
+    return min(map(problem.admissible, columns), key=problem.exact_error)
+
+
+def approximations(
+    model: JointModel, desired: Array, *, cyclic: bool, segments: int | None, refine: bool
+) -> Sequence[PiecewiseLinear]:
+    """The approximation, and where neither count nor knots are fixed one of two more segments."""
+    v_max, tick = model.v_max, model.period
+    curves = [fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=segments)]
+    more = curves[0].segments + MORE_LINES
+    if refine and segments is None and more <= desired.size - (not cyclic):
+        curves.append(fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=more))
+    return curves
+
+
+def inverted(
+    problem: TrackingProblem, curves: Sequence[PiecewiseLinear], *, rule: Rule, refine: bool
 ) -> tuple[PiecewiseLinear, Array]:
-    """The approximation and the requests of a joint's closed form.
+    """The curve whose lines track best, and its admissible requests [rad], (n, 1).
 
     Args:
         problem: One joint that should follow the desired angles, and within which limits.
-        desired: The desired angles [rad], shape (n,).
-        segments: Number of lines; None for an automatic choice.
+        curves: Approximations of them; a later one must be better by half a percent.
         rule: How to invert a line.
-        refining: Samples to simulate at most while the approximation is refined; 0 not to refine.
-
-    Returns:
-        The piecewise linear approximation, and the admissible requests [rad], shape (n, 1).
+        refine: Whether to move the knots until the joint comes no closer.
     """
+    curve, requests = _one_inverted(problem, curves[0], rule, refine)
+    for other in curves[1:]:
+        answer = _one_inverted(problem, other, rule, refine)
+        if problem.exact_error(answer[1]) < WORTH_MORE * problem.exact_error(requests):
+            curve, requests = answer
+    return curve, requests
+
+
+def _one_inverted(
+    problem: TrackingProblem, curve: PiecewiseLinear, rule: Rule, refine: bool
+) -> tuple[PiecewiseLinear, Array]:
     (model,) = problem.models
-    curve: PiecewiseLinear = fit_pwl(
-        desired,
-        v_max=model.v_max,
-        tick=model.period,
-        cyclic=problem.cyclic,
-        segments=segments,
-    )
     requests = problem.admissible(requests_along(model, curve, rule=rule)[:, np.newaxis])
-    if refining:
+    if refine:
         ahead = switching_time(model) / model.period
-        refined = refined_curve(problem, curve, rule=rule, ahead=ahead, most_work=refining)
+        refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
         answer = problem.admissible(requests_along(model, refined, rule=rule)[:, np.newaxis])
         if problem.exact_error(answer) < problem.exact_error(requests):
             curve, requests = refined, answer
@@ -138,7 +152,7 @@ def requests_along(
     curve: PiecewiseLinear,
     *,
     rule: Rule,
-    offset_of: Callable[..., float | Array] = line_offset,
+    offset_of: Callable[..., Array] = offsets_of,
 ) -> Array:
     """The inverted lines of one curve, each until l + a/2 before the next begins [rad], (n,)."""
     requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, offset_of=offset_of)[0]
@@ -175,7 +189,7 @@ def closed_form_requests(
         >>> requests = closed_form_requests(model, stack)
     """
     model = checked_model(model)
-    check_rule(rule)
+    check_rule(rule, model)
     if isinstance(curves, CurveStack):
         stack = curves
     else:
@@ -207,7 +221,7 @@ def requests_of(
     stack: CurveStack,
     *,
     rule: Rule,
-    offset_of: Callable[..., float | Array] = line_offset,
+    offset_of: Callable[..., Array] = offsets_of,
 ) -> Array:
     """The inverted lines of every curve, each until l + a/2 before the next [rad], (m, n)."""
     ahead = switching_time(model) / model.period  # [samples]
@@ -215,7 +229,7 @@ def requests_of(
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
     first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
-    raised = values + np.asarray(offset_of(model, slopes, rule=rule))
+    raised = values + offset_of(model, slopes, rule=rule)
     at_first = raised + per_sample * (first - knots)
     line = lines_in_force(first.astype(np.intp), stack.samples, cyclic=stack.cyclic)
     since = np.arange(stack.samples) - np.take_along_axis(first, line, axis=1)

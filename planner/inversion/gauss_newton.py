@@ -114,17 +114,17 @@ class State(NamedTuple):
 
 
 def minimise(
-    problem: TrackingProblem, state: State, stages: Sequence[Stage] | None = None
+    problem: TrackingProblem, state: State, stages: Sequence[Stage]
 ) -> tuple[State, float]:
     """The best of where the stages lead, judged by the exact models, and that error.
 
     Args:
         problem: What to reach, and within which limits.
         state: Where to start; its requests within the limits.
-        stages: The stages to go through; the narrow ones by default.
+        stages: The stages to go through.
     """
     best, least = state, problem.exact_error(state.requests)
-    for stage in stages_for(problem, OPTIONS.narrow if stages is None else stages):
+    for stage in stages_for(problem, stages):
         state = descend(problem, state, stage)
         if stage.radius >= OPTIONS.simulated:
             continue

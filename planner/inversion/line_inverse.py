@@ -58,7 +58,7 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
         OutsideEquation13: The paper's rule is asked for a model for which it was not derived.
     """
     model = checked_model(model)
-    check_rule(rule)
+    check_rule(rule, model)
     try:
         given = np.asarray(slope)
     except ValueError:  # rows of different lengths
@@ -72,13 +72,17 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
             f"slope: got {slopes[beyond].flat[0]:g} rad/s, expected within ±v_max = "
             f"±{model.v_max:g} rad/s; no request makes the joint follow a steeper line"
         )
+    offsets = offsets_of(model, slopes, rule=rule)
+    offsets.setflags(write=False)
+    return float(offsets) if slopes.ndim == 0 else offsets
+
+
+def offsets_of(model: JointModel, slopes: Array, *, rule: Rule) -> Array:
+    """:func:`line_offset` of slopes within ±v_max [rad/s], without a warning: like ``slopes``."""
     per_tick = np.minimum(np.abs(slopes) * model.tick, model.v_max_per_tick)
     solve = _exact if rule == "exact" else _paper
     lead = solve(model, per_tick.ravel()).reshape(slopes.shape)
-    offsets: Array = np.sign(slopes) * lead - model.offset
-    offsets = np.asarray(offsets)
-    offsets.setflags(write=False)
-    return float(offsets) if slopes.ndim == 0 else offsets
+    return np.asarray(np.sign(slopes) * lead - model.offset)
 
 
 def interpolated_offset(model: JointModel, slope: Array, *, rule: Rule) -> Array:
@@ -93,14 +97,23 @@ def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
     """Slopes [rad/s], dense towards ±v_max where C_m is steepest, and their offsets [rad]."""
     positive = model.v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)
     slopes = np.concatenate([-positive[:0:-1], positive])
-    return slopes, np.asarray(line_offset(model, slopes, rule=rule))
+    return slopes, offsets_of(model, slopes, rule=rule)
 
 
-def check_rule(rule: str) -> None:
-    """Raise InvalidInput unless ``rule`` is the name of a rule."""
+def check_rule(rule: str, model: JointModel) -> None:
+    """Raise InvalidInput unless ``rule`` is the name of a rule; warn where it was not derived."""
     if not is_one_of(rule, RULES):
         raise InvalidInput(
             f"rule: got {shown(rule)}, expected one of {', '.join(map(repr, RULES))}"
+        )
+    if rule == "paper" and not model.keeps_equation_13:
+        warnings.warn(
+            "the paper's rule assumes theta_0 > v_max and 4 theta_0 > v_max a (Equation 13), which "
+            f"this joint breaks: theta_0 = {model.theta_0:.4g} rad, "
+            f"v_max = {model.v_max_per_tick:.4g} rad/tick, "
+            f"a = {model.acceleration_ticks:.4g} ticks; rule='exact' holds for every joint",
+            OutsideEquation13,
+            stacklevel=3,
         )
 
 
@@ -108,14 +121,6 @@ def _paper(model: JointModel, slope: Array) -> Array:
     """Equations 10 to 12 for slopes m >= 0 [rad/tick]."""
     v_max, theta_0 = model.v_max_per_tick, model.theta_0
     lag, acceleration = model.lag_ticks, model.acceleration_ticks
-    if not model.keeps_equation_13:
-        warnings.warn(
-            "the paper's rule assumes theta_0 > v_max and 4 theta_0 > v_max a (Equation 13), which "
-            f"this joint breaks: theta_0 = {theta_0:.4g} rad, v_max = {v_max:.4g} rad/tick, "
-            f"a = {acceleration:.4g} ticks; rule='exact' holds for every joint",
-            OutsideEquation13,
-            stacklevel=3,
-        )
     proportional = slope * (theta_0 / v_max + acceleration / 2.0) < theta_0  # (10)
     below = slope * (theta_0 / v_max + lag + acceleration / 2.0)  # (11)
     root = np.sqrt(2.0 * theta_0 * slope * acceleration * (v_max - slope) / v_max)

@@ -179,13 +179,8 @@ def track(
     )
 
 
-def in_reach(model: JointModel, angles: Array, start: float | None) -> Array:
-    """The angles, brought to where a joint that rests at the start can be by then [rad], (n,).
-
-    A cycle has no start, and all of it is in reach.
-    """
-    if start is None:
-        return angles
+def in_reach(model: JointModel, angles: Array, start: float) -> Array:
+    """The angles, brought to where a joint that rests at the start can be by then [rad], (n,)."""
     resting = reach(model).youngest + 1  # samples before the second request acts
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
     farthest = model.v_max * model.period * moving

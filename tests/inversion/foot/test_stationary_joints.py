@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ def test_a_joint_that_makes_up_for_what_others_miss_moves(monkeypatch):
     path = stepping(40.0)
     plan = invert_foot(ERS210A, LEG, path)
     assert np.ptp(plan.requests[:, 1]) > math.radians(1.0)
-    monkeypatch.setattr(invert, "UNSEEN", math.inf)
+    monkeypatch.setattr(invert, "OPTIONS", replace(invert.OPTIONS, unseen=math.inf))
     resting = invert_foot(ERS210A, LEG, path)
     assert np.ptp(resting.requests[:, 1]) == 0.0
     assert plan.rms < 0.99 * resting.rms
