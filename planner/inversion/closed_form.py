@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -152,10 +152,9 @@ def requests_along(
     curve: PiecewiseLinear,
     *,
     rule: Rule,
-    offset_of: Callable[..., Array] = offsets_of,
 ) -> Array:
     """The inverted lines of one curve, each until l + a/2 before the next begins [rad], (n,)."""
-    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, offset_of=offset_of)[0]
+    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule)[0]
     return requests
 
 
@@ -221,7 +220,6 @@ def requests_of(
     stack: CurveStack,
     *,
     rule: Rule,
-    offset_of: Callable[..., Array] = offsets_of,
 ) -> Array:
     """The inverted lines of every curve, each until l + a/2 before the next [rad], (m, n)."""
     ahead = switching_time(model) / model.period  # [samples]
@@ -229,7 +227,7 @@ def requests_of(
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
     first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
-    raised = values + offset_of(model, slopes, rule=rule)
+    raised = values + offsets_of(model, slopes, rule=rule)
     at_first = raised + per_sample * (first - knots)
     line = lines_in_force(first.astype(np.intp), stack.samples, cyclic=stack.cyclic)
     since = np.arange(stack.samples) - np.take_along_axis(first, line, axis=1)

@@ -17,7 +17,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.kkt_step import Damping, Mask, Quadratic, Regularisation, Step, kkt_step
+from planner.inversion.kkt_step import (
+    Damping,
+    Mask,
+    Quadratic,
+    Regularisation,
+    Step,
+    cost_of,
+    kkt_step,
+)
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.sensitivity import Response
 from planner.trajectory import Array
@@ -56,9 +64,8 @@ class GaussNewtonOptions:
             is approached through sums of powers of the errors.
         simulated: Radius below which what a stage ends with is worth a simulation [theta_0].
         least_decrease: A stage ends when a step lowers its merit by less than this fraction.
-        least_damping: Least weight of the Levenberg-Marquardt term, relative to that of the errors.
-        first_damping: Least weight in a stage's first step.
-        most_damping: A stage ends when its steps fail under this weight.
+        first_damping: Least weight of the Levenberg-Marquardt term in the first step of a stage,
+            relative to that of the errors.
         defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
             curvature of the cost.
         shortening: Share of a step that is tried after one that was too long.
@@ -91,9 +98,7 @@ class GaussNewtonOptions:
     )
     simulated: float = 0.1
     least_decrease: float = 5e-4
-    least_damping: float = 1e-9
     first_damping: float = 3e-4
-    most_damping: float = 1e2
     defect_penalty: float = 60.0
     shortening: float = 0.4
     lengths: int = 4
@@ -157,21 +162,20 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
         except np.linalg.LinAlgError:  # the matrix is singular to working precision
             damping *= 10.0
             continue
-        merit = current.merit(step.multipliers, penalty)
+        merit = merit_of(current, step, penalty)
         predicted_reduction = merit - step.predicted
         following, length = _line_search(problem, current, step, stage, unit, penalty)
         if following is None:
             damping *= 3.0
-            negligible = predicted_reduction < 0.1 * OPTIONS.least_decrease * merit
-            if damping > OPTIONS.most_damping or negligible:
+            if predicted_reduction < 0.1 * OPTIONS.least_decrease * merit:
                 break
             continue
-        after = following.merit(step.multipliers, penalty)
+        after = merit_of(following, step, penalty)
         reduction = merit - after
         if length < 1.0:
             damping *= 2.0
         elif reduction > 0.6 * predicted_reduction:
-            damping = max(damping / 3.0, OPTIONS.least_damping)
+            damping /= 3.0
         elif reduction < 0.2 * predicted_reduction:
             damping *= 3.0
         current, multipliers = following, step.multipliers
@@ -191,15 +195,17 @@ class Iterate(NamedTuple):
     regularisation: Regularisation
     value: float  # the stage's cost
 
-    def merit(self, multipliers: Array, penalty: float) -> float:
-        """The augmented Lagrangian: to first order, the cost once the defects are closed.
 
-        Args:
-            multipliers: Of the conditions, (n, joints).
-            penalty: Weight on the squares of the defects.
-        """
-        worth = np.vdot(penalty * self.defects - 2.0 * multipliers, self.defects)
-        return self.value + float(worth)
+def merit_of(current: Iterate, step: Step, penalty: float) -> float:
+    """The augmented Lagrangian: to first order, the cost once the defects are closed.
+
+    Args:
+        current: Where the search is.
+        step: The step whose multipliers count.
+        penalty: Weight on the squares of the defects.
+    """
+    worth = np.vdot(penalty * current.defects - 2.0 * step.multipliers, current.defects)
+    return current.value + float(worth)
 
 
 def iterate(
@@ -214,7 +220,7 @@ def iterate(
     else:
         regularisation = Regularisation(stage.weight, requests - problem.resting)
     defects = response.reached - angles
-    value = cost.value + regularisation.value
+    value = cost.value + cost_of(regularisation)
     return Iterate(requests, angles, response, defects, cost, regularisation, value)
 
 
@@ -227,12 +233,12 @@ def _line_search(
     penalty: float,
 ) -> tuple[Iterate | None, float]:
     """The first share of the step that lowers the merit, and how large a share; None if none."""
-    length, merit = 1.0, current.merit(step.multipliers, penalty)
+    length, merit = 1.0, merit_of(current, step, penalty)
     for _ in range(OPTIONS.lengths):
         requests = problem.admissible(current.requests + length * step.requests)
         angles = current.angles + length * step.angles
         following = iterate(problem, requests, angles, stage, unit)
-        if following.merit(step.multipliers, penalty) < merit:
+        if merit_of(following, step, penalty) < merit:
             return following, length
         length *= OPTIONS.shortening
     return None, length

@@ -46,11 +46,6 @@ class Regularisation(NamedTuple):
     away: Array  # requests - centre [rad], (n, joints)
     constant: float = 0.0
 
-    @property
-    def value(self) -> float:
-        """Its share of the cost."""
-        return self.constant + self.weight * float(np.vdot(self.away, self.away))
-
 
 class Damping(NamedTuple):
     """Levenberg-Marquardt terms: weights on the squares of a step, not part of the cost."""
@@ -100,7 +95,7 @@ def kkt_step(
     inverse = _inverse(cost.curvature, damping.angles)
     weighted = response.by_request * windows.spread(inverse_q)
     band = schur_band(windows)
-    matrix = band.matrix(response.by_angle, response.by_request, inverse, weighted)
+    matrix = band.matrix(response, inverse, weighted)
     steepest = _times(inverse, cost.gradient)
     slope = regularisation.weight * regularisation.away
     right = response.by_angle * steepest[windows.before] - steepest - defects
@@ -112,9 +107,15 @@ def kkt_step(
     forces = multipliers - (response.by_angle * multipliers)[windows.after]
     angles = -steepest - _times(inverse, forces)
     moved = regularisation._replace(away=regularisation.away + requests)
-    predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + moved.value
+    predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + cost_of(moved)
     predicted += float(np.vdot(angles, _times(cost.curvature, angles)))
     return Step(requests, angles, multipliers, reduced_gradient, predicted)
+
+
+def cost_of(regularisation: Regularisation) -> float:
+    """Its share of the cost."""
+    weight, away, constant = regularisation
+    return constant + weight * float(np.vdot(away, away))
 
 
 def _inverse(curvature: Array, added: Array) -> Array:
@@ -195,15 +196,15 @@ class SchurBand:
         below = np.where(missing, 0, np.abs(row - column))
         return below, np.minimum(row, column), np.where(missing, 0.0, 1.0)
 
-    def matrix(self, by_angle: Array, by_request: Array, inverse: Array, weighted: Array) -> Array:
+    def matrix(self, response: Response, inverse: Array, weighted: Array) -> Array:
         """``B C^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints).
 
         Args:
-            by_angle: B's derivatives, (n, joints).
-            by_request: H, (width, n, joints).
+            response: The derivatives in B and H.
             inverse: C^-1, (n, joints, joints).
             weighted: H Q^-1, like H.
         """
+        _, by_angle, by_request, _ = response
         size = self.windows.samples * self.joints
         shared = np.empty((self.width, size))
         weighted = weighted.reshape(self.width, size)

@@ -10,7 +10,6 @@ from operator import itemgetter
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.slope_projection import slope_bounded
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import (
@@ -22,7 +21,7 @@ from planner.inversion.arguments import (
     checked_limits,
     checked_tolerance,
 )
-from planner.inversion.closed_form import best_closed_form, requests_along, switching_time
+from planner.inversion.closed_form import SAME_TIME, best_closed_form, switching_time
 from planner.inversion.direct_transcription import transcribed_requests
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import State, minimise
@@ -167,20 +166,22 @@ def search(problem: TrackingProblem, desired: Array, guess: State) -> Array:
 def initial_guess(problem: TrackingProblem, desired: Array) -> State:
     """The ideal, the best trajectory within ±v_max (section 4), and its closed form.
 
-    From rest the ideal is brought to where the joint can be by then. Every sample is a knot.
+    Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
+    by its C_m (section 3). From rest the ideal is brought to where the joint can be by then.
     """
     (model,) = problem.models
-    ideal = slope_bounded(desired, model.v_max * model.period, cyclic=problem.cyclic)
+    count, cyclic = len(desired), problem.cyclic
+    ideal = slope_bounded(desired, model.v_max * model.period, cyclic=cyclic)
     if problem.start is not None:
         ideal = in_reach(model, ideal, float(problem.start[0]))
-    lines = PiecewiseLinear(
-        knots=np.arange(len(ideal), dtype=np.float64),
-        values=ideal,
-        samples=len(ideal),
-        tick=model.period,
-        cyclic=problem.cyclic,
-    )
-    requests = requests_along(model, lines, rule="exact", offset_of=interpolated_offset)
+    steps = np.diff(ideal, append=ideal[:1]) if cyclic else np.diff(ideal)
+    steps = np.clip(steps, -model.v_max * model.period, model.v_max * model.period)
+    samples = np.arange(count)
+    knots = samples + int(switching_time(model) / model.period + SAME_TIME)
+    knots = knots if cyclic else np.minimum(knots, count - 2)
+    steps = steps[knots % count]
+    offsets = interpolated_offset(model, steps / model.period, rule="exact")
+    requests = ideal[knots % count] + steps * (samples - knots) + offsets
     return State(problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis])
 
 

@@ -212,7 +212,6 @@ class FollowAngles:
     def __init__(self, desired: Array) -> None:
         """Take the desired angles [rad], shape (n,)."""
         self.desired = desired
-        self._jacobians = np.ones((len(desired), 1, 1))
 
     def distances(self, angles: Array) -> Array:
         """Absolute errors [rad], (n,)."""
@@ -221,7 +220,7 @@ class FollowAngles:
 
     def errors(self, angles: Array) -> Errors:
         """Angles minus desired [rad]."""
-        return Errors(angles - self.desired[:, np.newaxis], self._jacobians)
+        return Errors(angles - self.desired[:, np.newaxis], np.ones((len(angles), 1, 1)))
 
 
 class Windows:

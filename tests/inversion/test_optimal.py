@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.closed_form import closed_form_requests, invert_closed_form
 from planner.inversion.line_inverse import RULES
-from planner.inversion.optimal import invert_optimal
+from planner.inversion.optimal import initial_guess, invert_optimal
+from planner.inversion.tracking_problem import track
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.model.sensitivity import sensitivities
@@ -41,6 +43,9 @@ ATTAINED = math.radians(0.01)
 
 NO_WORSE = 1e-12
 """Rounding between two simulations of the same requests [rad]."""
+
+TABULATED = 1e-4
+"""Error of an offset of a line from the table [theta_0]."""
 
 SAME_QUALITY = 1e-3
 """Difference of rms between two searches that take the same steps but for rounding [relative]."""
@@ -290,6 +295,23 @@ def test_an_offset_of_the_joint_comes_off_the_requests_and_changes_nothing_else(
     without = invert_optimal(ERS210A, desired)
     plan = invert_optimal(replace(ERS210A, offset=offset), desired)
     assert plan.rms == pytest.approx(without.rms, rel=SAME_QUALITY)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_search_begins_at_the_closed_form_of_the_ideal_with_a_knot_at_every_sample(
+    hold, cyclic
+):
+    model = random_model(np.random.default_rng(hold), whole=False, hold=hold, offset=True)
+    desired = saturating(np.random.default_rng(7), model, samples=40)
+    start = None if cyclic else float(desired[0])
+    problem = track(model, desired, cyclic=cyclic, start=start)
+    guess = initial_guess(problem, desired)
+    lines = PiecewiseLinear(
+        knots=np.arange(40), values=guess.angles[:, 0], samples=40, tick=model.period, cyclic=cyclic
+    )
+    expected = problem.admissible(closed_form_requests(model, lines, rule="exact")[:, np.newaxis])
+    np.testing.assert_allclose(guess.requests, expected, rtol=0.0, atol=TABULATED * model.theta_0)
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
