@@ -64,7 +64,7 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
     if reasons:
         most = max(reasons, key=lambda reason: reasons[reason])
         apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
-        said += f" Their requests differ by up to {apart:.3g} degrees all the same"
+        said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same"
         said += f": {100 * reasons[most]:.0f} % of that, squared, is {WHERE[most]}."
     return head, said
 
