@@ -159,7 +159,7 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
     weights = dict.fromkeys(problem.windows, 0.0)
     owner = {id(window): request for request, window in problem.windows.items()}
     for cut, weight in _weighted(node.cuts, node.solution):
-        weights[owner[id(cut.window)]] += float(weight * np.linalg.norm(cut.hull.p))
+        weights[owner[id(cut.window)]] += float(weight * np.linalg.norm(cut.hull.nu))
     best = (-1.0, 0, 0.0)
     for request, window in problem.windows.items():
         angles = node.solution.angles[window.angles]

@@ -1,11 +1,12 @@
 """Cutting planes from the convex hull of what one request can contribute, (9a) of math.md.
 
-In units of v_max a tick, a request y contributes u(t) = clip(k (y - x(t)), -1, 1) to the speed at
-tick t, where x(t) is the angle before it and k = v_max / theta_0. A cut ``p @ u - q @ x <= limit``
-holds for every y, and for every x within ranges, if its limit is the support function of that set,
-which is known in closed form. Which cut to add is found as in disjunctive programming (Balas 1979):
-the nearest point of the hull is sought by nonnegative least squares (Lawson and Hanson 1974), and
-the direction from there to the point that is to be cut off is the cut's normal.
+In units of v_max a tick, a request y (with the joint's offset) contributes
+u(t) = clip(gamma (y - x(t)), -1, 1) to the speed at tick t, where x(t) is the angle before it and
+gamma = v_max / theta_0. A cut ``nu @ u - xi @ x <= limit`` holds for every y, and for every x
+within ranges, if its limit is the support function of that set, which is known in closed form.
+Which cut to add is found as in disjunctive programming (Balas 1979): the nearest point of the hull
+is sought by nonnegative least squares (Lawson and Hanson 1974), and the direction from there to the
+point that is to be cut off is the cut's normal.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class RequestSet(NamedTuple):
     """Where the joint can be at the ticks at which one request acts, and what it can be.
 
     Attributes:
-        gain: k = v_max / theta_0 [1/tick].
+        gain: gamma = v_max / theta_0 [1/tick].
         lower: Least angles before these ticks, shape (m,).
         upper: Greatest angles, shape (m,).
         interval: Least and greatest request.
@@ -60,7 +61,7 @@ class RequestSet(NamedTuple):
 
 
 class Support(NamedTuple):
-    """The maximum of ``p @ u - q @ x`` over a request set, and where it is attained."""
+    """The maximum of ``nu @ u - xi @ x`` over a request set, and where it is attained."""
 
     value: float
     contributions: Array
@@ -68,15 +69,15 @@ class Support(NamedTuple):
 
 
 class HullCut(NamedTuple):
-    """An inequality that every request meets at all angles: ``p @ u - q @ x <= limit``."""
+    """An inequality that every request meets at all angles: ``nu @ u - xi @ x <= limit``."""
 
-    p: Array
-    q: Array
+    nu: Array
+    xi: Array
     limit: float
 
 
 def contributions_of(requests: Array, angles: Array, gain: float) -> Array:
-    """The u = clip(k (y - x), -1, 1) of each request at each angle, shape (requests, m)."""
+    """The u = clip(gamma (y - x), -1, 1) of each request at each angle, shape (requests, m)."""
     return np.clip(gain * (requests[:, np.newaxis] - angles), -1.0, 1.0)
 
 
@@ -88,8 +89,8 @@ def breakpoints(angles: Array, requests: RequestSet) -> Array:
     return within
 
 
-def support(p: Array, q: Array, requests: RequestSet) -> Support:
-    """The support function of the set in the direction (p, -q): the right-hand side of (9a).
+def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
+    """The support function of the set in the direction (nu, -xi): the right-hand side of (9a).
 
     For a given request every angle is on its own, and best at an end of its range or where its
     contribution is just saturated. Between neighbouring breakpoints all these candidates are linear
@@ -102,7 +103,7 @@ def support(p: Array, q: Array, requests: RequestSet) -> Support:
     angles[2] = np.minimum(np.maximum(tried - 1.0 / gain, lower), upper)
     angles[3] = np.minimum(np.maximum(tried + 1.0 / gain, lower), upper)
     contributions = np.minimum(np.maximum(gain * (tried - angles), -1.0), 1.0)
-    values = p * contributions - q * angles
+    values = nu * contributions - xi * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
     which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
     return Support(float(values[which].sum()), contributions[which], angles[which])
@@ -133,11 +134,11 @@ def separate(
         size = float(np.linalg.norm(residual))
         if size < options.violation:
             break
-        p, q = residual[:count] / size, -gain * residual[count:] / size
-        most = support(p, q, requests)
-        depth = float(p @ contributions - q @ angles) - most.value
+        nu, xi = residual[:count] / size, -gain * residual[count:] / size
+        most = support(nu, xi, requests)
+        depth = float(nu @ contributions - xi @ angles) - most.value
         if depth > deepest:
-            best, deepest = HullCut(p, q, most.value + ROUNDING), depth
+            best, deepest = HullCut(nu, xi, most.value + ROUNDING), depth
         point = np.concatenate([most.contributions, gain * (most.angles - middle)])
         points = np.vstack([points[shares > ROUNDING], point])
     return best

@@ -64,7 +64,7 @@ def nearest_point(
 
     Args:
         matrix: G, shape (rows, unknowns).
-        limits: g, shape (rows,).
+        limits: b, shape (rows,).
         sampled: Which unknowns are compared, shape (n,).
         desired: D, shape (n,).
         norm: "rms" for a QP on the squared distance, "max" for an LP on the largest.
@@ -111,11 +111,11 @@ class DualValue(NamedTuple):
 def dual_value(
     matrix: sparse.csr_array, limits: Array, multipliers: Array, reference: Array, room: Array
 ) -> DualValue:
-    """The numerator of (9): ``lambda (G y - g) - |G' lambda| room``, and ``G' lambda``.
+    """The numerator of (9): ``lambda (G y - b) - |G' lambda| room``, and ``G' lambda``.
 
     Args:
         matrix: G, shape (rows, unknowns).
-        limits: g, shape (rows,).
+        limits: b, shape (rows,).
         multipliers: lambda, shape (rows,): at least 0 where a row is an inequality.
         reference: y, shape (unknowns,).
         room: How far an unknown that is compared with nothing can be from y, shape (unknowns,); 0

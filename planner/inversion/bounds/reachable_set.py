@@ -42,7 +42,7 @@ class ReachableSet(NamedTuple):
 
     Attributes:
         matrix: G, shape (rows, ticks).
-        limits: g [rad], shape (rows,).
+        limits: b [rad], shape (rows,).
         sampled: Indices of the angles that are compared with the desired ones, shape (n,).
     """
 

@@ -67,7 +67,7 @@ class ScaledProblem:
     """A bound's problem in units of v_max a tick, with what its relaxations share.
 
     Attributes:
-        gain: k = v_max / theta_0 [1/tick].
+        gain: gamma = v_max / theta_0 [1/tick].
         desired: D [v_max ticks], shape (n,).
         incumbent: Error of a known plan, which a better response stays below [v_max ticks].
         norm: Which error.
@@ -198,7 +198,7 @@ class RelaxedSolution(NamedTuple):
         contributions: u, shape (pairs,).
         bound: No point of the relaxation has a smaller error, by (9) [v_max ticks].
         matrix: G, shape (rows, unknowns), the equations of motion first.
-        limits: g, shape (rows,).
+        limits: b, shape (rows,).
         multipliers: lambda, shape (rows,), the last ones those of the cuts.
         gradient: G' lambda at the samples, shape (n,).
         dual_value: The numerator of (9).
@@ -253,13 +253,13 @@ def conditions(
 
 
 def _cut_rows(problem: ScaledProblem, cuts: list[Cut]) -> sparse.csr_array:
-    """Rows p @ u - q @ x."""
+    """Rows nu @ u - xi @ x."""
     row = np.repeat(np.arange(len(cuts)), [2 * len(cut.window.angles) for cut in cuts])
     column = [
         np.concatenate([problem.ticks + cut.window.contributions, cut.window.angles])
         for cut in cuts
     ]
-    value = [np.concatenate([cut.hull.p, -cut.hull.q]) for cut in cuts]
+    value = [np.concatenate([cut.hull.nu, -cut.hull.xi]) for cut in cuts]
     return sparse.csr_array(
         (np.concatenate(value), (row, np.concatenate(column))), shape=(len(cuts), problem.size)
     )

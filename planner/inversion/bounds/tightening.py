@@ -37,10 +37,10 @@ class LocalProblem(NamedTuple):
     Attributes:
         place: Where each of the problem's unknowns is among the local ones; -1 where it is not.
         matrix: G, shape (rows, unknowns).
-        limits: g, shape (rows,).
-        cones: What g - G z lies in.
-        middle: m, the centre of a box that contains z, shape (unknowns,).
-        room: s, half the box's widths, shape (unknowns,).
+        limits: b, shape (rows,).
+        cones: What b - G z lies in.
+        middle: The centre of a box that contains z, shape (unknowns,).
+        room: Half the box's widths, shape (unknowns,).
     """
 
     place: Indices
@@ -94,7 +94,10 @@ def tighten(
 
 
 def proved_minima(local: LocalProblem, objectives: list[Array]) -> list[float]:
-    """A lower bound on ``b @ z`` for each objective b: (b + G' mu) m - |b + G' mu| s - mu g."""
+    """A lower bound on ``zeta @ z`` for each objective zeta, from the dual multipliers mu.
+
+    It is ``(zeta + G' mu) middle - |zeta + G' mu| room - mu b``.
+    """
     answers = minimise(objectives, local.matrix, local.limits, local.cones, tolerance=TOLERANCE)
     proved = []
     for objective, answer in zip(objectives, answers, strict=True):
@@ -139,7 +142,7 @@ def local_problem(
     equations = int(np.searchsorted(kept, problem.equations))
     multipliers = solution.multipliers[kept].copy()
     multipliers[:equations] = 0.0  # equations leave no slack
-    # lambda (g - G z) of the kept rows is at most the spare; weighted @ z + spare is what is left.
+    # lambda (b - G z) of the kept rows is at most the spare; weighted @ z + spare is what is left.
     weighted, spare = matrix.T @ multipliers, -float(multipliers @ limits)
     sampled = np.flatnonzero(near[problem.sampled])
     cones = Cones(equations, len(kept) - equations)

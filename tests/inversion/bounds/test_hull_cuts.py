@@ -45,20 +45,22 @@ def random_points(rng, requests, count=500):
 def test_no_request_and_no_angles_exceed_the_support(seed):
     rng = np.random.default_rng(seed)
     requests = random_set(rng)
-    p, q = rng.normal(size=(2, len(requests.lower)))
-    q *= rng.choice([0.0, 0.1, 1.0])
-    most = support(p, q, requests)
+    nu, xi = rng.normal(size=(2, len(requests.lower)))
+    xi *= rng.choice([0.0, 0.1, 1.0])
+    most = support(nu, xi, requests)
     for calls, angles in random_points(rng, requests):
-        assert p @ calls - q @ angles <= most.value + ROUNDING
+        assert nu @ calls - xi @ angles <= most.value + ROUNDING
 
 
 @given(st.integers(0, 2**32 - 1))
 def test_the_support_is_attained_at_a_point_of_the_set(seed):
     rng = np.random.default_rng(seed)
     requests = random_set(rng)
-    p, q = rng.normal(size=(2, len(requests.lower)))
-    most = support(p, q, requests)
-    np.testing.assert_allclose(p @ most.contributions - q @ most.angles, most.value, atol=ROUNDING)
+    nu, xi = rng.normal(size=(2, len(requests.lower)))
+    most = support(nu, xi, requests)
+    np.testing.assert_allclose(
+        nu @ most.contributions - xi @ most.angles, most.value, atol=ROUNDING
+    )
     assert np.all(most.angles >= requests.lower)
     assert np.all(most.angles <= requests.upper)
     _, distance = nearest_request(
@@ -77,9 +79,9 @@ def test_a_cut_takes_away_the_point_and_no_request(seed):
     cut = separate(calls, at, requests)
     if cut is None:
         return
-    assert cut.p @ calls - cut.q @ at > cut.limit
+    assert cut.nu @ calls - cut.xi @ at > cut.limit
     for others, angles in random_points(rng, requests):
-        assert cut.p @ others - cut.q @ angles <= cut.limit
+        assert cut.nu @ others - cut.xi @ angles <= cut.limit
 
 
 @given(st.integers(0, 2**32 - 1))
