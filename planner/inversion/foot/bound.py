@@ -1,8 +1,10 @@
 """How close to its path could a foot come? A lower bound for a whole leg (``docs/math.md``, (13a)).
 
-The joints move through the sets that bound each of them alone, and the foot's distance is not
-convex in their angles; but once multipliers have taken the place of the sets' conditions, the
-samples are apart, and a few angles are few enough to be searched for the least value, with proof.
+The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
+take the place of the conditions that tie a joint's angles to one another, so that the samples come
+apart; a leg's few angles at one sample are few enough for a search with proof. The multipliers are
+improved by a bundle method and, where that leaves a gap, the responses are split by branch and
+bound.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ import heapq
 import logging
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import NamedTuple
 
@@ -21,47 +24,58 @@ from planner.inversion.arguments import Norm
 from planner.inversion.bounds.reachable_set import reachable_set
 from planner.inversion.foot.bundle_method import (
     Column,
+    LagrangianRelaxation,
     Multipliers,
-    Relaxation,
-    best_known,
-    near_by,
-    nothing,
-    proved_by,
+    bundle_step,
+    dual_function,
+    stationary_point,
+    zero_multipliers,
 )
 from planner.inversion.foot.configuration_minima import Distance
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
-LEAST_ROUNDS, ROUNDS = 3, 12
-"""Sets of multipliers that are tried on long paths, and at most; three or four usually use up what
-there is to gain."""
-
 LONGEST = 1000
 """Samples of a path up to which a bound takes half a minute at most: it is told unasked."""
 
-LONGER, SHORTER, TRUSTED = 2.0, 0.5, 0.5
-"""How much farther, or less far, the next multipliers may be from the best ones, and from which
-share of the promised gain on they may."""
-
-WORTH_A_ROUND = 2e-3
-"""What a further round must promise, of the plan's squared error: half of it may be no more than
-what the search for minima leaves unproved."""
-
-EFFORT, ROUNDS_OF_A_PART = 1000, 3
-"""After how many samples searched, counted in every round, no part of the responses is cut in two
-any more [-], some seconds; and the most multipliers tried for a half."""
-
-OVERHEAD = 20
-"""What a round takes besides, for its multipliers [samples searched]."""
-
-NARROW = 0.05
-"""Spread of the angles that matter below which it does not say where to cut [of a part's side]."""
-
-CLOSE_ENOUGH = 0.05
-"""Share of the squared error left unproved from which on nothing is cut: 2.5 % of the error."""
-
 ATTAINED = 1e-5
 """Error below which a foot is where it should be, and no bound is asked for [of a leg's length]."""
+
+
+@dataclass(frozen=True)
+class FootBoundOptions:
+    """How long the bundle method improves multipliers, and the search splits what is left.
+
+    Attributes:
+        effort: Samples searched, counted in every round, after which nothing is split any more [-]:
+            some seconds.
+        overhead: What a round costs besides, for its multipliers [samples searched].
+        least_rounds: Rounds of the bundle method at the root for long paths [-].
+        most_rounds: Rounds at the root for short ones [-]; three or four usually gain all there is.
+        rounds: Rounds at every other node [-].
+        shrink: Factor of the step length after a null step [-], as bundle methods have it. That a
+            step which gains most of what was predicted lengthened the next one lost 22 and 0.4 % on
+            two of seven paths and gained 0.01 % on one.
+        gain: Predicted gain of a round below which there is none [of the plan's squared error];
+            half of it may be no more than what the search for minima leaves unproved.
+        gap: Share of the squared error left unproved from which on nothing is split [-]: 2.5 % of
+            the error.
+        spread: Spread of the columns' angles below which the widest side is split instead [of that
+            side]; without the rule three of seven bounds are 9 to 89 % lower.
+    """
+
+    effort: int = 1000
+    overhead: int = 20
+    least_rounds: int = 3
+    most_rounds: int = 12
+    rounds: int = 3
+    shrink: float = 0.5
+    gain: float = 2e-3
+    gap: float = 0.05
+    spread: float = 0.05
+
+
+OPTIONS = FootBoundOptions()
 
 
 def foot_bound(
@@ -109,25 +123,29 @@ def foot_bound(
         reachable_set(model, len(wanted), cyclic=cyclic, level="envelope", start=each)
         for model, each in zip(models, starts, strict=True)
     ]
-    task = Relaxation(distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0)))
-    away = how_far_apart(models, len(wanted), cyclic=cyclic)
-    squared = _searched(task, away, near_by(task, np.clip(angles, lower, upper)))
+    relaxation = LagrangianRelaxation(
+        distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
+    )
+    away = largest_distances(models, len(wanted), cyclic=cyclic)
+    squared = _branch_and_bound(
+        relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
+    )
     return known * math.sqrt(min(squared, 1.0))
 
 
-class Part(NamedTuple):
+class Node(NamedTuple):
     """The responses whose angles at the middle sample are in a box, and what is proved of them.
 
     Attributes:
-        proved: No response of them has a smaller squared error.
+        bound: No response of them has a smaller squared error.
         lower: Least angles at the middle sample [rad], (k,).
         upper: Greatest angles there [rad], (k,).
         multipliers: Those that prove it.
-        columns: Angles that are known to matter.
+        columns: Angles that minimised (13a) under some multipliers.
         effort: Samples that were searched, counted in every round, and what else rounds take.
     """
 
-    proved: float
+    bound: float
     lower: Array
     upper: Array
     multipliers: Multipliers
@@ -135,89 +153,88 @@ class Part(NamedTuple):
     effort: int = 0
 
 
-def _searched(task: Relaxation, away: Array, first: tuple[Array, Multipliers]) -> float:
-    """The least of what is proved about parts that are all responses together."""
+def _branch_and_bound(
+    relaxation: LagrangianRelaxation, away: Array, first: tuple[Array, Multipliers]
+) -> float:
+    """The least bound of nodes that are all responses together."""
     middle = len(away) // 2
     angles, multipliers = first
-    whole = Part(
+    every = Node(
         0.0,
-        task.distance.lower[middle],
-        task.distance.upper[middle],
+        relaxation.distance.lower[middle],
+        relaxation.distance.upper[middle],
         multipliers,
-        (Column(angles, task.distance.squared(angles)),),
+        (Column(angles, relaxation.distance.squared(angles)),),
     )
     order = count()
-    affordable = EFFORT // task.samples
-    part = _improved(task, whole, min(max(affordable, LEAST_ROUNDS), ROUNDS))
-    parts = [(part.proved, next(order), part)]
-    effort = part.effort
-    while parts[0][0] < 1.0 - CLOSE_ENOUGH and effort < EFFORT:
-        _, _, part = heapq.heappop(parts)
-        for half in _halves(part):
-            proved = _improved(_within(task, half, away), half, ROUNDS_OF_A_PART)
-            effort += proved.effort
-            heapq.heappush(parts, (proved.proved, next(order), proved))
+    affordable = OPTIONS.effort // relaxation.samples
+    rounds = min(max(affordable, OPTIONS.least_rounds), OPTIONS.most_rounds)
+    node = _improved(relaxation, every, rounds)
+    nodes = [(node.bound, next(order), node)]
+    effort = node.effort
+    while nodes[0][0] < 1.0 - OPTIONS.gap and effort < OPTIONS.effort:
+        _, _, node = heapq.heappop(nodes)
+        for half in _split(node):
+            child = _improved(_restricted(relaxation, half, away), half, OPTIONS.rounds)
+            effort += child.effort
+            heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
-        "foot bound: %.5f of the squared error proved in %d parts", parts[0][0], len(parts)
+        "foot bound: %.5f of the squared error proved by %d nodes", nodes[0][0], len(nodes)
     )
-    return parts[0][0]
+    return nodes[0][0]
 
 
-def _halves(part: Part) -> list[Part]:
-    """The part cut in two between the angles at the middle sample that are farthest apart."""
-    middle = len(part.columns[0].angles) // 2
-    known = np.clip([column.angles[middle] for column in part.columns], part.lower, part.upper)
+def _split(node: Node) -> list[Node]:
+    """The node split in two, halfway between the columns' angles that are farthest apart."""
+    middle = len(node.columns[0].angles) // 2
+    known = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
     joint = int(np.argmax(np.ptp(known, axis=0)))
-    if np.ptp(known[:, joint]) <= NARROW * (part.upper[joint] - part.lower[joint]):
-        joint = int(np.argmax(part.upper - part.lower))
-        known = np.array([part.lower, part.upper])
-    cut = (np.min(known[:, joint]) + np.max(known[:, joint])) / 2.0
-    first, second = part.upper.copy(), part.lower.copy()
-    first[joint] = second[joint] = cut
-    return [part._replace(upper=first), part._replace(lower=second)]
+    if np.ptp(known[:, joint]) <= OPTIONS.spread * (node.upper[joint] - node.lower[joint]):
+        joint = int(np.argmax(node.upper - node.lower))
+        known = np.array([node.lower, node.upper])
+    value = (np.min(known[:, joint]) + np.max(known[:, joint])) / 2.0
+    first, second = node.upper.copy(), node.lower.copy()
+    first[joint] = second[joint] = value
+    return [node._replace(upper=first), node._replace(lower=second)]
 
 
-def _within(task: Relaxation, part: Part, away: Array) -> Relaxation:
-    """The task with no more room than the part leaves: ``away`` is how far joints go, (n, k)."""
-    lower = np.maximum(task.distance.lower, part.lower - away)
-    upper = np.maximum(np.minimum(task.distance.upper, part.upper + away), lower)
-    return task._replace(distance=task.distance._replace(lower=lower, upper=upper))
+def _restricted(relaxation: LagrangianRelaxation, node: Node, away: Array) -> LagrangianRelaxation:
+    """The relaxation over a node's angles: ``away`` is how far joints go, (n, k)."""
+    distance = relaxation.distance
+    lower = np.maximum(distance.lower, node.lower - away)
+    upper = np.maximum(np.minimum(distance.upper, node.upper + away), lower)
+    return relaxation._replace(distance=distance._replace(lower=lower, upper=upper))
 
 
-def _improved(task: Relaxation, part: Part, rounds: int) -> Part:
-    """The part with what some rounds prove, each with multipliers that the last one suggests."""
-    columns = [
-        Column(angles, task.distance.squared(angles))
-        for angles in (
-            np.clip(column.angles, task.distance.lower, task.distance.upper)
-            for column in part.columns
-        )
-    ]
-    multipliers, proved, promised, stride = part.multipliers, -math.inf, math.inf, 1.0
+def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node:
+    """The node after some rounds of the bundle method, begun at its multipliers."""
+    distance = relaxation.distance
+    inside = (np.clip(each.angles, distance.lower, distance.upper) for each in node.columns)
+    columns = [Column(angles, distance.squared(angles)) for angles in inside]
+    multipliers, bound, predicted, step = node.multipliers, -math.inf, math.inf, 1.0
     centre = multipliers
     for turn in range(rounds):
-        value, where = proved_by(task, multipliers, columns[0].angles)
+        value, angles = dual_function(relaxation, multipliers, columns[0].angles)
         logging.getLogger(__name__).debug(
-            "foot bound: round %d proves %.5f of %.5f", turn + 1, value, promised
+            "foot bound: round %d proves %.5f of %.5f", turn + 1, value, predicted
         )
-        if turn:
-            kept = (value - proved) / (promised - proved)
-            stride *= LONGER if kept > TRUSTED else SHORTER if kept < 0.0 else 1.0
-        if value > proved:
-            centre, proved = multipliers, value
-        columns.append(Column(where, task.distance.squared(where)))
-        if proved >= 1.0 or turn + 1 == rounds:
+        if value > bound:
+            centre, bound = multipliers, value
+        else:
+            step *= OPTIONS.shrink
+        columns.append(Column(angles, distance.squared(angles)))
+        if bound >= 1.0 or turn + 1 == rounds:
             break
-        multipliers, promised = best_known(task, columns, centre, stride=stride)
-        if promised - max(proved, 0.0) < WORTH_A_ROUND:
+        multipliers, predicted = bundle_step(relaxation, columns, centre, step=step)
+        if predicted - max(bound, 0.0) < OPTIONS.gain:
             break
-    if proved < 0.0:  # less than the distance from the path of any pose at all
-        proved, _ = proved_by(task, nothing(task), columns[0].angles)
-    return part._replace(
-        proved=max(part.proved, proved),
+    if bound < 0.0:  # less than without the joints' conditions
+        bound, _ = dual_function(relaxation, zero_multipliers(relaxation), columns[0].angles)
+    return node._replace(
+        bound=max(node.bound, bound),
         multipliers=centre,
         columns=tuple(columns),
-        effort=(turn + 1) * (task.samples + OVERHEAD),
+        effort=(turn + 1) * (relaxation.samples + OPTIONS.overhead),
     )
 
 
@@ -256,7 +273,7 @@ def within_reach(
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
 
 
-def how_far_apart(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
+def largest_distances(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
     """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
     apart = np.abs(np.arange(samples) - samples // 2)
     if cyclic:

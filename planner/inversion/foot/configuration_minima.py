@@ -1,4 +1,4 @@
-"""Proved minima of a foot's squared distance plus a linear pull on the joints, sample by sample.
+"""Proved minima of a foot's squared distance plus a linear term in the angles, sample by sample.
 
 A branch and bound in the angles of a leg: a box of angles is cut into cells, and a cell is halved
 along every joint as long as it may hold less than the least value found (``docs/math.md``, (13b)).
@@ -78,14 +78,14 @@ class Minima(NamedTuple):
 
 
 def minima(
-    distance: Distance, shares: Array, pulls: Array, guesses: Array, *, tolerance: float
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, *, tolerance: float
 ) -> Minima:
-    """The least of ``share * squared distance + pull @ angles`` over the box, for every sample.
+    """The least of ``weight * squared distance + slope @ angles`` over the box, for every sample.
 
     Args:
         distance: The foot's, and the box of angles.
-        shares: Weights of the samples, 0 or more, shape (n,).
-        pulls: Linear terms [1/rad], shape (n, k).
+        weights: Weights of the samples, 0 or more, shape (n,).
+        slopes: Linear terms [1/rad], shape (n, k).
         guesses: Angles in the box that may be good [rad], shape (n, k).
         tolerance: How far below the least value found a bound may stay.
 
@@ -99,14 +99,14 @@ def minima(
                 upper=distance.upper[part],
                 wanted=distance.wanted[part],
             ),
-            shares[part],
-            pulls[part],
+            weights[part],
+            slopes[part],
             guesses[part],
             tolerance,
         )
         for part in (
             slice(first, first + SAMPLES_AT_ONCE)
-            for first in range(0, len(shares), SAMPLES_AT_ONCE)
+            for first in range(0, len(weights), SAMPLES_AT_ONCE)
         )
     ]
     proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
@@ -114,25 +114,27 @@ def minima(
 
 
 def _block(
-    distance: Distance, shares: Array, pulls: Array, guesses: Array, tolerance: float
+    distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
 ) -> Minima:
     target = distance.wanted * distance.scale
     owner, half, centres = _first_cells(distance)
     angles = guesses.copy()
-    least = shares * distance.squared(angles) + np.sum(pulls * angles, axis=1)
+    least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
     for _ in range(MOST_HALVINGS):
         positions, jacobians = distance.errors(centres)
         errors = positions - target[owner]
-        values = shares[owner] * np.sum(errors**2, axis=1) + np.sum(pulls[owner] * centres, axis=1)
-        _note_least(owner, values, centres, least, angles)
-        depths = _depth(
+        values = weights[owner] * np.sum(errors**2, axis=1) + np.sum(
+            slopes[owner] * centres, axis=1
+        )
+        _update_least(owner, values, centres, least, angles)
+        depths = _depths(
             errors,
             jacobians,
-            shares[owner],
-            pulls[owner],
+            weights[owner],
+            slopes[owner],
             half[owner],
-            _bend(distance, half)[owner],
+            _linearisation_error(distance, half)[owner],
         )
         bounds = values - depths
         is_open = ~(bounds >= least[owner] - tolerance)
@@ -166,7 +168,7 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     return owner, half, centres.reshape(-1, len(count))
 
 
-def _note_least(
+def _update_least(
     owner: npt.NDArray[np.intp], values: Array, centres: Array, least: Array, angles: Array
 ) -> None:
     """Write down, for every sample that has cells, the least value if it is a new one."""
@@ -178,31 +180,31 @@ def _note_least(
     least[owner[winners]], angles[owner[winners]] = values[winners], centres[winners]
 
 
-def _bend(distance: Distance, half: Array) -> Array:
+def _linearisation_error(distance: Distance, half: Array) -> Array:
     """How far the foot can be, within a cell, from where its derivatives say, scaled: (n,)."""
     beyond = np.linalg.norm(
         np.vstack([distance.chain.translations[1:], distance.chain.tip]), axis=1
     )
     reach = np.cumsum(beyond[::-1])[::-1]  # of the foot from each joint
     outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
-    bend: Array = np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale)
-    return bend
+    curved: Array = np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale)
+    return curved
 
 
-def _depth(
-    errors: Array, jacobians: Array, shares: Array, pulls: Array, half: Array, bend: Array
+def _depths(
+    errors: Array, jacobians: Array, weights: Array, slopes: Array, half: Array, curved: Array
 ) -> Array:
     """How far below the value at its centre the least value in a cell can be: (13b)."""
-    slopes = 2.0 * shares[:, np.newaxis] * np.einsum("mik,mi->mk", jacobians, errors) + pulls
-    along = np.sum(np.abs(slopes) * half, axis=1)
-    hessians = shares[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)
+    gradients = 2.0 * weights[:, np.newaxis] * np.einsum("mik,mi->mk", jacobians, errors) + slopes
+    along = np.sum(np.abs(gradients) * half, axis=1)
+    hessians = weights[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)
     steepness = np.trace(hessians, axis1=1, axis2=2) + along
     ridge = np.maximum(RIDGE * steepness, np.finfo(float).tiny)
     hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(half.shape[1])
-    newton = np.linalg.solve(hessians, slopes[..., np.newaxis])[..., 0]
-    bowl = np.sum(slopes * newton, axis=1) / 4.0 + ridge * np.sum(half**2, axis=1)
+    newton = np.linalg.solve(hessians, gradients[..., np.newaxis])[..., 0]
+    bowl = np.sum(gradients * newton, axis=1) / 4.0 + ridge * np.sum(half**2, axis=1)
     farthest = np.linalg.norm(errors, axis=1) + np.sum(
         np.linalg.norm(jacobians, axis=1) * half, axis=1
     )
-    depth: Array = np.minimum(along, bowl) + 2.0 * shares * farthest * bend
+    depth: Array = np.minimum(along, bowl) + 2.0 * weights * farthest * curved
     return depth

@@ -68,7 +68,7 @@ def violation(problem, node, point, requests):
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(
     model=models(),
     requests=trajectories(least=4, most=9, reach=0.5),
