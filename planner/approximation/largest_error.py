@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import numpy as np
 
 from planner.approximation.links_on_samples import fewest_links_on, stride
-from planner.approximation.minimum_link import Course, Gates, cut, gates_of, minimum_link
+from planner.approximation.minimum_link import Course, Gates, fewest_links
+from planner.approximation.minimum_link_cycle import fewest_links_around
 from planner.approximation.problem import BARELY_SHORT, Candidate, Problem, candidate, distances
 from planner.approximation.slope_projection import attainable_error
 from planner.approximation.tube_least_squares import least_squares_within
@@ -128,12 +132,120 @@ def fewest_segments(problem: Problem, bound: float) -> Course | None:
     else:
         required = [float(place) for place in problem.required[:1]]
         cuts = required or (np.unique(np.rint(course.knots)) % problem.samples).tolist()[:CUTS]
-        cycles = [cut(problem, bound, place, path) for place in cuts]
+        cycles = [_cut(problem, bound, place, path) for place in cuts]
         found = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
     if found is None:
         return None
     exact = problem.on_samples and not problem.cyclic and apart == 1
     return found if exact else found._replace(fewest=course.fewest)
+
+
+def minimum_link(problem: Problem, bound: float) -> Course:
+    """The curve of fewest segments with no error above ``bound``; O(n).
+
+    Args:
+        problem: What to approximate. Its weights, ``shortest`` and ``on_samples`` do not count.
+        bound: Largest error at any sample, which slopes within the bound can keep.
+
+    Returns:
+        The curve. It has as few segments as possible; a cycle with required knots at most one more.
+        All segments of a path are a sample long or longer if required knots lie on samples, and
+        those of a cycle nearly always.
+    """
+    if not problem.cyclic:
+        return fewest_links(*gates_of(problem, bound))
+    if problem.required.size:
+        cycle = _cut(problem, bound, float(problem.required[0]), fewest_links)
+        assert cycle is not None, "slopes within the bound can pass the gates"
+        return cycle
+    gates, _ = gates_of(problem, bound)
+    least, most = max(gates.lower), min(gates.upper)
+    if least <= most:
+        return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
+    cycle = fewest_links_around(gates)
+    if cycle is None:
+        cycle = _cut(problem, bound, 0.0, fewest_links)
+        assert cycle is not None, "slopes within the bound can pass the gates"
+    return cycle
+
+
+def gates_of(
+    problem: Problem,
+    bound: float,
+    *,
+    start: float = 0.0,
+    ends: tuple[float, float] | None = None,
+) -> tuple[Gates, list[int]]:
+    """Gates at samples and required knots, and the numbers of the latter, ends left out.
+
+    Args:
+        problem: What to approximate.
+        bound: Largest error at any sample.
+        start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
+        ends: Least and largest value there; by default, a cycle is not cut.
+    """
+    n = problem.samples
+    places = np.arange(n)
+    required, pins = problem.required, problem.pins
+    if ends is not None:
+        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
+        required = np.where(required > start, required, required + n)
+    every = np.unique(
+        np.concatenate([places, required, [] if ends is None else [start, start + n]])
+    )
+    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
+    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
+    desired = problem.desired[places % n]
+    lower[samples], upper[samples] = desired - bound, desired + bound
+    pinned = np.isfinite(pins)
+    lower[knots[pinned]] = upper[knots[pinned]] = pins[pinned]
+    if ends is not None:
+        lower[[0, -1]], upper[[0, -1]] = ends
+    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
+    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
+
+
+def _cut(
+    problem: Problem, bound: float, place: float, path: Callable[[Gates, list[int]], Course | None]
+) -> Course | None:
+    """A cycle with a knot at a place, as a path from there back to it.
+
+    A path whose ends are free needs no more segments; one that comes back to where it began takes
+    at most one more.
+
+    Args:
+        problem: What to approximate, a cycle.
+        bound: Largest error at any sample.
+        place: Where to cut.
+        path: What finds a path through gates with knots at some of them.
+
+    Returns:
+        The cycle, its ``fewest`` for any place where no knot is required; None if ``path`` finds
+        none.
+    """
+    n = problem.samples
+    pinned = np.isfinite(problem.pins)
+    places = np.append(np.arange(n), problem.required[pinned])
+    away = np.abs(places - place)
+    reach = problem.step * np.minimum(away, n - away)
+    lower = np.append(problem.desired - bound, problem.pins[pinned]) - reach
+    upper = np.append(problem.desired + bound, problem.pins[pinned]) + reach
+    least, most = float(np.max(lower)), float(np.min(upper))
+    here = problem.required == place
+    free = path(*gates_of(problem, bound, start=place, ends=(least, most)))
+    if free is None:
+        return free
+    starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
+    closed = [
+        path(*gates_of(problem, bound, start=place, ends=(value, value)))
+        for value in (*starts, 0.5 * sum(starts))
+    ]
+    cycles = [course for course in closed if course is not None]
+    if not cycles:
+        return closed[0]
+    best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
+    fewest = free.fewest - (not np.any(here))
+    return Course(best.knots[:-1], best.values[:-1], fewest)
 
 
 def _segments(problem: Problem, course: Course) -> int:

@@ -1,30 +1,25 @@
-"""The fewest segments of a curve within a largest error: a minimum-link path through gates.
+"""The path of fewest segments through gates: a minimum-link path.
 
-Every sample k is a gate, the angles from d_k - e to d_k + e, and a curve of slopes within ±v must
-pass all of them (:ref:`docs/math.md`, section 4). The greedy algorithm is exact for paths: of all
-lines that pass the gates from the first on as far as any line can, the one that comes closest to
-the gate that all of them miss is kept, and the next line begins where it crosses that one. Whether
-a line is left is decided by two extreme lines, the highest and the lowest at all later gates; each
-touches the convex hull of the ends of gates behind it, so that a gate costs O(1) on average.
+A gate is an interval of values at a place, and the path must pass all of them with slopes within
+±v. The greedy algorithm is exact (docs/math.md, section 4): of the lines that pass the gates as far
+as any line can, the one that comes closest to the gate that all of them miss is kept, and the next
+line begins where it crosses that one. Which lines there are is known from two extreme ones, the
+highest and the lowest at all later gates. Each touches a convex hull of ends of gates behind it, so
+that a gate costs O(1) on average. All decisions compare numbers one by one; none hangs on a sum.
 
-Sources: minimum-link paths, Suri (1986), Imai and Iri (1986), Guibas, Hershberger, Mitchell and
-Snoeyink (1993, "ordered stabbing"); the extreme lines, O'Rourke (1981). Cycles as in minimum nested
-polygons, Aggarwal, Booth, O'Rourke, Suri and Yap (1989).
+Sources: Suri (1986), Imai and Iri (1986), and Guibas, Hershberger, Mitchell and Snoeyink (1993),
+whose ordered stabbing this is, for minimum-link paths; O'Rourke (1981) for the extreme lines.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.problem import BARELY_SHORT, Problem
 from planner.trajectory import Array
-
-EAVES = 8
-"""Eaves from which a cycle with no short segment is sought."""
 
 
 class Course(NamedTuple):
@@ -44,110 +39,6 @@ class Course(NamedTuple):
         """Length of its shortest segment; of a cycle, with its period [samples]."""
         end = [] if period is None else [self.knots[0] + period]
         return float(np.min(np.diff(np.append(self.knots, end)), initial=math.inf))
-
-
-def minimum_link(problem: Problem, bound: float) -> Course:
-    """The curve of fewest segments with no error above ``bound``; O(n).
-
-    Args:
-        problem: What to approximate. Its weights, ``shortest`` and ``on_samples`` do not count.
-        bound: Largest error at any sample, which slopes within the bound can keep.
-
-    Returns:
-        The curve. It has as few segments as possible; a cycle with required knots at most one more.
-        All segments of a path are a sample long or longer if required knots lie on samples, and
-        those of a cycle nearly always.
-    """
-    if not problem.cyclic:
-        return fewest_links(*gates_of(problem, bound))
-    if problem.required.size:
-        cycle = cut(problem, bound, float(problem.required[0]), fewest_links)
-        assert cycle is not None, "slopes within the bound can pass the gates"
-        return cycle
-    gates, _ = gates_of(problem, bound)
-    least, most = max(gates.lower), min(gates.upper)
-    if least <= most:
-        return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
-    return fewest_links_around(gates)
-
-
-def gates_of(
-    problem: Problem,
-    bound: float,
-    *,
-    start: float = 0.0,
-    ends: tuple[float, float] | None = None,
-) -> tuple[Gates, list[int]]:
-    """Gates at samples and required knots, and the numbers of the latter, ends left out.
-
-    Args:
-        problem: What to approximate.
-        bound: Largest error at any sample.
-        start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
-        ends: Least and largest value there; by default, a cycle is not cut.
-    """
-    n = problem.samples
-    places = np.arange(n)
-    required, pins = problem.required, problem.pins
-    if ends is not None:
-        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
-        required = np.where(required > start, required, required + n)
-    every = np.unique(
-        np.concatenate([places, required, [] if ends is None else [start, start + n]])
-    )
-    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
-    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
-    desired = problem.desired[places % n]
-    lower[samples], upper[samples] = desired - bound, desired + bound
-    pinned = np.isfinite(pins)
-    lower[knots[pinned]] = upper[knots[pinned]] = pins[pinned]
-    if ends is not None:
-        lower[[0, -1]], upper[[0, -1]] = ends
-    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
-    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
-
-
-def cut(
-    problem: Problem, bound: float, place: float, path: Callable[[Gates, list[int]], Course | None]
-) -> Course | None:
-    """A cycle with a knot at a place, as a path from there back to it.
-
-    A path whose ends are free needs no more segments; one that comes back to where it began takes
-    at most one more.
-
-    Args:
-        problem: What to approximate, a cycle.
-        bound: Largest error at any sample.
-        place: Where to cut.
-        path: What finds a path through gates with knots at some of them.
-
-    Returns:
-        The cycle, its ``fewest`` for any place where no knot is required; None if ``path`` finds
-        none.
-    """
-    n = problem.samples
-    pinned = np.isfinite(problem.pins)
-    places = np.append(np.arange(n), problem.required[pinned])
-    away = np.abs(places - place)
-    reach = problem.step * np.minimum(away, n - away)
-    lower = np.append(problem.desired - bound, problem.pins[pinned]) - reach
-    upper = np.append(problem.desired + bound, problem.pins[pinned]) + reach
-    least, most = float(np.max(lower)), float(np.min(upper))
-    here = problem.required == place
-    free = path(*gates_of(problem, bound, start=place, ends=(least, most)))
-    if free is None:
-        return free
-    starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
-    closed = [
-        path(*gates_of(problem, bound, start=place, ends=(value, value)))
-        for value in (*starts, 0.5 * sum(starts))
-    ]
-    cycles = [course for course in closed if course is not None]
-    if not cycles:
-        return closed[0]
-    best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
-    fewest = free.fewest - (not np.any(here))
-    return Course(best.knots[:-1], best.values[:-1], fewest)
 
 
 class Gates(NamedTuple):
@@ -203,93 +94,6 @@ class LastLines(NamedTuple):
 
     highest: Line
     lowest: Line
-
-
-class Extreme:
-    """Of the lines above all lower ends and below all upper ends, the one that is highest later on.
-
-    It goes through an upper end and, unless its slope is the largest, through a lower end before
-    it. Mirrored, the same serves for the lowest.
-    """
-
-    def __init__(self, slope: float) -> None:
-        """No gate so far: it is infinitely high."""
-        self.line = Line(0.0, math.inf, 0.0)
-        self.touched, self.before = -1, -1
-        self._slope = slope
-        self._hull: list[tuple[float, float, int]] = []  # lower ends, a concave chain
-        self._first = 0  # ends before it will not be touched again
-
-    def tighten(self, gate: int, place: float, upper: float) -> None:
-        """Turn the line down to an upper end below it."""
-        hull, k = self._hull, self._first
-        slope, before = self._slope, -1
-        if k < len(hull):
-            x, y, _ = hull[k]
-            tangent = (upper - y) / (place - x)
-            while k + 1 < len(hull):
-                x, y, _ = hull[k + 1]
-                further = (upper - y) / (place - x)
-                if further > tangent:
-                    break
-                tangent, k = further, k + 1
-            self._first = k
-            if tangent < slope:
-                slope, before = tangent, hull[k][2]
-        self.line = Line(place, upper, slope)
-        self.touched, self.before = gate, before
-
-    def add(self, gate: int, place: float, lower: float) -> None:
-        """Keep a lower end for later tangents."""
-        hull = self._hull
-        while len(hull) - self._first >= 2:
-            (x1, y1, _), (x2, y2, _) = hull[-2], hull[-1]
-            if (y2 - y1) * (place - x2) > (lower - y2) * (x2 - x1):
-                break
-            hull.pop()
-        hull.append((place, lower, gate))
-
-
-def next_link(
-    gates: Gates, start: int, last: int, *, half: int = -1, rising: bool = False
-) -> Link | LastLines:
-    """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
-
-    Args:
-        gates: All gates.
-        start: The first gate that counts, the one that the link before touched last.
-        last: The last gate that counts.
-        half: The last gate that the link before passes. Up to it, only the ends away from that link
-            count: on the near side the line is beyond it before they cross.
-        rising: Whether the link before is rising.
-    """
-    places, lowers, uppers, slope = gates
-    highest, lowest = Extreme(slope), Extreme(slope)
-    for k in range(start, last + 1):
-        place, lower, upper = places[k], lowers[k], uppers[k]
-        if k <= half:
-            lower, upper = (-math.inf, upper) if rising else (lower, math.inf)
-        top, bottom = highest.line.at(place), -lowest.line.at(place)
-        if top < lower and highest.before < 0:  # by rounding, as slopes within the bound can pass
-            lower = top
-        if bottom > upper and lowest.before < 0:
-            upper = bottom
-        if top < lower:
-            return Link(highest.line, True, highest.touched, highest.before, k - 1)
-        if bottom > upper:
-            at, value, steepness = lowest.line
-            line = Line(at, -value, -steepness)
-            return Link(line, False, lowest.touched, lowest.before, k - 1)
-        if upper < top:
-            highest.tighten(k, place, upper)
-        if lower > bottom:
-            lowest.tighten(k, place, -lower)
-        if lower > -math.inf:
-            highest.add(k, place, lower)
-        if upper < math.inf:
-            lowest.add(k, place, -upper)
-    at, value, steepness = lowest.line
-    return LastLines(highest.line, Line(at, -value, -steepness))
 
 
 def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
@@ -377,7 +181,7 @@ def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastL
     place = gates.places[last]  # missed by a rounding error
     top, bottom = lines.highest.at(place), lines.lowest.at(place)
     share = (gates.lower[last] - bottom) / (top - bottom) if top > bottom else 0.5
-    through = _between(lines, gates.places[first], min(max(share, 0.0), 1.0))
+    through = line_between(lines, gates.places[first], min(max(share, 0.0), 1.0))
     return LastLines(through, through)
 
 
@@ -385,10 +189,11 @@ def _final(links: list[Link], lines: LastLines, place: float) -> Line:
     """The last line: the one that crosses the line before it first, else that in the middle."""
     if links:
         return lines.lowest if links[-1].rising else lines.highest
-    return _between(lines, place, 0.5)
+    return line_between(lines, place, 0.5)
 
 
-def _between(lines: LastLines, place: float, share: float) -> Line:
+def line_between(lines: LastLines, place: float, share: float) -> Line:
+    """The line at a share of the way from the lowest to the highest one."""
     top, bottom = lines
     value = (1.0 - share) * bottom.at(place) + share * top.at(place)
     return Line(place, value, (1.0 - share) * bottom.slope + share * top.slope)
@@ -397,10 +202,10 @@ def _between(lines: LastLines, place: float, share: float) -> Line:
 def _crossing(gates: Gates, link: Link, line: Line) -> float:
     """Where a line takes over from the one of ``link``."""
     least, most = gates.places[link.touched], gates.places[link.end + 1]
-    return _meeting(link.line, line, least, most)
+    return meeting(link.line, line, least, most)
 
 
-def _meeting(first: Line, second: Line, least: float, most: float) -> float:
+def meeting(first: Line, second: Line, least: float, most: float) -> float:
     """Where two lines cross, which is known to be between two places."""
     place, value, slope = first
     turn = slope - second.slope
@@ -409,134 +214,88 @@ def _meeting(first: Line, second: Line, least: float, most: float) -> float:
     return min(max(place + (second.at(place) - value) / turn, least), most)
 
 
-def fewest_links_around(gates: Gates) -> Course:
-    """The cycle of fewest segments through gates that repeat themselves; O(number of gates).
-
-    Where the path through the same gates over and over keeps a line above a gate that it misses
-    after one below, or the reverse, every cycle crosses the second line three times on different
-    segments: such a line is an eave (Ghosh and Maheshwari), and some cycle of fewest segments
-    contains it. So the cycle goes on from an eave until it can be joined a turn later.
+def next_link(
+    gates: Gates, start: int, last: int, *, half: int = -1, rising: bool = False
+) -> Link | LastLines:
+    """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
 
     Args:
-        gates: Gates of one turn, one sample apart, which no constant passes.
-
-    Returns:
-        The cycle. Of those of several eaves, one whose segments are a sample long or longer if one
-        of the first :data:`EAVES` has such a cycle.
+        gates: All gates.
+        start: The first gate that counts, the one that the link before touched last.
+        last: The last gate that counts.
+        half: The last gate that the link before passes. Up to it, only the ends away from that link
+            count: on the near side the line is beyond it before they cross.
+        rising: Whether the link before is rising.
     """
-    n = len(gates.places)
-    around = Gates(
-        [float(k) for k in range(5 * n)], list(gates.lower) * 5, list(gates.upper) * 5, gates.slope
-    )
-    found: list[Course] = []
-    before, turn = _first(around, 0), 0
-    while len(found) < 3 * EAVES and turn < 3:
-        turn = before.touched // n
-        own = _later(before, -n * turn)
-        link = _later(_after(around, own), n * turn)
-        if link.rising != before.rising:
-            eave = _later(link, n * (1 - link.before // n))
-            lines, joints, last = _closed(around, n, eave)
-            for line in (last.highest, last.lowest, _between(last, joints[-1].touched, 0.5)):
-                cycle = _around([*lines, line, _later(eave, n).line], joints, n)
-                found.append(_turned(cycle, n))
-                if found[-1].shortest(n) >= 1.0 - BARELY_SHORT:
-                    return found[-1]
-        before = link
-    return max(found, key=lambda cycle: cycle.shortest(n))
+    places, lowers, uppers, slope = gates
+    highest, lowest = Extreme(slope), Extreme(slope)
+    for k in range(start, last + 1):
+        place, lower, upper = places[k], lowers[k], uppers[k]
+        if k <= half:
+            lower, upper = (-math.inf, upper) if rising else (lower, math.inf)
+        top, bottom = highest.line.at(place), -lowest.line.at(place)
+        if top < lower and highest.before < 0:  # by rounding: slopes within the bound can pass
+            lower = top
+        if bottom > upper and lowest.before < 0:
+            upper = bottom
+        if top < lower:
+            return Link(highest.line, True, highest.touched, highest.before, k - 1)
+        if bottom > upper:
+            at, value, steepness = lowest.line
+            line = Line(at, -value, -steepness)
+            return Link(line, False, lowest.touched, lowest.before, k - 1)
+        if upper < top:
+            highest.tighten(k, place, upper)
+        if lower > bottom:
+            lowest.tighten(k, place, -lower)
+        if lower > -math.inf:
+            highest.add(k, place, lower)
+        if upper < math.inf:
+            lowest.add(k, place, -upper)
+    at, value, steepness = lowest.line
+    return LastLines(highest.line, Line(at, -value, -steepness))
 
 
-def _first(around: Gates, start: int) -> Link:
-    link = next_link(around, start, len(around.places) - 1)
-    assert isinstance(link, Link), "a line that is no constant misses a gate within two turns"
-    return link
+class Extreme:
+    """Of the lines above all lower ends and below all upper ends, the one that is highest later on.
 
-
-def _after(around: Gates, link: Link) -> Link:
-    after = next_link(
-        around, link.touched, len(around.places) - 1, half=link.end, rising=link.rising
-    )
-    assert isinstance(after, Link), "a line that is no constant misses a gate within two turns"
-    return after
-
-
-def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], LastLines]:
-    """The lines from an eave until it can be joined a turn later, where they cross, and the last.
-
-    A line joins it between the gate that it misses and the one that it touches first. Of the gates
-    in between, only the ends away from the missed one count.
-
-    Args:
-        around: Gates of several turns.
-        n: Gates of a turn.
-        eave: The line, the gate that it touches first in the second turn.
+    It goes through an upper end and, unless its slope is the largest, through a lower end before
+    it. Mirrored, the same serves for the lowest.
     """
-    missed = eave.before - 1
-    while around.lower[missed] <= eave.line.at(missed) <= around.upper[missed]:
-        missed -= 1
-    target = _later(eave, n)
-    last, free = target.before, slice(missed + n + 1, target.before + 1)
-    lower, upper = list(around.lower[: last + 1]), list(around.upper[: last + 1])
-    ends, far = (upper, math.inf) if target.rising else (lower, -math.inf)
-    ends[free] = [far] * (free.stop - free.start)
-    joined = around._replace(lower=lower, upper=upper)
-    links: list[Link] = []
-    found: Link | LastLines = eave
-    while isinstance(found, Link):
-        links.append(found)
-        found = next_link(joined, found.touched, last, half=found.end, rising=found.rising)
-    joint = Link(target.line, target.rising, missed + n, -1, last - 1)
-    return [link.line for link in links], [*links, joint], found
 
+    def __init__(self, slope: float) -> None:
+        """No gate so far: it is infinitely high."""
+        self.line = Line(0.0, math.inf, 0.0)
+        self.touched, self.before = -1, -1
+        self._slope = slope
+        self._hull: list[tuple[float, float, int]] = []  # lower ends, a concave chain
+        self._first = 0  # ends before it will not be touched again
 
-def _around(lines: list[Line], links: list[Link], n: int) -> Course:
-    """The cycle of lines that cross one after the other, the last of them the first one again."""
-    knots, values = [], []
-    for line, after, link in zip(lines[:-1], lines[1:], links, strict=True):
-        place = _meeting(line, after, float(link.touched), float(link.end + 1))
-        knots.append(place)
-        values.append(line.at(place))
-    start = n * math.floor(knots[0] / n)
-    return Course(np.array(knots) - start, np.array(values), len(links))
+    def tighten(self, gate: int, place: float, upper: float) -> None:
+        """Turn the line down to an upper end below it."""
+        hull, k = self._hull, self._first
+        slope, before = self._slope, -1
+        if k < len(hull):
+            x, y, _ = hull[k]
+            tangent = (upper - y) / (place - x)
+            while k + 1 < len(hull):
+                x, y, _ = hull[k + 1]
+                further = (upper - y) / (place - x)
+                if further > tangent:
+                    break
+                tangent, k = further, k + 1
+            self._first = k
+            if tangent < slope:
+                slope, before = tangent, hull[k][2]
+        self.line = Line(place, upper, slope)
+        self.touched, self.before = gate, before
 
-
-def _turned(cycle: Course, n: int) -> Course:
-    """The cycle, segments shorter than a sample turned about the one gate that they pass.
-
-    One is turned until it meets the line before it at the gate before, or the line after it at the
-    gate after, if that line is not too short then.
-    """
-    knots, values = cycle.knots.copy(), cycle.values.copy()
-    size = knots.size
-    for k in np.flatnonzero(np.diff(np.append(knots, knots[0] + n)) < 1.0 - BARELY_SHORT):
-        number = np.arange(k - 1, k + 3)  # knots of the line before, of this one, of that after
-        x = knots[number % size] + n * (number // size)
-        y = values[number % size]
-        gate = math.ceil(x[1] - BARELY_SHORT)
-        if size < 4 or gate > x[2] + BARELY_SHORT:
-            continue
-        before, after = (Line(x[i], y[i], (y[i + 1] - y[i]) / (x[i + 1] - x[i])) for i in (0, 2))
-        pivot = float(np.interp(gate, x, y))
-        for place, kept, other in ((gate - 1.0, before, after), (gate + 1.0, after, before)):
-            value = kept.at(place)
-            line = Line(gate, pivot, (pivot - value) / (gate - place))
-            turn = line.slope - other.slope
-            met = gate + (other.at(gate) - pivot) / turn if turn else math.inf
-            ends = sorted([place, met])
-            crosses = abs(2.0 * met - 3.0 * gate + place) <= 1.0  # from the gate to the next
-            if (
-                crosses
-                and min(ends[0] - x[0], ends[1] - ends[0], x[3] - ends[1]) >= 1.0 - BARELY_SHORT
-            ):
-                inner = number[1:3]
-                knots[inner % size] = np.array(ends) - n * (inner // size)
-                values[inner % size] = [line.at(end) for end in ends]
+    def add(self, gate: int, place: float, lower: float) -> None:
+        """Keep a lower end for later tangents."""
+        hull = self._hull
+        while len(hull) - self._first >= 2:
+            (x1, y1, _), (x2, y2, _) = hull[-2], hull[-1]
+            if (y2 - y1) * (place - x2) > (lower - y2) * (x2 - x1):
                 break
-    return Course(knots, values, cycle.fewest)
-
-
-def _later(link: Link, shift: int) -> Link:
-    """A line and the numbers of its gates, so many samples later."""
-    line = link.line._replace(place=link.line.place + shift)
-    before = link.before + shift if link.before >= 0 else -1
-    return Link(line, link.rising, link.touched + shift, before, link.end + shift)
+            hull.pop()
+        hull.append((place, lower, gate))

@@ -32,15 +32,20 @@ from planner.trajectory import Array
 class TubeOptions:
     """How far the moves go.
 
+    What half and twice of a value change was measured on 35 paths and 15 cycles of 100 to 3000
+    samples: the rms error in the mean, and at worst.
+
     Attributes:
-        rounds: Most rounds of both moves.
-        progress: Relative decrease of the squared error in a round that is worth another one.
-        lines: Lines in all rounds together from which on there is none after the first.
-        window: Lines that one QP moves at once; its time is in proportion, and windows overlap.
+        rounds: Most rounds of both moves; 3: +0.2 and +1.7 %, two thirds of the time; 12: -0.1 %.
+        progress: Relative decrease of the squared error in two rounds that is worth another one.
+        lines: Lines in all rounds together from which on there is none after the first, so that the
+            time is in proportion to the samples; 2000: +0.03 and +1.3 %; 8000: -0.01 %.
+        window: Lines that one QP moves at once; 50: +0.02 and +5.6 %; 200: +0.05 and +2.0 %.
         batch: Samples that are summed at once, a matter of memory.
-        margin: Share of the bounds that the QP leaves to its own tolerance.
+        margin: Share of the bounds that the QP leaves to its own tolerance; no effect.
         tolerance: OSQP's tolerances, relative and absolute, in units of the largest error.
-        iterations: OSQP's iterations; a window that needs more is left as it is.
+        iterations: OSQP's iterations; what it has then is taken if it is within the bounds; no
+            effect.
     """
 
     rounds: int = 6
@@ -77,7 +82,7 @@ def least_squares_within(
     for turn in range(rounds):
         before = curve.error
         curve = _one_by_one(problem, curve, bound, options)
-        offset = turn % 2 * options.window // 2
+        offset = turn * (options.window // 2 + 1)
         curve = _together(problem, curve, bound, offset, after=bool(turn % 2), options=options)
         if turn % 2 and curve.error >= (1.0 - options.progress) * before:
             break
@@ -253,7 +258,7 @@ def _together(
         offset = offset % size
         starts = range(offset, offset + size, options.window)
     else:
-        starts = range(-offset, segments, options.window)
+        starts = range(-(offset % options.window), segments, options.window)
     for start in starts:
         end = start + options.window
         if problem.cyclic:
@@ -334,13 +339,40 @@ def _dealt(window: _Window, after: bool) -> _Deal | None:
 def _solved(
     problem: Problem, window: _Window, deal: _Deal, bound: float, options: TubeOptions
 ) -> tuple[Array, Array] | None:
-    """Levels and slopes of the best lines; None if OSQP did not end.
+    """Levels and slopes of the best lines; None if OSQP finds none."""
+    import osqp
+    from scipy import sparse
+
+    qp = _line_qp(problem, window, deal, bound, 1.0 - options.margin)
+    size = deal.level.size
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        sparse.triu(qp.P, format="csc"),
+        qp.q,
+        qp.A,
+        qp.lower,
+        qp.upper,
+        eps_abs=options.tolerance,
+        eps_rel=options.tolerance,
+        max_iter=options.iterations,
+        polishing=False,
+        verbose=False,
+    )
+    result = solver.solve(raise_error=False)
+    change = np.asarray(result.x, dtype=np.float64)
+    if not np.all(np.isfinite(change)):
+        return None
+    change = polished(qp, change, np.asarray(result.y, dtype=np.float64))
+    return deal.level + bound * change[:size], deal.slope + bound * change[size:] / deal.half
+
+
+def _line_qp(problem: Problem, window: _Window, deal: _Deal, bound: float, room: float) -> ValuesQP:
+    """The QP in the lines of a window.
 
     The unknowns are changes of level and of rise over half a line's samples, in units of ``bound``,
     so that zero is the curve itself. It meets all conditions: where it has less room than the
     margin, the margin gives way.
     """
-    import osqp
     from scipy import sparse
 
     size = deal.level.size
@@ -385,7 +417,6 @@ def _solved(
         """The curve's own line there."""
         return np.asarray(deal.level[which] + deal.slope[which] * (at - deal.middle[which]))
 
-    room = 1.0 - options.margin
     kept = _corners(problem.desired[index % problem.samples], deal)
     rows = [values(index[kept].astype(np.float64), line[kept])]
     lower, upper = [missing[kept] - room], [missing[kept] + room]
@@ -405,27 +436,13 @@ def _solved(
     lower.append(np.zeros(stay.size))
     upper.append(np.zeros(stay.size))
     A = sparse.vstack(rows, format="csc")
-    bounds = np.minimum(np.concatenate(lower), 0.0), np.maximum(np.concatenate(upper), 0.0)
-    qp = ValuesQP(P=P / scale, q=q, A=A, lower=bounds[0], upper=bounds[1])
-    solver = osqp.OSQP(algebra="builtin")
-    solver.setup(
-        sparse.triu(qp.P, format="csc"),
-        qp.q,
-        qp.A,
-        qp.lower,
-        qp.upper,
-        eps_abs=options.tolerance,
-        eps_rel=options.tolerance,
-        max_iter=options.iterations,
-        polishing=False,
-        verbose=False,
+    return ValuesQP(
+        P=P / scale,
+        q=q,
+        A=A,
+        lower=np.minimum(np.concatenate(lower), 0.0),
+        upper=np.maximum(np.concatenate(upper), 0.0),
     )
-    result = solver.solve(raise_error=False)
-    change = np.asarray(result.x, dtype=np.float64)
-    if not np.all(np.isfinite(change)):
-        return None
-    change = polished(qp, change, np.asarray(result.y, dtype=np.float64))
-    return deal.level + bound * change[:size], deal.slope + bound * change[size:] / deal.half
 
 
 def _joined(window: _Window, deal: _Deal, level: Array, slope: Array) -> tuple[Array, Array]:

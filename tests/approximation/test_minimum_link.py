@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.minimum_link import minimum_link
+from planner.approximation.largest_error import minimum_link
 from planner.approximation.problem import Problem
 from planner.approximation.slope_projection import attainable_error
+from planner.exceptions import Infeasible
 from tests.approximation.samples import KINDS, problems, samples_of
 
 ROUNDING = 1e-12
@@ -134,3 +135,55 @@ def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
     assert fit.max_error <= 0.1 * (1.0 + 1e-9)
     short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
     assert fit.segments <= 1.1 * 30 * short.segments
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_fewer_knots_on_samples_have_values_that_keep_the_error(seed):
+    problem, bound = instance(seed, 5, 8, cyclic=False)
+    desired, n = problem.desired, problem.samples
+    settings = {"v_max": problem.step, "tick": 1.0, "cyclic": False, "max_error": bound}
+    fit = fit_pwl(desired, **settings, on_samples=True)
+    np.testing.assert_array_equal(fit.knots, np.round(fit.knots))
+    assert fit.fewest_segments == fit.segments
+    for inner in combinations(range(1, n - 1), max(fit.segments - 2, 0)):
+        if fit.segments > 1:
+            with pytest.raises(Infeasible, match="knots and max_error"):
+                fit_pwl(desired, **settings, knots=[0, *inner, n - 1])
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_required_knot_costs_one_segment_at_most_and_a_required_angle_two(cyclic):
+    for seed in range(10):
+        problem, bound = instance(seed, 30, 90, cyclic=cyclic)
+        desired, settings = problem.desired, {"v_max": problem.step, "tick": 1.0, "cyclic": cyclic}
+        bound = 1.2 * bound
+        free = fit_pwl(desired, **settings, max_error=bound)
+        place = desired.size // 3
+        knot = fit_pwl(desired, **settings, max_error=bound, required=[place])
+        pin = fit_pwl(desired, **settings, max_error=bound, required={place: float(free(place))})
+        assert free.segments <= knot.segments <= free.segments + 1 + cyclic
+        assert knot.segments <= pin.segments <= free.segments + 2
+        assert place in knot.knots
+        assert pin(place) == pytest.approx(float(free(place)), abs=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
+def test_least_squares_keep_the_number_of_segments_and_lower_the_error(kind, cyclic):
+    desired = samples_of(kind, 150, np.random.default_rng(3))
+    step = 4.0 * float(np.ptp(desired)) / 150
+    bound = 1.05 * attainable_error(desired, step, cyclic=cyclic) + 0.05 * float(np.ptp(desired))
+    course = minimum_link(Problem(desired=desired, step=step, cyclic=cyclic), bound)
+    fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, max_error=bound)
+    assert fit.segments == fit.fewest_segments == count(course, cyclic=cyclic)
+    period = 150 if cyclic else None
+    angles = np.interp(np.arange(150.0), course.knots, course.values, period=period)
+    assert fit.rms <= float(np.sqrt(np.mean((angles - desired) ** 2))) + ROUNDING
+
+
+def test_too_few_segments_are_refused_with_the_number_that_is_needed():
+    zigzag = np.interp(np.arange(41.0), [0, 10, 20, 30, 40], [0.0, 5.0, 0.0, 5.0, 0.0])
+    settings = {"v_max": 1.0, "tick": 1.0, "cyclic": False, "max_error": 1e-6}
+    np.testing.assert_allclose(fit_pwl(zigzag, **settings).knots, [0, 10, 20, 30, 40], atol=1e-4)
+    with pytest.raises(Infeasible, match="at most 3 segments, but the fewest needed are 4"):
+        fit_pwl(zigzag, **settings, segments=3)

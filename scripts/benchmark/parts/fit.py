@@ -27,6 +27,9 @@ SEGMENTS = 6
 TOLERANCE = math.radians(2.0)
 """Largest error allowed where the fewest segments are sought [rad]."""
 
+WITHIN = 0.05
+"""Largest error where the fewest segments are counted, of samples of a range of one."""
+
 LOOSE_SEGMENTS = (2, 3, 4, 5, 6, 7, 8)
 """Numbers of segments at which pwlf is met."""
 
@@ -51,6 +54,7 @@ def measure(options: Options) -> list[Table]:
     """Times by length, and the rivals that can be imported."""
     return [
         times(options),
+        fewest(options),
         beside(options),
         speed(options),
         loose(options),
@@ -80,6 +84,52 @@ def times(options: Options) -> Table:
         ]
         table.add(f"{samples}", *again, answers[0].segments, answers[2].segments)
     return table
+
+
+def fewest(options: Options) -> Table:
+    """One row for each kind of samples, each a path and a cycle, of every length."""
+    table = Table(
+        "Approximation, fewest segments for a largest error",
+        ("segments", "lower bound", "rms error over the largest", "time, s"),
+        note=f"Samples of a range of one, for a largest error of {WITHIN:g} and slopes of the "
+        "samples' own at most, or a hundredth of the range where that is less.",
+        stub="samples",
+    )
+    for samples in options.fit_lengths:
+        for kind, desired in series(samples).items():
+            step = max(float(np.max(np.abs(np.diff(desired)))), 0.01)
+            for cyclic in (False, True):
+                call = partial(
+                    planner.fit_pwl,
+                    desired,
+                    v_max=step,
+                    tick=1.0,
+                    cyclic=cyclic,
+                    max_error=WITHIN,
+                )
+                fit, first = timed(call)
+                seconds = median_time(call, options.repeats) if samples <= SHORT else first
+                name = f"{samples}, {kind}, {'cycle' if cyclic else 'path'}"
+                table.add(name, fit.segments, fit.fewest_segments or 0, fit.rms / WITHIN, seconds)
+    return table
+
+
+def series(samples: int) -> dict[str, np.ndarray]:
+    """Samples of every kind, of a range of one, that come back to where they began."""
+    rng = np.random.default_rng(samples)
+    turn = np.arange(samples) / samples
+    sines = sum(
+        np.sin(2.0 * np.pi * (waves * turn + rng.uniform())) / waves
+        for waves in rng.integers(1, 2 + samples // 40, size=4)
+    )
+    walk = np.cumsum(rng.normal(size=samples))
+    made = {
+        "sines": np.asarray(sines),
+        "noise": rng.normal(size=samples),
+        "random walk": walk - walk[-1] * turn,
+        "chirp": np.sin(0.25 * np.pi * samples * turn * (1.0 - turn)),
+    }
+    return {kind: desired / np.ptp(desired) for kind, desired in made.items()}
 
 
 def ours(instance: Instance, *, faster: float = 1.0, **choice: Any) -> Any:
