@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 
@@ -58,6 +59,18 @@ def rich_log(model=AIBO, *, seed=0, rows=400, amplitude=0.6, noise=0.0, quantum=
         requests=requests,
         angles=measured(angles, rng, noise=noise, quantum=quantum),
     )
+
+
+@functools.cache
+def identified_steps():
+    """The joint of :func:`step_logs`, identified once for all tests."""
+    return planner.identify(step_logs())
+
+
+@functools.cache
+def identified_rich():
+    """The joint of :func:`rich_log` with noise, identified once for all tests."""
+    return planner.identify(rich_log(noise=NOISE))
 
 
 def changed(log, **changes):

@@ -14,7 +14,15 @@ from planner.identification.intervals import correlation_time
 from planner.identification.least_squares import NONE, Effort, least_squares
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import resampled
-from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+from tests.identification.made import (
+    AIBO,
+    NOISE,
+    changed,
+    identified_steps,
+    measured,
+    rich_log,
+    step_logs,
+)
 
 SEEDS = 24
 """Repetitions of a noisy experiment; with 95 % coverage fewer than 19 hits come once in 250 times
@@ -59,7 +67,7 @@ def test_a_joint_that_never_saturates_shows_only_the_ratio():
 
 
 def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
-    found = planner.identify(step_logs())
+    found = identified_steps()
     assert found.saturates
     assert all(interval.bounded for interval in found.intervals.values())
     deviations = np.sqrt(np.diag(found.covariance))

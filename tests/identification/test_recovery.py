@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 import planner
-from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+from tests.identification.made import (
+    AIBO,
+    NOISE,
+    changed,
+    identified_rich,
+    identified_steps,
+    measured,
+    rich_log,
+    step_logs,
+)
 
 EXACT = 1e-6
 """Without noise parameters are found to this, relative to their size; an offset relative to 1 rad,
@@ -103,20 +112,20 @@ def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
 def test_shifting_requests_and_angles_together_changes_nothing():
     log = rich_log(noise=NOISE)
     moved = changed(log, requests=log.requests + 2.0, angles=log.angles + 2.0)
-    assert_close(planner.identify(moved).model, planner.identify(log).model, SAME_FIT)
+    assert_close(planner.identify(moved).model, identified_rich().model, SAME_FIT)
 
 
 def test_shifting_the_angles_alone_shifts_the_offset():
     log = rich_log(noise=NOISE)
     moved = changed(log, angles=log.angles + 0.1)
-    one = planner.identify(log).model
+    one = identified_rich().model
     assert_close(planner.identify(moved).model, replace(one, offset=one.offset + 0.1), SAME_FIT)
 
 
 def test_a_slower_clock_slows_the_model():
     log = rich_log(noise=NOISE)
     slow = changed(log, times=0.5 * log.times)  # 4 ms: still a tick a row
-    one = planner.identify(log).model
+    one = identified_rich().model
     half = replace(
         one,
         v_max=2.0 * one.v_max,
@@ -130,7 +139,7 @@ def test_a_slower_clock_slows_the_model():
 def test_when_the_log_began_does_not_matter():
     log = rich_log(noise=NOISE)
     later = changed(log, times=log.times + 1.7e9)  # seconds since 1970, good to 0.2 us
-    assert_close(planner.identify(later).model, planner.identify(log).model, SAME_FIT)
+    assert_close(planner.identify(later).model, identified_rich().model, SAME_FIT)
 
 
 def test_single_glitches_do_not_move_the_answer():
@@ -142,7 +151,7 @@ def test_single_glitches_do_not_move_the_answer():
         rows = rng.choice(len(angles), size=5, replace=False)
         angles[rows] += rng.choice([-1.0, 1.0], size=5) * rng.uniform(0.3, 3.0, size=5)
         spoilt.append(changed(log, angles=angles))
-    clean, found = planner.identify(logs), planner.identify(spoilt)
+    clean, found = identified_steps(), planner.identify(spoilt)
     assert_found(found.model, AIBO)
     for name, interval in clean.intervals.items():
         moved = abs(getattr(found.model, name) - getattr(clean.model, name))
@@ -178,7 +187,7 @@ def test_uneven_rows_are_taken_when_they_are():
 
 def test_several_logs_count_together():
     logs = step_logs()
-    together = planner.identify(logs)
+    together = identified_steps()
     alone = planner.identify(logs[0])
     assert len(together.fits) == 2
     width = {n: together.intervals[n].upper - together.intervals[n].lower for n in ("v_max", "lag")}

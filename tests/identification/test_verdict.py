@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import planner
-from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
+from tests.identification.made import (
+    AIBO,
+    NOISE,
+    changed,
+    identified_steps,
+    measured,
+    rich_log,
+)
 
 WHITE = 1.3
 """A good fit leaves little more than the noise, by this factor."""
@@ -40,7 +47,7 @@ def test_hold_out_can_be_left_out():
 
 
 def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_simpler():
-    found = planner.identify(step_logs())
+    found = identified_steps()
     raw, delay, first_order = found.alternatives
     assert [raw.name, delay.name, first_order.name] == ["raw", "delay", "first_order"]
     assert raw.rms > delay.rms > first_order.rms > 10.0 * found.rms
@@ -122,7 +129,7 @@ def test_a_joint_that_hardly_moves_is_told_how_far_to_move():
 
 
 def waves(shape, frequency):
-    times = PERIOD * np.arange(1000)
+    times = PERIOD * np.arange(400)
     sine = np.sin(2.0 * np.pi * frequency * times)
     requests = 0.4 * {"sine": sine, "square": np.sign(sine), "swept": np.sin(times**2)}[shape]
     angles = planner.simulate(JOINT, requests, cyclic=False, start=requests[0])
