@@ -5,40 +5,17 @@ from __future__ import annotations
 import bz2
 import gzip
 import json
-import os
 import struct
-import subprocess
 import sys
-from pathlib import Path
 
+import numpy as np
 import pytest
 
 MEMORY = 2 * 2**30
 """Address space that a command gets [bytes]: its libraries take a third of it."""
 
 SECONDS = 20
-"""Processor time that a command gets [s]: it starts in one or two."""
-
-START = f"""\
-import resource, sys
-resource.setrlimit(resource.RLIMIT_AS, ({MEMORY}, {MEMORY}))
-resource.setrlimit(resource.RLIMIT_CPU, ({SECONDS}, {SECONDS}))
-sys.argv[0] = "request-planner"
-from planner.cli import main
-main()
-"""
-
-
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """The command line under limits."""
-    return subprocess.run(
-        [sys.executable, "-P", "-c", START, *arguments],
-        cwd=folder,
-        env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+"""Processor time that a command gets [s], its imports done."""
 
 
 def _repeated(folder, name, start, piece, size):
@@ -89,9 +66,9 @@ def _parquet_bomb(folder):
     pa = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
-    row = pa.array([[0.0] * 30] * 10**6, pa.list_(pa.float64(), 30))
+    row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 10**6)), 30)
     table = pa.table(
-        {"action": row, "observation.state": row, "timestamp": pa.array([0.0] * 10**6)}
+        {"action": row, "observation.state": row, "timestamp": pa.array(np.zeros(10**6))}
     )
     with parquet.ParquetWriter(
         folder / "bomb.parquet", table.schema, compression="zstd", use_dictionary=True
@@ -288,11 +265,11 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_what_is_too_large_is_refused_soon_and_within_little_memory(name, tmp_path):
+def test_what_is_too_large_is_refused_soon_and_within_little_memory(name, forks, tmp_path):
     make, arguments, message = HOSTILE[name]
     make(tmp_path)
     before = sorted(tmp_path.iterdir())
-    done = run(tmp_path, *arguments)
+    done = forks.run(tmp_path, *arguments, memory=MEMORY, seconds=SECONDS)
     assert done.returncode == 2, done.stderr[-500:] or done.stdout[-200:]
     assert message in done.stderr
     assert done.stderr.count("\n") == 1

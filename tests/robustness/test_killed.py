@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
+from hashlib import sha256
 
 import numpy as np
 import pytest
 
 import planner
 from planner.files.joint_path import write_joint_path
+from tests.robustness.forks import Forks
 from tests.robustness.watched import DEATH
 
-ROOT = Path(__file__).parents[2]
-KILLED = Path(__file__).with_name("killed.py")
+MOST = 15
+"""Kills before the last changes; of more changes than that, evenly spaced ones are tried."""
+
+LAST = 10
+"""Changes at the end, where files are put in place: each of them is tried."""
 
 PLAN = ["plan", "desired.csv", "--method", "closed-form", "--segments", "5"]
 FIT = ["fit", "desired.csv", "--joint", "knee", "--segments"]
@@ -54,6 +54,14 @@ OWN = {"a.csv", "a.toml", "a.mcap", "a", "out", "log2.csv"}
 """Files and folders that the commands are told to write."""
 
 
+@pytest.fixture(scope="module")
+def forks():
+    """Forks of a process that has run the commands before: a run is then quick."""
+    forks = Forks()
+    yield forks
+    forks.close()
+
+
 @pytest.fixture
 def folder(tmp_path):
     """All inputs."""
@@ -72,40 +80,50 @@ def folder(tmp_path):
     return tmp_path
 
 
+def _held(folder):
+    """What every file of the folder holds, by name."""
+    return {
+        str(file.relative_to(folder)): sha256(file.read_bytes()).hexdigest()
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+    }
+
+
 def _own(files):
     return {name: held for name, held in files.items() if name.split("/")[0] in OWN}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_an_output_is_the_last_good_one_or_the_new_one_whenever_the_run_is_killed(name, folder):
+def test_an_output_is_the_last_good_one_or_the_new_one_whenever_the_run_is_killed(
+    name, forks, folder
+):
     if name.startswith("export"):
         pytest.importorskip({"lerobot": "pyarrow"}.get(name.split()[1], "rosbags"))
     first, second = COMMANDS[name]
-    done = subprocess.run(
-        [sys.executable, str(KILLED), json.dumps(first), json.dumps(second)],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-2000:]
-    answer = json.loads(done.stdout)
-    old, new = _own(answer["old"]), _own(answer["new"])
-    assert len(answer["told"]) >= 4, "nothing was changed, so nothing was tested"
+    inputs = _held(folder)
+    assert forks.warm(folder, *second) == 0
+    assert forks.warm(folder, *first) == 0
+    old = _own(_held(folder))
+    done = forks.run(folder, *second, watch=True)
+    assert done.returncode == 0, done.stderr
+    new, changes = _own(_held(folder)), len(done.report["changes"])
+    assert changes >= 4, "nothing was changed, so nothing was tested"
     assert old.keys() == new.keys() != set()
-    seen = set()
-    for told in answer["told"]:
-        assert told["again"] == 0, "a killed run is in the way of the next one"
-        assert _own(told["restored"]) == old
-        assert told["status"] == DEATH
-        after = _own(told["after"])
+    every = max((changes - LAST) // MOST, 1)
+    restored = False
+    for k in [*range(0, changes - LAST, every), *range(max(changes - LAST, 0), changes)]:
+        if not restored:
+            again = forks.run(folder, *first)
+            assert again.returncode == 0, "a killed run is in the way of the next one"
+            assert _own(_held(folder)) == old
+        assert forks.run(folder, *second, die_at=k).returncode == DEATH
+        held = _held(folder)
+        after, restored = _own(held), held.items() >= old.items()
         if name in ("run", "export bag", "export lerobot"):
             assert after in (old, new)
         else:  # each file by itself
             assert after.keys() == old.keys()
             assert all(after[file] in (old[file], new[file]) for file in old)
-        seen.add(after == new)
-        assert told["after"].items() >= answer["inputs"].items()
-    assert answer["last"][0] == 0
-    assert _own(answer["last"][1]) == new
+        assert held.items() >= inputs.items()
+    assert forks.run(folder, *second).returncode == 0
+    assert _own(_held(folder)) == new

@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from kinematics import urdf_path
-
-WATCHED = Path(__file__).with_name("watched.py")
-ROOT = Path(__file__).parents[2]
 
 EVIL = "__import__('os').system('touch hacked')"
 """What a file of data may hold, and nobody may run."""
@@ -29,12 +23,15 @@ WRITING = {
     "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
     "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
     "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
-    "compare": ["compare", "desired.csv", "--out", "out/results"],
+    "compare": ["compare", "desired.csv", "--segments", "4", "--out", "out/results"],
     "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
     "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out/a.csv"],
     "gait": ["gait", "-o", "out/a.csv"],
     "run": ["run", "run.toml", "--out", "out/results"],
 }
+
+RESULTS = ("compare", "run")
+"""Those that write a folder, which one step puts in its place."""
 
 HOSTILE = {
     "a column": ("desired.csv", f"t_s,{EVIL}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
@@ -93,46 +90,27 @@ def folder(tmp_path):
     return tmp_path
 
 
-def _watched(folder, arguments):
-    done = subprocess.run(
-        [sys.executable, str(WATCHED), "--", *arguments],
-        cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            "TMPDIR": str(folder / "temporary"),
-            "MPLCONFIGDIR": str(folder / "temporary" / "matplotlib"),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    *said, report = done.stderr.splitlines()
-    return done.returncode, said, json.loads(report)
+@pytest.fixture
+def watched(forks, folder):
+    """A run of the program in the folder: its status, what it says in lines, and what it did."""
+
+    def watched(*arguments):
+        done = forks.run(
+            folder,
+            *arguments,
+            environment={
+                "TMPDIR": str(folder / "temporary"),
+                "MPLCONFIGDIR": str(folder / "temporary" / "matplotlib"),
+            },
+            watch=True,
+        )
+        return done.returncode, done.stderr.splitlines(), done.report
+
+    return watched
 
 
 def _names(folder):
     return {file.relative_to(folder).parts[0] for file in folder.iterdir()}
-
-
-@pytest.mark.parametrize("name", WRITING)
-def test_nothing_is_written_but_where_it_was_said(name, folder):
-    before = _names(folder)
-    status, said, report = _watched(folder, WRITING[name])
-    assert status in (0, 1), said
-    assert list((folder / "out").iterdir()), said
-    allowed = (str(folder / "out"), "out/", str(folder / "temporary"), os.devnull)
-    for event, *paths in report["changes"]:
-        if event == "ctypes.dlsym":
-            continue
-        written = [path for path in paths if "/" in path]
-        assert written, (event, paths)
-        for path in written:
-            assert path.startswith(allowed), (event, path)
-    assert _names(folder) == before
-    left = {file.name for file in (folder / "temporary").iterdir()}
-    assert left <= {"matplotlib"}, "temporary files are left"
 
 
 def steps(changes, folder, out):
@@ -149,24 +127,39 @@ def steps(changes, folder, out):
     ]
 
 
-@pytest.mark.parametrize("name", ["run", "compare"])
-def test_whenever_a_run_is_killed_its_results_are_the_old_or_the_new_as_one_step_makes_them(
-    name, folder
+@pytest.mark.parametrize("name", WRITING)
+def test_nothing_is_written_but_where_it_was_said_and_a_folder_of_results_in_one_step(
+    name, folder, watched
 ):
-    for step in ("os.rename", "ctypes.dlsym"):  # a new folder, and then in place of the last one
-        status, said, report = _watched(folder, WRITING[name])
-        assert status in (0, 1), said
-        assert len(report["changes"]) > 10
-        assert steps(report["changes"], folder, "out/results") == [step]
+    before = _names(folder)
+    status, said, report = watched(*WRITING[name])
+    assert status in (0, 1), said
+    assert list((folder / "out").iterdir()), said
+    allowed = (str(folder / "out"), "out/", str(folder / "temporary"), os.devnull)
+    for event, *paths in report["changes"]:
+        if event == "ctypes.dlsym":
+            continue
+        written = [path for path in paths if "/" in path]
+        assert written, (event, paths)
+        for path in written:
+            assert path.startswith(allowed), (event, path)
+    assert _names(folder) == before
+    if name in RESULTS:  # a new folder, and then in place of the last one: a kill leaves either
+        again = watched(*WRITING[name])[2]["changes"]
+        for changes, step in ((report["changes"], "os.rename"), (again, "ctypes.dlsym")):
+            assert len(changes) > 10
+            assert steps(changes, folder, "out/results") == [step]
+    left = {file.name for file in (folder / "temporary").iterdir()}
+    assert left <= {"matplotlib"}, "temporary files are left"
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_no_data_is_ever_run(name, folder):
+def test_no_data_is_ever_run(name, folder, watched):
     file, content, arguments = HOSTILE[name]
     (folder / file).parent.mkdir(exist_ok=True)
     (folder / file).write_text(content)
     before = _names(folder)
-    status, said, report = _watched(folder, arguments)
+    status, said, report = watched(*arguments)
     assert status == 2, said
     assert len(said) == 1, said
     run = [event for event in report["others"] if event != "marshal.loads"]  # imports
@@ -175,9 +168,9 @@ def test_no_data_is_ever_run(name, folder):
     assert list((folder / "out").iterdir()) == []
 
 
-def test_a_shipped_robot_is_read_without_running_anything(folder):
+def test_a_shipped_robot_is_read_without_running_anything(watched):
     robot = str(urdf_path("ers210a.urdf"))
     arguments = ["--leg", robot, "--base", "body", "--foot", "front_left_ball"]
-    status, said, report = _watched(folder, ["gait", *arguments, "-o", "out/a.csv"])
+    status, said, report = watched("gait", *arguments, "-o", "out/a.csv")
     assert status == 0, said
     assert [event for event in report["others"] if event != "marshal.loads"] == []

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
+import shutil
 
 import pytest
 
-from tests.robustness.test_only_where_told import LOG, PATH, ROOT, WATCHED, steps
-from tests.robustness.watched import DEATH
-
-RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
-
-WORLDS = {
-    "one thread": {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"},
-    "four threads": {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "PYTHONHASHSEED": "77"},
-}
-"""Threads of the linear algebra, and the order of sets and dictionaries of strings."""
+from tests.robustness.forks import Forks
+from tests.robustness.test_only_where_told import LOG, PATH, steps
 
 COMMANDS = {
     "plan optimal": ["plan", "desired.csv", "-o", "out"],
@@ -44,22 +34,23 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.fixture(scope="module")
+def worlds(forks):
+    """Other threads of the linear algebra, and another order of sets and dictionaries."""
+    other = Forks(threads=4, seed=77)
+    yield forks, other
+    other.close()
+
+
 @pytest.mark.parametrize("name", COMMANDS)
-def test_threads_and_seeds_change_no_byte(name, folder):
-    answers = {}
-    for world, environment in WORLDS.items():
-        done = subprocess.run(
-            [*RUN, *COMMANDS[name]],
-            cwd=folder,
-            env={**os.environ, **environment},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+def test_threads_and_seeds_change_no_byte(name, folder, worlds):
+    answers = []
+    for world in worlds:
+        done = world.run(folder, *COMMANDS[name])
         assert (folder / "out").is_file(), done.stderr
-        answers[world] = (done.returncode, done.stdout, (folder / "out").read_bytes())
+        answers.append((done.returncode, done.stdout, (folder / "out").read_bytes()))
         (folder / "out").unlink()
-    assert len(set(answers.values())) == 1, answers
+    assert answers[0] == answers[1]
 
 
 def _files(folder):
@@ -71,25 +62,12 @@ def _files(folder):
     return held, results
 
 
-def test_a_reproduction_is_the_same_and_outlives_a_kill(tmp_path):
-    def reproduce(world, *death):
-        return subprocess.run(
-            [sys.executable, str(WATCHED), *death, "--", "reproduce", "-q", "--out", "out"],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), **WORLDS[world]},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-
-    done = reproduce("one thread")
+def test_a_reproduction_is_the_same_and_replaces_the_last_one_in_one_step(
+    reproduced, tmp_path, worlds
+):
+    """The slowest command, whole: some ten seconds for the only run with four threads."""
+    shutil.copytree(reproduced.folder, tmp_path / "out")
+    done = worlds[1].run(tmp_path, "reproduce", "-q", "--out", "out", watch=True)
     assert done.returncode == 0, done.stderr[-500:]
-    changes = len(json.loads(done.stderr.splitlines()[-1])["changes"])
-    before = _files(tmp_path / "out")
-    assert reproduce("four threads", "--die-at", str(changes - 2)).returncode == DEATH
-    assert _files(tmp_path / "out") == before
-    done = reproduce("four threads")
-    assert done.returncode == 0, done.stderr[-500:]
-    assert _files(tmp_path / "out") == before
-    made = json.loads(done.stderr.splitlines()[-1])["changes"]
-    assert steps(made, tmp_path, "out") == ["ctypes.dlsym"]  # whichever is the one killed before
+    assert _files(tmp_path / "out") == _files(reproduced.folder)
+    assert steps(done.report["changes"], tmp_path, "out") == ["ctypes.dlsym"]

@@ -1,18 +1,12 @@
-"""Run the command line; tell which files it opens for writing, and what code it makes of data.
-
-A script, not a test: ``python watched.py [--die-at K] -- ARGUMENTS``. The last line on standard
-error is JSON. With ``--die-at`` the process ends without any clearing up, as if
-it were killed, right before the K-th event that changes a file or a folder.
-"""
+"""What a program does to files, and what code it makes of data: an audit hook that tells."""
 
 from __future__ import annotations
 
 import json
 import os
-import sys
 
 DEATH = 77
-"""Exit status of a process that ended before an event."""
+"""Exit status of a run that died before a change of a file."""
 
 CHANGES = {
     *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate"),
@@ -70,25 +64,3 @@ class Watch:
 
     def report(self) -> str:
         return json.dumps({"changes": self.changes, "others": self.others})
-
-
-def main() -> None:
-    split = sys.argv.index("--")
-    before, arguments = sys.argv[1:split], sys.argv[split + 1 :]
-    watch = Watch(int(before[1]) if before else None)
-    sys.addaudithook(watch)
-    from planner.cli import cli
-
-    watch.on = True
-    status: object = 0
-    try:
-        cli.main(arguments, "request-planner")
-    except SystemExit as end:
-        status = end.code
-    watch.on = False
-    print(watch.report(), file=sys.stderr)
-    sys.exit(status)  # type: ignore[arg-type]
-
-
-if __name__ == "__main__":
-    main()
