@@ -2,19 +2,41 @@
 
 from __future__ import annotations
 
+import fcntl
+import functools
+import inspect
 import os
+import pickle
 import shutil
 import subprocess
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import settings
 
 from tests.browser import Browser
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("suite")
+
+
+SLOWEST = (
+    "tests/docs/test_pages.py",
+    "tests/robustness/test_same_bytes.py",
+    "tests/virtual/test_experiment.py",
+    "tests/robustness/test_killed.py",
+    "tests/inversion/foot/test_bound.py",
+)
+"""Files that begin first, so that no process is left alone with one of them at the end."""
+
+
+def pytest_collection_modifyitems(items):
+    """Put the slowest files first: whole files go to the processes, in the order of the items."""
+    slow = {name: place for place, name in enumerate(SLOWEST)}
+    items.sort(key=lambda item: slow.get(item.nodeid.partition("::")[0], len(slow)))
 
 
 @pytest.fixture(scope="session")
@@ -27,6 +49,88 @@ def recordings() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings: REQUEST_PLANNER_RECORDINGS names no folder ({folder})")
     return folder
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory):
+    """Make a folder once, by whichever of several processes comes first: its name to its path."""
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def once(name, make):
+        folder, unfinished = base / name, base / f"{name} unfinished"
+        with (base / f"{name} lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not folder.exists():
+                shutil.rmtree(unfinished, ignore_errors=True)
+                unfinished.mkdir()
+                make(unfinished)
+                unfinished.rename(folder)
+        return folder
+
+    return once
+
+
+class Reproduced(NamedTuple):
+    """An experiment: its answer, what it told of its progress, its folder, and what was printed."""
+
+    answer: Any
+    told: list[str]
+    folder: Path
+    printed: str
+
+
+def _reproduced(folder, robot, module, name):
+    """Fill a folder with an experiment, as the library and as the command make it."""
+    from planner.cli import cli
+
+    told = []
+    answer = inspect.unwrap(getattr(module, name))(progress=told.append)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, name, lambda **_: answer)
+        out = str(folder / "out")
+        result = CliRunner().invoke(cli, ["reproduce", "--robot", robot, "--out", out])
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    (folder / "rest").write_bytes(pickle.dumps((answer, told, result.stdout)))
+
+
+def _read(folder):
+    answer, told, printed = pickle.loads((folder / "rest").read_bytes())
+    return Reproduced(answer, told, folder / "out", printed)
+
+
+@pytest.fixture(scope="session")
+def reproduced(once):
+    """The paper's experiment, made once."""
+    from planner.evaluation import reproduction
+
+    return _read(once("reproduced", lambda at: _reproduced(at, "model", reproduction, "reproduce")))
+
+
+@pytest.fixture(scope="session")
+def virtually_reproduced(once):
+    """The experiment on the virtual robot, made once."""
+    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+    from planner.evaluation import virtual_experiment as module
+
+    return _read(once("virtual", lambda at: _reproduced(at, "virtual", module, "play_experiment")))
+
+
+@pytest.fixture
+def ready_experiments(request, monkeypatch):
+    """Let `reproduce` take the experiments that were made once."""
+    from planner.evaluation import reproduction, virtual_experiment
+
+    for module, name, fixture in (
+        (reproduction, "reproduce", "reproduced"),
+        (virtual_experiment, "play_experiment", "virtually_reproduced"),
+    ):
+
+        def ready(*, fixture=fixture, **_):
+            return request.getfixturevalue(fixture).answer
+
+        monkeypatch.setattr(module, name, functools.wraps(getattr(module, name))(ready))
 
 
 @pytest.fixture(scope="session")

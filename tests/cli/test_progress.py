@@ -62,9 +62,5 @@ def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatc
     assert capsys.readouterr().err.count("inner …") >= 1
 
 
-def test_the_steps_of_the_experiment_are_those_that_are_expected():
-    from planner.evaluation.reproduction import reproduce
-
-    told = []
-    reproduce(progress=told.append)
-    assert [*told, "the report"] == list(DURATIONS["model"])
+def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduced):
+    assert [*reproduced.told, "the report"] == list(DURATIONS["model"])

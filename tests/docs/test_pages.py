@@ -32,9 +32,10 @@ def empty_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "play", clocked)
 
 
-@pytest.mark.usefixtures("empty_folder")
+@pytest.mark.usefixtures("empty_folder", "ready_experiments")
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
+    """What a reader runs is run whole: up to twenty seconds on the pages with plans for a foot."""
     if page.name == "logs.md":
         write_logs(Path())
     names, lacking = {}, set()

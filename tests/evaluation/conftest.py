@@ -1,12 +1,10 @@
-"""The paper's experiment, run once for all tests of this folder."""
+"""The paper's experiment, which all tests share."""
 
 from __future__ import annotations
 
 import pytest
 
-from planner.evaluation.reproduction import reproduce
-
 
 @pytest.fixture(scope="session")
-def reproduction():
-    return reproduce()
+def reproduction(reproduced):
+    return reproduced.answer

@@ -12,7 +12,6 @@ import plotly.graph_objects as go
 import pytest
 
 from planner.evaluation.paper import STEP_AMPLITUDES, published
-from planner.evaluation.reproduction import reproduce
 from planner.report.curves import Curve
 from planner.report.draw_agreement import DRAWN, agreement_plot, pairs
 from planner.report.identification_cloud import MOST_POINTS, cloud_plot, cloud_view
@@ -30,8 +29,8 @@ POINTS = np.array([0.0, 1.0, 3.0])
 
 
 @pytest.fixture(scope="module")
-def reproduction():
-    return reproduce()
+def reproduction(reproduced):
+    return reproduced.answer
 
 
 def unpacked(numbers):

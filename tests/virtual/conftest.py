@@ -1,4 +1,4 @@
-"""The experiment on the virtual robot and its folder of results, made once for this folder."""
+"""The experiment on the virtual robot and its folder of results, made once for all tests."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 from planner.cli import cli
-from planner.evaluation import virtual_experiment
 
 
 @pytest.fixture
@@ -18,22 +17,15 @@ def cli_run():
 
 
 @pytest.fixture(scope="session")
-def played():
+def played(virtually_reproduced):
     """What the experiment gave."""
-    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
-    return virtual_experiment.play_experiment()
+    return virtually_reproduced.answer
 
 
 @pytest.fixture(scope="session")
-def printed(tmp_path_factory, played):
+def printed(virtually_reproduced):
     """The folder that `reproduce --robot virtual` wrote, and what it printed."""
-    out = tmp_path_factory.mktemp("run") / "virtual"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(virtual_experiment, "play_experiment", lambda **_: played)
-        result = CliRunner().invoke(cli, ["reproduce", "--robot", "virtual", "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    assert result.stderr == ""
-    return out, result.stdout
+    return virtually_reproduced.folder, virtually_reproduced.printed
 
 
 @pytest.fixture(scope="session")
