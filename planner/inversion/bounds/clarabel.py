@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -77,7 +78,11 @@ def minimise(
     for slope in slopes:
         if answers:
             solver.update(q=slope)
-        answers.append(_feasible(solver.solve(), cones))
+        solution = solver.solve()
+        answers.append(_feasible(solution, cones))
+    logging.getLogger(__name__).debug(
+        "lower bound: Clarabel says %s after %d iterations", solution.status, solution.iterations
+    )
     return answers
 
 
