@@ -33,6 +33,16 @@ def desired(tmp_path):
 
 
 @pytest.fixture
+def brief(tmp_path):
+    """The same in fewer samples, for what takes long."""
+    phase = 2.0 * np.pi * np.arange(32) / 32
+    angles = np.column_stack([0.1 * np.sin(phase), 0.1 + 0.05 * np.cos(2.0 * phase)])
+    file = tmp_path / "brief.csv"
+    write_joint_path(file, ["hip", "knee"], angles, period=0.008)
+    return file
+
+
+@pytest.fixture
 def foot(tmp_path):
     """A small circle of the front left foot in the body's frame, as a file."""
     phase = 2.0 * np.pi * np.arange(88) / 88

@@ -7,8 +7,10 @@ import re
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import planner
+from planner.cli import cli
 from planner.files.joint_path import read_joint_path
 
 JOINT = planner.JointModel.ers210a()
@@ -22,15 +24,29 @@ def walk():
 
 
 @pytest.fixture(scope="module")
-def library(walk):
-    """The plan of the library for the foot of the reference walk."""
-    return planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
+def planned(tmp_path_factory):
+    """The plan for the foot of the reference walk: its JSON, its summary and its requests."""
+    folder = tmp_path_factory.mktemp("planned")
+    runner = CliRunner()
+    path = runner.invoke(cli, ["gait"]).stdout
+    ask = ["plan", "-", *REFERENCE, "-o", str(folder / "requests.csv")]
+    document = json.loads(runner.invoke(cli, [*ask, "--json"], input=path).stdout)
+    requests = read_joint_path(folder / "requests.csv").angles
+    return document, runner.invoke(cli, ask, input=path).stderr, requests
 
 
-def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(run, library, tmp_path):
-    path = run("gait").stdout
-    result = run("plan", "-", *REFERENCE, "-o", "requests.csv", "--json", stdin=path)
-    document = json.loads(result.stdout)
+@pytest.fixture
+def unbounded(run, monkeypatch):
+    """A walk that is too long for a bound, which would take seconds: a file and its positions."""
+    monkeypatch.setattr("planner.inversion.foot.bound.LONGEST", 50)
+    text = run("gait").stdout
+    return text, np.array([line.split(",")[1:] for line in text.splitlines()[1:]], dtype=float)
+
+
+def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(walk, planned):
+    """The bound of the foot takes a second, of the library's plan and of the command's."""
+    document, _, requests = planned
+    library = planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
     assert document["method"] == "foot-optimal"
     assert document["foot"]["rms_cm"] == pytest.approx(100.0 * library.rms, rel=1e-6)
     assert document["foot"]["max_cm"] == pytest.approx(100.0 * library.max_error, rel=1e-6)
@@ -39,28 +55,28 @@ def test_plan_writes_the_librarys_plan_for_the_foot_inside_the_legs_limits(run, 
         100.0 * library.lower_bound, rel=1e-3
     )
     assert document["foot"]["gap"] == pytest.approx(library.gap, abs=1e-3)
-    written = np.degrees(read_joint_path(tmp_path / "requests.csv").angles)
+    written = np.degrees(requests)
     for j, (name, (low, high)) in enumerate(LIMITS.items()):
         assert written[:, j] == pytest.approx(document["joints"][name]["requests_deg"], abs=1e-9)
         assert np.min(written[:, j]) >= low - 1e-9
         assert np.max(written[:, j]) <= high + 1e-9
 
 
-def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(run, monkeypatch):
-    path = run("gait").stdout
-    arguments = ("plan", "-", *REFERENCE, "-o", "requests.csv")
+def test_the_summary_says_what_no_requests_can_beat_unless_the_path_is_long(
+    run, planned, unbounded
+):
     said = (
         r"no requests within the limits bring it below 0\.\d{3} cm rms: the plan is 0\.\d+ % above"
     )
-    assert re.search(said, run(*arguments, stdin=path).stderr)
-    monkeypatch.setattr("planner.inversion.foot.bound.LONGEST", 50)
-    assert "no requests within" not in run(*arguments, stdin=path).stderr
-    document = json.loads(run(*arguments, "--json", stdin=path).stdout)
+    assert re.search(said, planned[1])
+    arguments = ("plan", "-", *REFERENCE, "-o", "requests.csv")
+    assert "no requests within" not in run(*arguments, stdin=unbounded[0]).stderr
+    document = json.loads(run(*arguments, "--json", stdin=unbounded[0]).stdout)
     assert document["foot"]["lower_bound_cm"] is None
 
 
-def test_the_stated_path_of_the_foot_follows_from_the_written_requests(run, walk):
-    document = json.loads(run("plan", "-", *REFERENCE, "--json", stdin=run("gait").stdout).stdout)
+def test_the_stated_path_of_the_foot_follows_from_the_written_requests(walk, planned):
+    document, _, _ = planned
     requests = [np.radians(document["joints"][name]["requests_deg"]) for name in walk.joint_names]
     angles = np.column_stack([planner.simulate(JOINT, each) for each in requests])
     positions = walk.leg.foot_positions(angles)
@@ -69,21 +85,21 @@ def test_the_stated_path_of_the_foot_follows_from_the_written_requests(run, walk
     assert document["foot"]["max_cm"] == pytest.approx(np.max(errors), abs=1e-7)
 
 
-def test_an_axis_that_counts_more_is_followed_more_closely(run, walk):
-    path = run("gait").stdout
+def test_an_axis_that_counts_more_is_followed_more_closely(run, unbounded):
+    text, wanted = unbounded
     heights = []
     for more in ((), ("--weights", "1", "1", "100")):
-        document = json.loads(run("plan", "-", *REFERENCE, *more, "--json", stdin=path).stdout)
-        errors = np.array(document["foot"]["predicted_m"]) - walk.desired_foot
+        document = json.loads(run("plan", "-", *REFERENCE, *more, "--json", stdin=text).stdout)
+        errors = np.array(document["foot"]["predicted_m"]) - wanted
         heights.append(np.sqrt(np.mean(errors[:, 2] ** 2)))
     assert heights[1] < 0.8 * heights[0]
 
 
-def test_positions_out_of_reach_stay_wanted_and_count(run, walk):
-    path = run("gait").stdout
+def test_positions_out_of_reach_stay_wanted_and_count(run, unbounded):
+    text, wanted = unbounded
     nearest = ("--leg", "reference", "--unreachable", "nearest", "--method", "foot-optimal")
-    document = json.loads(run("plan", "-", *nearest, "--json", stdin=path).stdout)
-    errors = np.array(document["foot"]["predicted_m"]) - walk.wanted_foot
+    document = json.loads(run("plan", "-", *nearest, "--json", stdin=text).stdout)
+    errors = np.array(document["foot"]["predicted_m"]) - wanted
     assert document["unreachable_samples"] == 15
     assert document["foot"]["rms_cm"] == pytest.approx(
         100.0 * np.sqrt(np.mean(np.sum(errors**2, axis=1))), abs=1e-7
@@ -116,22 +132,21 @@ def test_a_plan_within_its_tolerance_is_status_0(run, desired):
     assert json.loads(result.stdout)["within_tolerance"] is True
 
 
-@pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
-def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run, form):
-    path = run("gait").stdout
-    complete = run("plan", "-", *REFERENCE, *form, stdin=path)
-    missed = run("plan", "-", *REFERENCE, "--tolerance-cm", "0.5", *form, stdin=path)
-    assert missed.exit_code == 1
-    assert re.fullmatch(
-        r"request-planner: the foot is off by 0\.6\d+ cm \(rms\), expected at most 0\.5; "
-        "the requests are written all the same",
-        missed.stderr.splitlines()[-1],
-    )
-    if form:
-        expected = json.loads(complete.stdout) | {"within_tolerance": False}
-        assert json.loads(missed.stdout) == expected
-    else:
-        assert missed.stdout == complete.stdout
+def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run, unbounded):
+    ask = ("plan", "-", *REFERENCE)
+    complete = json.loads(run(*ask, "--json", stdin=unbounded[0]).stdout)
+    rms = complete["foot"]["rms_cm"]
+    limit = f"{0.9 * rms:.3g}"
+    missed = run(*ask, "--tolerance-cm", limit, "--json", stdin=unbounded[0])
+    assert json.loads(missed.stdout) == complete | {"within_tolerance": False}
+    written = run(*ask, "--tolerance-cm", limit, stdin=unbounded[0])
+    assert written.stdout == run(*ask, stdin=unbounded[0]).stdout
+    for result in (missed, written):
+        assert result.exit_code == 1
+        assert result.stderr.splitlines()[-1] == (
+            f"request-planner: the foot is off by {rms:.4g} cm (rms), expected at most {limit}; "
+            "the requests are written all the same"
+        )
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

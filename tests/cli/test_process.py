@@ -14,6 +14,7 @@ import pytest
 
 from planner.cli import cli
 from planner.cli.program import COMMANDS
+from tests.docs import shell
 
 RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
@@ -27,26 +28,33 @@ def _example(command):
     return "\n".join(line.strip() for line in lines[1].splitlines())
 
 
+@pytest.mark.usefixtures("foot", "ready_experiments")
 @pytest.mark.parametrize("command", ["", *COMMANDS])
-def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, foot):
-    assert desired.parent == foot.parent == tmp_path
+def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, monkeypatch):
+    """The examples of plan and compare are whole: some five seconds."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "requests.csv").write_bytes(desired.read_bytes())
+    for line in shell.commands(_example(command)):
+        shell.run(line)
+
+
+def test_the_commands_are_programs_for_pipes(tmp_path):
     script = tmp_path / "request-planner"
     script.write_text(
         f"#!{sys.executable} -P\nfrom planner.cli import main\n\nmain()\n", encoding="utf-8"
     )
     script.chmod(0o755)
-    environment = {**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    if "requests.csv" in _example(command):
-        (tmp_path / "requests.csv").write_bytes(desired.read_bytes())
+    piped = "request-planner excite --limits-deg -9 9 | request-planner simulate - > angles.csv"
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", _example(command)],
+        ["bash", "-euo", "pipefail", "-c", piped],
         cwd=tmp_path,
-        env=environment,
+        env={**os.environ, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    assert (tmp_path / "angles.csv").read_text().startswith("t_s,")
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "unbuffered"])

@@ -110,10 +110,11 @@ def test_places_are_relative_to_the_file(run, write, desired, tmp_path, monkeypa
     assert list(elsewhere.iterdir()) == []
 
 
-def test_standard_input_is_a_run_file_too(run, template, tmp_path):
-    assert run("run", "-", "--out", "out", stdin=template).exit_code == 0
+@pytest.mark.usefixtures("desired")
+def test_standard_input_is_a_run_file_too(run, tmp_path):
+    assert run("run", "-", "--out", "out", stdin=JOINTS).exit_code == 0
     assert (tmp_path / "out" / "requests.csv").is_file()
-    assert run("run", "-", stdin=template).stderr == (
+    assert run("run", "-", stdin=JOINTS).stderr == (
         "request-planner: name a folder for the results with --out. "
         "See 'request-planner run --help'.\n"
     )
@@ -234,11 +235,12 @@ def test_exports_are_those_of_export(run, write, desired, tmp_path):
     assert result.stderr.count("deg.csv: 88 rows of a, b at 125 Hz, 0.704 s") == 1
 
 
-def test_a_comparison_is_that_of_compare(run, write, desired, tmp_path):
-    result = run("run", write(JOINTS + '[output]\ncomparison = true\nlevel = "slope"\n'))
+def test_a_comparison_is_that_of_compare(run, write, brief, tmp_path):
+    content = JOINTS.replace("desired", "brief")
+    result = run("run", write(content + '[output]\ncomparison = true\nlevel = "slope"\n'))
     assert result.exit_code == 0, result.stderr
     own = json.loads((tmp_path / "it" / "comparison.json").read_text())
-    other = json.loads(run("compare", desired, "--level", "slope", "--json").stdout)
+    other = json.loads(run("compare", brief, "--level", "slope", "--json").stdout)
     assert own == {key: value for key, value in other.items() if key in own}
     assert (tmp_path / "it" / "comparison.svg").read_text().startswith("<?xml")
 
