@@ -1,15 +1,15 @@
 """One Gauss-Newton step of the optimised inversion, at a cost in proportion to the length.
 
 Angles and requests are unknowns both; that each angle follows from the one before it and from the
-requests is a condition, linearised to ``B dM = H dR + l`` (B bidiagonal, H banded, l the defects
-of the dynamics, as in multiple shooting). The step solves (11) of ``docs/math.md``,
+requests is a condition, linearised to ``B dM = H dR + delta`` (B bidiagonal, H banded, delta the
+defects of the dynamics, as in multiple shooting). The step solves (11) of ``docs/math.md``,
 
-    minimise  2 g' dM + dM' (C + E) dM + rho |R + dR - R0|^2 + dR' D dR   subject to the above
+    minimise  2 g' dM + dM' (K + E) dM + rho |R + dR - R0|^2 + dR' D dR   subject to the above
 
-over the free requests, where g and C are gradient and curvature of the cost, sample by sample, and
-D and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers y are solved for
+over the free requests, where g and K are gradient and curvature of the cost, sample by sample, and
+D and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers lambda are found
 first: one unknown per sample and joint, and the banded positive definite Schur complement
-``B (C + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + D`` (12). A cycle is folded, first sample beside
+``B (K + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + D`` (12). A cycle is folded, first sample beside
 last, so that its matrix is banded too.
 """
 
@@ -59,7 +59,7 @@ class Step(NamedTuple):
 
     requests: Array  # (n, joints) [rad]
     angles: Array  # (n, joints) [rad]
-    multipliers: Array  # of the conditions, y of docs/math.md, (n, joints)
+    multipliers: Array  # of the conditions, lambda of docs/math.md, (n, joints)
     reduced_gradient: Array  # half the cost's derivative by each request, free or not, (n, joints)
     predicted: float  # cost afterwards
 
@@ -103,7 +103,7 @@ def kkt_step(
     multipliers = band.solve(matrix, right)
     reduced_gradient = slope - windows.gathered(response.by_request * multipliers)
     requests = -inverse_q * reduced_gradient
-    # (B' y)[k] = y[k] - by_angle[k+1] y[k+1]
+    # (B' lambda)[k] = lambda[k] - by_angle[k+1] lambda[k+1]
     forces = multipliers - (response.by_angle * multipliers)[windows.after]
     angles = -steepest - _times(inverse, forces)
     moved = regularisation._replace(away=regularisation.away + requests)
@@ -197,7 +197,7 @@ class SchurBand:
         return below, np.minimum(row, column), np.where(missing, 0.0, 1.0)
 
     def matrix(self, response: Response, inverse: Array, weighted: Array) -> Array:
-        """``B C^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints).
+        """``B K^-1 B' + H Q^-1 H'``, folded, as a lower band: (bandwidth + 1, n * joints).
 
         Args:
             response: The derivatives in B and H.
