@@ -1,4 +1,4 @@
-"""Branch and bound: the proved optimum with knots on samples (docs/math.md, Equation 5a)."""
+"""Branch and bound: the proved optimum with knots on samples (docs/math.md, Equation 5b)."""
 
 from __future__ import annotations
 
