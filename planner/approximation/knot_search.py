@@ -221,8 +221,8 @@ class KnotSearch:
 
 
 def by_error(curve: Candidate) -> float:
-    """The squared error, by which curves are ordered."""
-    return curve.error
+    """The squared error to nine digits, so that rounding decides nothing: the first one counts."""
+    return float(f"{curve.error:.8e}")
 
 
 def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidate:

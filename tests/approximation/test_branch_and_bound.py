@@ -17,8 +17,8 @@ from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.lagrangian_bound import Relaxation, first_potentials
 from planner.approximation.problem import Candidate, Problem
 from planner.exceptions import Infeasible, InvalidInput
+from tests.approximation.enumeration import enumerated
 from tests.approximation.samples import KINDS, oracle_instance, oracle_instances, samples_of
-from tests.approximation.test_knot_search import least_error
 
 CLOSE = 1.01
 """Error over the oracle's that the search is allowed, in at least 95 % of instances."""
@@ -31,14 +31,9 @@ TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
 
 @pytest.mark.parametrize("seed", range(16))
 def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
-    rng = np.random.default_rng(seed)
-    cyclic, kind = bool(seed % 2), KINDS[seed % len(KINDS)]
-    segments, n = (3, 22) if cyclic else (4, 20)
-    desired = samples_of(kind, n, rng)
-    step = rng.choice([1.0, 2.0, 4.0, 50.0]) * np.ptp(desired) / n
-    least = np.sqrt(least_error(desired, segments, step, cyclic) / n)
-    fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments, exact=True)
-    assert fit.rms == pytest.approx(least, rel=2.0 * BRANCHES.proved, abs=1e-6)
+    each = enumerated(seed)
+    fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
+    assert fit.rms == pytest.approx(each.rms, rel=2.0 * BRANCHES.proved, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
