@@ -37,13 +37,6 @@ class Evaluation(NamedTuple):
     hessians: Array  # (m, 2K, 2K), of half the squared error
     gauss_newton: Array  # (m, 2K), diagonal of the Hessian without the residuals' part
 
-    def where(self, chosen: npt.NDArray[np.bool_], other: Evaluation) -> Evaluation:
-        """The rows of ``other`` where chosen, those of this elsewhere."""
-        pairs = zip(self, other, strict=True)
-        return Evaluation(
-            *(np.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), b, a) for a, b in pairs)
-        )
-
 
 def evaluate(problem: Problem, knots: Array, values: Array) -> Evaluation:
     """Squared errors of curves, their gradients and Hessians; O(m (n + K²)) time and memory.

@@ -157,19 +157,18 @@ def build_values_qp(
         return sums_by(problem.weights * products, segment, start.size)
 
     s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
+    diagonal = sums_by(s00, start, size) + sums_by(s11, end, size)
+    ridge = QP.ridge * float(diagonal.max())
+    every = np.arange(size)
     P = sparse.csc_matrix(
         (
-            np.concatenate([s00, s01, s01, s11]),
-            (
-                np.concatenate([start, start, end, end]),
-                np.concatenate([start, end, start, end]),
-            ),
+            np.concatenate([diagonal + ridge, s01, s01]),
+            (np.concatenate([every, start, end]), np.concatenate([every, end, start])),
         ),
         shape=(size, size),
     )
     q = -sums_by(total(rest * problem.desired), start, size)
     q -= sums_by(total(share * problem.desired), end, size)
-    ridge = QP.ridge * float(P.diagonal().max())
     row, ones = np.arange(start.size), np.ones(start.size)
     A = sparse.csc_matrix(
         (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
@@ -190,7 +189,7 @@ def build_values_qp(
         lower = np.append(lower, problem.desired - tube)
         upper = np.append(upper, problem.desired + tube)
     return ValuesQP(
-        P=(P + ridge * sparse.eye(size)).tocsc(),
+        P=P,
         q=q - ridge * near,
         A=A,
         lower=lower,

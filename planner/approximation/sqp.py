@@ -211,39 +211,43 @@ def _newton(
     for number in range(rounds):
         if number == SQP.race and keep is not None and keep < count:
             active &= here.errors <= np.partition(here.errors, keep - 1)[keep - 1]
-        if not np.any(active):
+        going = np.flatnonzero(active)
+        if going.size == 0:
             break
-        scales = _scales(here, size)
-        slack = np.maximum(slacks(problem, here.knots, here.values), 0.0)
-        moves = np.zeros((count, 2 * size))
-        solved, predicted = np.zeros(count, dtype=bool), np.zeros(count)
-        for m in np.flatnonzero(active).tolist():
+        scales = _scales(here.gauss_newton[going], size)
+        slack = np.maximum(slacks(problem, here.knots[going], here.values[going]), 0.0)
+        moves = np.zeros((going.size, 2 * size))
+        solved, predicted = np.zeros(going.size, dtype=bool), np.zeros(going.size)
+        for g, m in enumerate(going.tolist()):
             v = variables[m]
-            step, damping[m], predicted[m] = minimize_damped(
+            step, damping[m], predicted[g] = minimize_damped(
                 here.hessians[m][cells[m]],
-                scales[m, v],
+                scales[g, v],
                 float(damping[m]),
                 here.gradients[m, v],
                 own_rows[m],
-                slack[m],
+                slack[g],
             )
             if step is not None:
-                moves[m, v], solved[m] = step, True
-        there = evaluate(problem, here.knots + moves[:, :size], here.values + moves[:, size:])
-        gains = here.errors - there.errors
-        better = active & solved & (gains > 0.0)
-        stop = better & (gains <= progress * there.errors) & (damping < 1.0)
-        stop |= active & solved & ~better & (predicted <= progress * here.errors)
-        here = here.where(better, there)
+                moves[g, v], solved[g] = step, True
+        there = evaluate(
+            problem, here.knots[going] + moves[:, :size], here.values[going] + moves[:, size:]
+        )
+        gains = here.errors[going] - there.errors
+        better = solved & (gains > 0.0)
+        stop = better & (gains <= progress * there.errors) & (damping[going] < 1.0)
+        stop |= solved & ~better & (predicted <= progress * here.errors[going])
+        for old, new in zip(here, there, strict=True):
+            old[going[better]] = new[better]
         factor = np.where(gains > 0.5 * predicted, 0.2, np.where(gains > 0.0, 0.7, 6.0))
-        damping = damping * np.where(solved, factor, 10.0)
-        active = active & ~stop & (here.errors > none)
+        damping[going] *= np.where(solved, factor, 10.0)
+        active[going] = ~stop & (here.errors[going] > none)
     return here
 
 
-def _scales(here: Evaluation, size: int) -> Array:
+def _scales(gauss_newton: Array, size: int) -> Array:
     """Curvature of each variable, against which damping is measured, shape (m, 2K)."""
-    own = here.gauss_newton.copy()
+    own = gauss_newton.copy()
     by_value = own[:, size:].sum(axis=1, keepdims=True) / size
     by_knot = own[:, :size].sum(axis=1, keepdims=True) / size
     own[:, :size] += 1e-2 * by_knot + 1e-12 * by_value
