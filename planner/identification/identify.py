@@ -11,7 +11,7 @@ from planner.exceptions import InvalidInput
 from planner.given import as_flag
 from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.fit import fit_joint, with_even_rows, with_observed_speed
-from planner.identification.intervals import Bounds, Uncertainty, bounds_of, uncertainty_of
+from planner.identification.intervals import Bounds, Uncertainty, intervals_of, uncertainty_of
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, unwrapped
 from planner.identification.parameters import units
@@ -51,7 +51,7 @@ def identify(
     logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     timing = timing.ticking(fit.grid.tick)
     uncertainty = uncertainty_of(fit)
-    bounds = bounds_of(fit, uncertainty)
+    bounds = intervals_of(fit, uncertainty)
     held = held_out(logs, timing, fit.grid) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from planner.identification.least_squares import Effort, Fit, least_squares
-from planner.identification.parameters import LARGEST_GAIN as FASTEST
-from planner.identification.parameters import Parameters, units
+from planner.identification.parameters import COORDINATES, Parameters, bounds_of, units
 from planner.identification.result import Interval
 from planner.trajectory import Array
 
@@ -31,7 +30,8 @@ WIDENING = 2.5
 BISECTIONS = 2
 """Halvings that narrow the end of an interval."""
 
-GAIN, V_MAX, LAG, ACCELERATION_TIME, OFFSET = range(5)
+V_MAX, OFFSET = (list(COORDINATES).index(name) for name in ("v_max", "offset"))
+ROWS = tuple(COORDINATES.values())
 
 
 class Bounds(NamedTuple):
@@ -44,7 +44,7 @@ class Bounds(NamedTuple):
     offset: Interval
 
 
-def bounds_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
+def intervals_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
     """95 % intervals of the parameters of a fit, by profile where the covariance is not enough."""
     at = fit.parameters
     half = uncertainty.quantile * uncertainty.deviations
@@ -52,13 +52,13 @@ def bounds_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
     ends: list[Interval] = []
     possible: list[Parameters] = []
     for index, value in enumerate(at):
-        logarithmic = index in (GAIN, V_MAX)
+        logarithmic = ROWS[index].unit is None
         if logarithmic and half[index] <= CERTAIN * uncertainty.quantile:
             ends.append(Interval(value * math.exp(-half[index]), value * math.exp(half[index])))
         elif not logarithmic and _narrow(fit, index, half[index]):
             width = half[index] * scaling[index]
             low = value - width
-            ends.append(Interval(low if index == OFFSET else max(low, 0.0), value + width))
+            ends.append(Interval(max(low, ROWS[index].open_end), value + width))
         else:
             ends.append(
                 Interval(*(_end(fit, uncertainty, index, way, possible) for way in (-1, 1)))
@@ -95,7 +95,7 @@ def _end(
     if limit == value or (math.isinf(limit) and not profile.refutes(limit)):
         return reported
     profile = _Profile(fit, index, fit.cost + rise, possible)
-    logarithmic = index in (GAIN, V_MAX)
+    logarithmic = ROWS[index].unit is None
     inner, step = value, _first_step(fit, uncertainty, index)
     for _ in range(PROFILE_STEPS):
         outer = value * math.exp(way * step) if logarithmic else value + way * step
@@ -145,27 +145,22 @@ class _Profile:
 
 def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:
     """How far a parameter can go to one side, and what to report where the data lets it."""
-    grid = fit.grid
-    if index == GAIN:
-        return (FASTEST / grid.tick, math.inf) if way > 0 else (0.0, 0.0)
-    if index == V_MAX:
-        return (math.inf, math.inf) if way > 0 else (0.0, 0.0)
-    if index == LAG:
-        room = grid.reach - grid.tick
-        return (room, math.inf) if way > 0 else (0.0, 0.0)
-    room = grid.reach
-    return (room, math.inf) if way > 0 else (grid.tick, 0.0)
+    lower, upper = bounds_of(fit.grid)
+    if way > 0:
+        return (math.inf if index == V_MAX else upper[index]), math.inf
+    row = ROWS[index]
+    return (0.0 if row.unit is None else lower[index]), row.open_end
 
 
 def _wald(uncertainty: Uncertainty, fit: Fit, index: int) -> float:
     """Half the width of an interval by the covariance: a logarithm, or a time [s]."""
     half = uncertainty.quantile * float(uncertainty.deviations[index])
-    return half if index in (GAIN, V_MAX) else half * fit.grid.tick
+    return half if ROWS[index].unit is None else half * fit.grid.tick
 
 
 def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
     half = _wald(uncertainty, fit, index)
-    if index in (GAIN, V_MAX):
+    if ROWS[index].unit is None:
         return min(max(half, 0.02), 0.3)
     delay = fit.parameters.lag + fit.parameters.acceleration_time + 1.0 / fit.parameters.gain
     return min(max(half, 0.25 * fit.grid.tick), 0.3 * delay)
