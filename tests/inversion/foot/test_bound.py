@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
 from planner.inversion.bounds.reachable_set import reachable_set
-from planner.inversion.foot.bound import foot_bound, within_reach
+from planner.inversion.foot.bound import FootBoundOptions, foot_bound, within_reach
 from planner.inversion.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
 from planner.inversion.foot.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
 from planner.inversion.foot.invert import invert_foot
@@ -33,6 +33,12 @@ CLOSE = 0.01
 """Gap of the plan for the reference walk, half of which was there when this was written."""
 
 KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms"), (2, False, "max")]
+
+
+@pytest.fixture(autouse=True)
+def less_effort(monkeypatch):
+    """Less effort than usual: what is proved is then less, and no less valid."""
+    monkeypatch.setattr("planner.inversion.foot.bound.OPTIONS", FootBoundOptions(effort=600))
 
 
 def walk_plan(**options):
