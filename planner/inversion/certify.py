@@ -81,7 +81,7 @@ def certify(
 
     Args:
         model: The joint.
-        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         norm: "rms" for the root mean square of the errors, "max" for the largest.
         level: "slope", "envelope" or "exact".

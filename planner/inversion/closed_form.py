@@ -19,11 +19,11 @@ from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
 
-MORE_LINES = 2
-"""Lines that are tried beyond those that the approximation needs by itself."""
+MORE_SEGMENTS = 2
+"""Segments that are tried beyond those that the approximation needs by itself."""
 
 WORTH_MORE = 0.995
-"""Tracking error, relative to that of fewer lines, that is worth more of them."""
+"""Tracking error, relative to that of fewer segments, that is worth more of them."""
 
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
@@ -43,7 +43,7 @@ def invert_closed_form(
 ) -> Inversion:
     """Requests by the paper's method: approximate by lines, invert each, switch between them early.
 
-    The wanted trajectory is approximated by a piecewise linear one within ±v_max, each line is
+    The desired trajectory is approximated by a piecewise linear one within ±v_max, each line is
     raised by its C_m (Section 4.2), and the requests change from one line to the next l + a/2
     before the approximation does (Section 4.3), at the true time, be it between two requests.
 
@@ -51,7 +51,7 @@ def invert_closed_form(
 
     Args:
         model: The joint.
-        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         segments: Number of lines; where not given, chosen by :func:`planner.fit_pwl`, or two more
             if the joint then comes closer by half a percent.
@@ -108,7 +108,7 @@ def approximations(
     """The approximation, and where neither count nor knots are fixed one of two more segments."""
     v_max, tick = model.v_max, model.period
     curves = [fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=segments)]
-    more = curves[0].segments + MORE_LINES
+    more = curves[0].segments + MORE_SEGMENTS
     if refine and segments is None and more <= desired.size - (not cyclic):
         curves.append(fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=more))
     return curves

@@ -54,24 +54,39 @@ class Stage(NamedTuple):
 class GaussNewtonOptions:
     """What steers the search.
 
+    In brackets what half and twice the value do to the errors of 50 plans that saturate, half of
+    them outside Equation 13: mean and worst change in per cent.
+
     Attributes:
         narrow: The stages. A regularisation keeps the first ones out of the plains where saturated
-            requests no longer count, and the last ones from jumping where nothing is gained.
+            requests no longer count, and the last ones from jumping where nothing is gained. Fewer
+            than seven stages cost up to 13 %.
         wide: The stages of a search that leaves the place where it begins: under corners so wide
             every request counts. Hardly any regularisation is left at the end, which matters where
-            next to no error is.
+            next to no error is. Without this search plans lose up to 18 %.
         largest: Where the largest error counts, the stages that follow those of wide corners: it
             is approached through sums of powers of the errors.
-        simulated: Radius below which what a stage ends with is worth a simulation [theta_0].
-        least_decrease: A stage ends when a step lowers its merit by less than this fraction.
+        simulated: Radius below which what a stage ends with is worth a simulation [theta_0] (0.000
+            and 0.01; 0 and 0).
+        least_decrease: A stage ends when a step lowers its merit by less than this fraction (-0.002
+            and 0.04; 0.002 and 0.07, and worse where next to no error is).
         first_damping: Least weight of the Levenberg-Marquardt term in the first step of a stage,
-            relative to that of the errors.
+            relative to that of the errors (0.01 and 1.0; 0.01 and 1.7).
+        factor: By this the weight grows after a step that failed, or that gained less than ``poor``
+            of what was predicted, and falls after one that gained more than ``good`` of it.
+        short_factor: By this it grows after a step that had to be shortened; with 3 the errors are
+            the same, but requests for the largest error change up to 14 % more.
+        good: See ``factor`` [-].
+        poor: See ``factor`` [-].
         defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
-            curvature of the cost.
-        shortening: Share of a step that is tried after one that was too long.
-        lengths: Lengths of a step that are tried before it is computed anew.
+            curvature of the cost (0.006 and 0.4; 0.000 and 0.02, and 2.5 where it does not
+            saturate).
+        shortening: Share of a step that is tried after one that was too long (0.02 and 1.7; -0.01
+            and 0.2, with requests that change 7 % more).
+        lengths: Lengths of a step that are tried before it is computed anew (0.003 and 0.3; 0.001
+            and 0.02).
         active_set_rounds: How often a step is taken anew with the requests held that it would take
-            beyond their limits.
+            beyond their limits (one: 0.000 and 0.01, and 3.4 where it does not saturate; six: 0).
     """
 
     narrow: tuple[Stage, ...] = (
@@ -99,6 +114,10 @@ class GaussNewtonOptions:
     simulated: float = 0.1
     least_decrease: float = 5e-4
     first_damping: float = 3e-4
+    factor: float = 3.0
+    short_factor: float = 2.0
+    good: float = 0.6
+    poor: float = 0.2
     defect_penalty: float = 60.0
     shortening: float = 0.4
     lengths: int = 4
@@ -160,24 +179,24 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
         try:
             step, held = _step_within_limits(problem, current, damping, multipliers, held)
         except np.linalg.LinAlgError:  # the matrix is singular to working precision
-            damping *= 10.0
+            damping *= OPTIONS.factor
             continue
         merit = merit_of(current, step, penalty)
         predicted_reduction = merit - step.predicted
         following, length = _line_search(problem, current, step, stage, unit, penalty)
         if following is None:
-            damping *= 3.0
+            damping *= OPTIONS.factor
             if predicted_reduction < 0.1 * OPTIONS.least_decrease * merit:
                 break
             continue
         after = merit_of(following, step, penalty)
         reduction = merit - after
         if length < 1.0:
-            damping *= 2.0
-        elif reduction > 0.6 * predicted_reduction:
-            damping /= 3.0
-        elif reduction < 0.2 * predicted_reduction:
-            damping *= 3.0
+            damping *= OPTIONS.short_factor
+        elif reduction > OPTIONS.good * predicted_reduction:
+            damping /= OPTIONS.factor
+        elif reduction < OPTIONS.poor * predicted_reduction:
+            damping *= OPTIONS.factor
         current, multipliers = following, step.multipliers
         if reduction < OPTIONS.least_decrease * after:
             break

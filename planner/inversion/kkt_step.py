@@ -81,7 +81,7 @@ def kkt_step(
         response: Derivatives at the current angles and requests.
         cost: The cost of the angles.
         regularisation: The cost of the requests.
-        defects: l, by how much the angles fall short of where the periods lead, (n, joints).
+        defects: d, by how much the angles fall short of where the periods lead, (n, joints).
         damping: The Levenberg-Marquardt terms.
         free: Requests that may change, shape (n, joints).
 
@@ -201,7 +201,7 @@ class SchurBand:
 
         Args:
             response: The derivatives in B and H.
-            inverse: C^-1, (n, joints, joints).
+            inverse: (K + E)^-1, (n, joints, joints).
             weighted: H Q^-1, like H.
         """
         _, by_angle, by_request, _ = response

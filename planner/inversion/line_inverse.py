@@ -45,7 +45,7 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
 
     Args:
         model: The joint.
-        slope: Slope m of the wanted line [rad/s], scalar or array, |m| <= v_max.
+        slope: Slope m of the desired line [rad/s], scalar or array, |m| <= v_max.
         rule: "exact" or "paper".
 
     Returns:

@@ -38,14 +38,18 @@ from planner.trajectory import Array, as_trajectory
 class SearchOptions:
     """When one search is not enough.
 
-    Measured over 237 joints, half of them outside Equation 13 or with cycles of a few samples.
+    Measured over 109 joints, half of them outside Equation 13, and 366 for ``compared``.
 
     Attributes:
-        far: Error over that of the ideal from which on further searches are worth their time.
+        far: Error over that of the ideal from which on further searches are worth their time. At
+            1.015 nothing is gained, at 1.06 up to 0.4 % lost.
         gain: Relative gain from which on the answer of a wide search is taken, whose requests
-            change more.
-        negligible: Error up to which further searches are not worth their time [theta_0].
-        compared: Samples of a short trajectory up to which the closed forms are judged too [-].
+            change more. At half and twice no error changes by more than 0.01 %; without it Σ(ΔR)²
+            is 3 % larger.
+        negligible: Error up to which further searches are not worth their time [theta_0]. Half and
+            twice matter only below 0.01 degrees.
+        compared: Samples of a cycle shorter than twice the window up to which the closed forms are
+            judged too. No longer one tracked better; each costs 0.1 s.
     """
 
     far: float = 1.03
@@ -79,7 +83,7 @@ def invert_optimal(
 
     Args:
         model: The joint.
-        desired: Wanted angles [rad], shape (n,), one every ``model.period``.
+        desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.

@@ -22,13 +22,13 @@ Method = Literal["closed_form", "optimal"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inversion:
-    """Requests for a wanted trajectory, with what the exact model makes of them.
+    """Requests for a desired trajectory, with what the exact model makes of them.
 
     Every figure is computed from the requests by simulation, whatever solver found them.
 
     Attributes:
         model: The joint.
-        desired: Wanted angles [rad], shape (n,).
+        desired: Desired angles [rad], shape (n,).
         requests: What to send to the joint [rad], shape (n,).
         method: How they were found.
         solver: What solved the problem of an optimised plan; None for a closed form.

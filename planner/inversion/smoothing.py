@@ -31,14 +31,18 @@ from planner.trajectory import Array
 class SmoothingOptions:
     """What steers the smoothing.
 
+    In brackets what half and twice the value do to Σ(ΔR)² over 109 plans; the error follows
+    ``error_share``.
+
     Attributes:
-        error_share: Relative rise of the error that smoother requests may cost.
+        error_share: Relative rise of the error that smoother requests may cost (+2.8 %, -1.7 %).
         stages: The stages of a round. Their weights are in units of the one under which all the
-            squared changes cost as much as the rise. Wide corners first: where they are sharp the
-            requests hardly leave the place where they are. The first plan that the error bears is
-            taken.
+            squared changes cost as much as the rise (of the weights: +1.6 %, +1.7 %, and more
+            time). Wide corners first: where they are sharp the requests hardly leave the place
+            where they are. The first plan that the error bears is taken.
         growth: How much larger the weights become from one round to the next.
-        averages: How often the saturated requests are drawn to their moving average.
+        averages: How often the saturated requests are drawn to their moving average (+1.3 %,
+            -1.0 %; never: +14 %).
     """
 
     error_share: float = 2e-4

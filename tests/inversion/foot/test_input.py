@@ -128,7 +128,7 @@ def test_weights_only_where_the_leg_cannot_move_its_foot_are_refused(tmp_path):
 
 def test_joints_under_whose_requests_no_cycle_closes_are_a_failure_of_the_search(monkeypatch):
     monkeypatch.setattr(
-        "planner.inversion.foot.invert.improve", lambda *given: (given[1], math.inf)
+        "planner.inversion.foot.invert.minimise", lambda *given: (given[1], math.inf)
     )
     with pytest.raises(SolverFailed, match=r"foot.*no requests lead to a steady cycle"):
         invert_foot(ERS210A, LEG, PATH)
