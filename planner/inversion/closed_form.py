@@ -65,7 +65,7 @@ def invert_closed_form(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) that is long enough.
-        InvalidInput: The rule or the number of segments is none.
+        InvalidInput: The rule is unknown, or ``segments`` is not a number that the samples allow.
         SolverFailed: The approximation was not found.
     """
     model = checked_model(model)

@@ -81,7 +81,7 @@ def kkt_step(
         response: Derivatives at the current angles and requests.
         cost: The cost of the angles.
         regularisation: The cost of the requests.
-        defects: d, by how much the angles fall short of where the periods lead, (n, joints).
+        defects: delta, by how much the angles fall short of where the periods lead, (n, joints).
         damping: The Levenberg-Marquardt terms.
         free: Requests that may change, shape (n, joints).
 

@@ -78,6 +78,7 @@ def invert_optimal(
     the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
     from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
     the last stages, and the best requests are kept, so the plan is never worse than that form.
+    Cycles of a few samples are compared with :func:`invert_closed_form` too.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
@@ -97,7 +98,8 @@ def invert_optimal(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
-        InvalidInput: The norm is none, the limits are no pair, or ``start`` does not fit.
+        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, or a cycle is
+            given a ``start``.
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found under which the joint finds a cycle, or CasADi's
             solver stopped without an answer.

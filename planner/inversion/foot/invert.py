@@ -121,9 +121,10 @@ def invert_foot(
         The plan.
 
     Raises:
-        InvalidInput: The models do not fit the leg or each other, or the weights are none.
+        InvalidInput: The models do not fit the leg or each other, or the weights are not three
+            numbers, 0 or more and not all 0.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
-        kinematics.KinematicsError: The path is none, or the leg has no inverse.
+        kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
         SolverFailed: No requests were found under which every joint finds a cycle.
     """
     check_norm(norm)
