@@ -28,7 +28,7 @@ KNOT_UNIT = 2.0**32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Question:
+class Arguments:
     """A fit's arguments.
 
     Attributes:
@@ -75,7 +75,7 @@ class Question:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
 
 
-def question_of(
+def checked_arguments(
     desired: Array,
     *,
     v_max: float,
@@ -91,11 +91,11 @@ def question_of(
     ends: Ends,
     on_samples: bool,
     exact: bool,
-) -> Question:
-    """The question, every argument of :func:`planner.fit_pwl` checked on its own."""
+) -> Arguments:
+    """All arguments, every one of :func:`planner.fit_pwl` checked on its own."""
     cyclic = as_flag("cyclic", cyclic)
     places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
-    return Question(
+    return Arguments(
         desired=desired,
         weights=checked_weights(weights, desired.size),
         v_max=positive("v_max", v_max, "rad/s"),
@@ -223,7 +223,7 @@ def _number(name: str, value: object) -> float:
     return number
 
 
-def check_feasible(question: Question) -> None:
+def check_feasible(arguments: Arguments) -> None:
     """Raise Infeasible, with the pair that is to blame, if no curve can be as required.
 
     Raises:
@@ -231,50 +231,50 @@ def check_feasible(question: Question) -> None:
             no room for so many or so few segments.
         InvalidInput: A required knot lies between samples where knots must lie on them.
     """
-    if question.on_samples:
-        between = question.required[question.required != np.floor(question.required)]
+    if arguments.on_samples:
+        between = arguments.required[arguments.required != np.floor(arguments.required)]
         if between.size:
             raise InvalidInput(
                 f"required: got a knot at {between[0]:g} with on_samples, expected whole numbers"
             )
-    _check_slopes(question)
-    _check_lengths(question)
-    if question.max_error is not None:
-        _check_errors(question, question.max_error)
+    _check_slopes(arguments)
+    _check_lengths(arguments)
+    if arguments.max_error is not None:
+        _check_errors(arguments, arguments.max_error)
 
 
-def _around(question: Question, places: Array) -> Array:
+def _around(arguments: Arguments, places: Array) -> Array:
     """Places with the first one again at the end, a cycle later."""
-    return np.append(places, places[0] + question.desired.size)
+    return np.append(places, places[0] + arguments.desired.size)
 
 
-def _check_slopes(question: Question) -> None:
-    pinned = np.isfinite(question.pins)
-    places, angles = question.required[pinned], question.pins[pinned]
+def _check_slopes(arguments: Arguments) -> None:
+    pinned = np.isfinite(arguments.pins)
+    places, angles = arguments.required[pinned], arguments.pins[pinned]
     if places.size < 2:
         return
-    if question.cyclic:
-        places, angles = _around(question, places), np.append(angles, angles[0])
-    slopes = np.diff(angles) / (np.diff(places) * question.tick)
+    if arguments.cyclic:
+        places, angles = _around(arguments, places), np.append(angles, angles[0])
+    slopes = np.diff(angles) / (np.diff(places) * arguments.tick)
     k = int(np.argmax(np.abs(slopes)))
-    if abs(slopes[k]) > question.v_max * (1.0 + ROUNDING):
-        n = question.desired.size
+    if abs(slopes[k]) > arguments.v_max * (1.0 + ROUNDING):
+        n = arguments.desired.size
         raise Infeasible(
             f"required angles {angles[k]:.6g} rad at sample {places[k]:g} and {angles[k + 1]:.6g} "
             f"rad at sample {places[k + 1] % n:g}: got a slope of {slopes[k]:.6g} rad/s between "
-            f"them, expected at most v_max = {question.v_max:.6g} rad/s; move one of them or allow "
-            "a larger v_max"
+            f"them, expected at most v_max = {arguments.v_max:.6g} rad/s; move one of them or "
+            "allow a larger v_max"
         )
 
 
-def _check_lengths(question: Question) -> None:
-    n, shortest = question.desired.size, question.shortest
-    length = float(n if question.cyclic else n - 1)
-    places = question.required
-    if not question.cyclic:
+def _check_lengths(arguments: Arguments) -> None:
+    n, shortest = arguments.desired.size, arguments.shortest
+    length = float(n if arguments.cyclic else n - 1)
+    places = arguments.required
+    if not arguments.cyclic:
         places = np.unique(np.concatenate([[0.0], places, [n - 1.0]]))
     elif places.size:
-        places = _around(question, places)
+        places = _around(arguments, places)
     else:
         places = np.array([0.0, n])
     apart = np.diff(places)
@@ -285,11 +285,11 @@ def _check_lengths(question: Question) -> None:
             f"samples apart, expected at least shortest = {shortest:g}; leave one away or allow "
             "shorter segments"
         )
-    unit = math.ceil(shortest - BARELY_SHORT) if question.on_samples else shortest
+    unit = math.ceil(shortest - BARELY_SHORT) if arguments.on_samples else shortest
     most = int(np.sum(np.floor(apart / unit + BARELY_SHORT)))
     fewest = apart.size
-    segments = question.segments
-    ceiling = question.max_error is not None or question.max_rms is not None
+    segments = arguments.segments
+    ceiling = arguments.max_error is not None or arguments.max_rms is not None
     if segments is not None and segments > most and not ceiling:
         raise Infeasible(
             f"segments = {segments} and shortest = {shortest:g} samples: there is room for {most} "
@@ -298,27 +298,27 @@ def _check_lengths(question: Question) -> None:
         )
     if segments is not None and segments < fewest:
         raise Infeasible(
-            f"segments = {segments} and {question.required.size} required knots: they make at "
+            f"segments = {segments} and {arguments.required.size} required knots: they make at "
             f"least {fewest} segments; ask for more or leave some away"
         )
-    if question.cyclic and most < 2 and bool(np.ptp(question.desired)):
+    if arguments.cyclic and most < 2 and bool(np.ptp(arguments.desired)):
         raise Infeasible(
             f"shortest = {shortest:g} and a cycle of {n} samples: there is room for one segment, "
             "and a closed curve that moves needs two; allow shorter ones"
         )
 
 
-def _check_errors(question: Question, bound: float) -> None:
+def _check_errors(arguments: Arguments, bound: float) -> None:
     """Whether a required angle is further than the bound from a sample, wherever the curve goes."""
-    n, step = question.desired.size, question.v_max * question.tick
+    n, step = arguments.desired.size, arguments.v_max * arguments.tick
     samples = np.arange(n, dtype=np.float64)
-    for place, angle in zip(question.required, question.pins, strict=True):
+    for place, angle in zip(arguments.required, arguments.pins, strict=True):
         if not math.isfinite(angle):
             continue
         away = np.abs(samples - place)
-        if question.cyclic:
+        if arguments.cyclic:
             away = np.minimum(away, n - away)
-        least = np.abs(question.desired - angle) - step * away
+        least = np.abs(arguments.desired - angle) - step * away
         k = int(np.argmax(least))
         if least[k] > bound * (1.0 + 1e-9):
             raise Infeasible(

@@ -13,10 +13,10 @@ import numpy as np
 from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.lagrangian_bound import (
     Levels,
-    Potentials,
+    Multipliers,
     Relaxation,
     climb,
-    first_potentials,
+    first_multipliers,
 )
 from planner.approximation.problem import Candidate, Problem
 from planner.approximation.slope_projection import ideal_of
@@ -33,9 +33,9 @@ class BranchOptions:
             cycle their cube at the first bound.
         branches: Halves that are looked at before the search gives up.
         few: Sets of knots that are tried one by one rather than halved.
-        root_steps: Steps of the potentials at first.
+        root_steps: Steps of the multipliers at first.
         branch_steps: The same after each halving.
-        widest: Neighbours of a knot that learn from its mismatch in the first steps [samples].
+        widest: Neighbours of a knot that take part of its first steps [samples].
     """
 
     proved: float = 1e-6
@@ -57,7 +57,7 @@ class Branch:
     bound: float
     number: int
     levels: Levels
-    potentials: Potentials
+    multipliers: Multipliers
 
 
 def proved_best(problem: Problem, start: Candidate) -> Candidate:
@@ -102,8 +102,8 @@ class _BranchAndBound:
         return self.best.error * (1.0 - BRANCHES.proved) - 1e-12
 
     def _search(self) -> None:
-        potentials = first_potentials(self._problem, self.best, self._relaxation.nodes)
-        root = Branch(-math.inf, 0, self._all_levels(), potentials)
+        multipliers = first_multipliers(self._problem, self.best, self._relaxation.nodes)
+        root = Branch(-math.inf, 0, self._all_levels(), multipliers)
         queue, number = [root], 0
         while queue:
             branch = heapq.heappop(queue)
@@ -136,9 +136,9 @@ class _BranchAndBound:
         return [np.array([0]), *inner, np.array([n - 1])]
 
     def _tightened(self, branch: Branch, steps: int) -> Branch | None:
-        """The branch with better potentials and fewer places; None if it holds nothing better."""
+        """The branch with better multipliers and fewer places; None if it holds nothing better."""
         levels = branch.levels
-        trial = best = Potentials(branch.potentials.into.copy(), branch.potentials.out.copy())
+        trial = best = Multipliers(branch.multipliers.into.copy(), branch.multipliers.out.copy())
         highest, pace, stalled = -math.inf, 1.0, 0
         for step in range(steps):
             found = self._relaxation.bound(levels, trial)
@@ -150,7 +150,7 @@ class _BranchAndBound:
             stalled += found.error - highest < 1e-4 * (self.best.error - highest)
             if found.error > highest:
                 highest = found.error
-                best = Potentials(trial.into.copy(), trial.out.copy())
+                best = Multipliers(trial.into.copy(), trial.out.copy())
             if stalled > 3:
                 pace, stalled = 0.5 * pace, 0
             levels = [

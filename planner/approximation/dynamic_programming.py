@@ -2,7 +2,8 @@
 
 A segment from one sample to another has a price that needs no other segment, so the cheapest chain
 of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
-segments using dynamic programming, 1961). Three prices are used, as they fail on different data:
+segments using dynamic programming, 1961; docs/math.md, Equation 5a). Three prices are used, as they
+fail on different data:
 
 - `chord`: the segment joins two points of the ideal sequence; within the slopes and continuous at
   once, but at the mercy of noise at the two points;

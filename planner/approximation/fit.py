@@ -31,11 +31,11 @@ import numpy.typing as npt
 
 from planner.approximation.arguments import (
     KNOT_UNIT,
+    Arguments,
     Ends,
-    Question,
     Required,
     check_feasible,
-    question_of,
+    checked_arguments,
 )
 from planner.approximation.branch_and_bound import BRANCHES, proved_best
 from planner.approximation.curve import PiecewiseLinear
@@ -142,7 +142,7 @@ def fit_pwl(
         Infeasible: What is required contradicts itself, the slopes or the error; names the pair.
         SolverFailed: A QP was not solved, or nothing proved in reasonable time.
     """
-    question = question_of(
+    arguments = checked_arguments(
         as_trajectory(desired, name="desired", minimum=3),
         v_max=v_max,
         tick=tick,
@@ -158,22 +158,22 @@ def fit_pwl(
         on_samples=on_samples,
         exact=exact,
     )
-    return _certified(question, *_knots_and_values(question))
+    return _certified(arguments, *_knots_and_values(arguments))
 
 
 def _certified(
-    question: Question, knots: Array, values: Array, fewest: int | None
+    arguments: Arguments, knots: Array, values: Array, fewest: int | None
 ) -> PiecewiseLinearFit:
     """The fit, if the slopes and errors that it reports keep their bounds."""
     fit = PiecewiseLinearFit(
         knots=knots,
         values=values,
-        samples=question.desired.size,
-        tick=question.tick,
-        cyclic=question.cyclic,
-        desired=question.desired,
-        v_max=question.v_max,
-        weights=question.weights,
+        samples=arguments.desired.size,
+        tick=arguments.tick,
+        cyclic=arguments.cyclic,
+        desired=arguments.desired,
+        v_max=arguments.v_max,
+        weights=arguments.weights,
         fewest_segments=fewest,
     )
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
@@ -181,8 +181,8 @@ def _certified(
         raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
     rounding = ROUNDING * float(np.max(np.abs(fit.desired)))
     for name, error, bound in (
-        ("largest", fit.max_error, question.max_error),
-        ("rms", fit.rms, question.max_rms),
+        ("largest", fit.max_error, arguments.max_error),
+        ("rms", fit.rms, arguments.max_rms),
     ):
         if bound is not None and error > bound * (1.0 + BARELY) + rounding:
             problem = f"{name} error of the piecewise-linear fit"
@@ -190,7 +190,7 @@ def _certified(
     return fit
 
 
-def _knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
+def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
     """The answer: knots [samples] and values [rad], slopes within ±v_max to the last digit.
 
     With a largest error, the third is a lower bound on the segments of any curve that keeps it.
@@ -199,23 +199,23 @@ def _knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
         Infeasible: There is none; names the pair of requirements that contradict each other.
         SolverFailed: A solver stopped short.
     """
-    check_feasible(question)
-    pins = question.pins[np.isfinite(question.pins)]
-    given = np.concatenate([question.desired, pins])
+    check_feasible(arguments)
+    pins = arguments.pins[np.isfinite(arguments.pins)]
+    given = np.concatenate([arguments.desired, pins])
     middle = 0.5 * (float(given.max()) + float(given.min()))
     half_range = float(np.max(np.abs(given - middle)))
     in_rad = Problem(
-        desired=question.desired,
-        step=question.v_max * question.tick,
-        cyclic=question.cyclic,
-        weights=np.ones(question.desired.size) if question.weights is None else question.weights,
-        shortest=question.shortest,
-        required=question.required,
-        pins=question.pins,
-        on_samples=question.on_samples,
+        desired=arguments.desired,
+        step=arguments.v_max * arguments.tick,
+        cyclic=arguments.cyclic,
+        weights=np.ones(arguments.desired.size) if arguments.weights is None else arguments.weights,
+        shortest=arguments.shortest,
+        required=arguments.required,
+        pins=arguments.pins,
+        on_samples=arguments.on_samples,
     )
     if half_range == 0.0:
-        return *_constant(in_rad, question), None if question.max_error is None else 1
+        return *_constant(in_rad, arguments), None if arguments.max_error is None else 1
     problem = replace(
         in_rad,
         desired=(in_rad.desired - middle) / half_range,
@@ -223,41 +223,41 @@ def _knots_and_values(question: Question) -> tuple[Array, Array, int | None]:
         pins=(in_rad.pins - middle) / half_range,
     )
     fewest = None
-    if question.max_error is None or question.knots is not None:
-        knots, values = _found(problem, question, half_range)
+    if arguments.max_error is None or arguments.knots is not None:
+        knots, values = _found(problem, arguments, half_range)
     else:
         search = KnotSearch(problem)
-        bound = question.max_error / half_range
-        curve, fewest = within_largest_error(search.given, bound, question.segments, half_range)
+        bound = arguments.max_error / half_range
+        curve, fewest = within_largest_error(search.given, bound, arguments.segments, half_range)
         knots, values = search.form.restore(curve)
     knots = _snapped(in_rad, knots)
-    lengths = np.diff(np.append(knots, knots[0] + in_rad.samples) if question.cyclic else knots)
+    lengths = np.diff(np.append(knots, knots[0] + in_rad.samples) if arguments.cyclic else knots)
     values = within_slopes(
         with_pins(in_rad, knots, middle + half_range * values),
-        question.v_max * (lengths * question.tick),
-        cyclic=question.cyclic,
+        arguments.v_max * (lengths * arguments.tick),
+        cyclic=arguments.cyclic,
         towards=_pinned_course(in_rad, knots) if pins.size else None,
     )
     return knots, values, fewest
 
 
-def _found(problem: Problem, question: Question, unit: float) -> tuple[Array, Array]:
-    """Knots and values of the curve that answers the question, in the search's unit [rad]."""
-    if question.knots is not None:
-        return _at_given_knots(problem, question, unit)
+def _found(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, Array]:
+    """Knots and values of the curve that is asked for, in the search's unit [rad]."""
+    if arguments.knots is not None:
+        return _at_given_knots(problem, arguments, unit)
     search = KnotSearch(problem)
-    if question.exact:
-        return _exact(search, question, unit)
-    if question.max_rms is not None:
-        curve = within_rms(search, question.max_rms / unit, question.segments, unit)
-    elif question.segments is None:
+    if arguments.exact:
+        return _exact(search, arguments, unit)
+    if arguments.max_rms is not None:
+        curve = within_rms(search, arguments.max_rms / unit, arguments.segments, unit)
+    elif arguments.segments is None:
         curve = automatic(search)
     else:
-        curve = search.curve(question.segments)
+        curve = search.curve(arguments.segments)
     return search.settled(curve)
 
 
-def _exact(search: KnotSearch, question: Question, unit: float) -> tuple[Array, Array]:
+def _exact(search: KnotSearch, arguments: Arguments, unit: float) -> tuple[Array, Array]:
     """The proved best curve of so many segments, or of the fewest that keep the rms error."""
     n = search.problem.samples
     if n > BRANCHES.samples:
@@ -265,32 +265,32 @@ def _exact(search: KnotSearch, question: Question, unit: float) -> tuple[Array, 
             f"exact: got {n} samples, expected at most {BRANCHES.samples}; fit without it, or thin "
             "the samples out"
         )
-    if question.max_rms is None:
-        assert question.segments is not None, "an exact question says one of the two"
-        best = proved_best(search.problem, search.curve(question.segments))
+    if arguments.max_rms is None:
+        assert arguments.segments is not None, "exact says one of the two"
+        best = proved_best(search.problem, search.curve(arguments.segments))
         return search.settled(best)
-    last = search.most if question.segments is None else min(question.segments, search.most)
+    last = search.most if arguments.segments is None else min(arguments.segments, search.most)
     least = math.inf
     for segments in range(search.fewest, last + 1):
         best = proved_best(search.problem, search.curve(segments))
         least = math.sqrt(best.error / n) * unit
-        if least <= question.max_rms * (1.0 + BARELY):
+        if least <= arguments.max_rms * (1.0 + BARELY):
             return search.settled(best)
     raise Infeasible(
-        f"max_rms and the number of segments: got {question.max_rms:.6g} rad, but {last} segments "
+        f"max_rms and the number of segments: got {arguments.max_rms:.6g} rad, but {last} segments "
         f"with knots on samples reach {least:.6g} rad at best; allow more error or more segments"
     )
 
 
-def _at_given_knots(problem: Problem, question: Question, unit: float) -> tuple[Array, Array]:
-    assert question.knots is not None, "asked for given knots"
-    knots = np.union1d(question.knots, question.required)
-    if not question.cyclic:
+def _at_given_knots(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, Array]:
+    assert arguments.knots is not None, "asked for given knots"
+    knots = np.union1d(arguments.knots, arguments.required)
+    if not arguments.cyclic:
         knots = np.union1d(knots, [0.0, problem.samples - 1.0])
     _check_given(problem, knots)
-    bound = None if question.max_error is None else question.max_error / unit
+    bound = None if arguments.max_error is None else arguments.max_error / unit
     values = values_within(problem, knots, bound, unit)
-    if question.max_rms is not None:
+    if arguments.max_rms is not None:
         residual = np.interp(
             np.arange(problem.samples),
             knots,
@@ -299,9 +299,9 @@ def _at_given_knots(problem: Problem, question: Question, unit: float) -> tuple[
         )
         square = np.average((residual - problem.desired) ** 2, weights=problem.weights)
         least = float(np.sqrt(square)) * unit
-        if least > question.max_rms * (1.0 + BARELY):
+        if least > arguments.max_rms * (1.0 + BARELY):
             raise Infeasible(
-                f"knots and max_rms: got {question.max_rms:.6g} rad, but with these knots the "
+                f"knots and max_rms: got {arguments.max_rms:.6g} rad, but with these knots the "
                 f"smallest rms error is {least:.6g} rad; add knots or allow more error"
             )
     return knots, values
@@ -321,15 +321,15 @@ def _check_given(problem: Problem, knots: Array) -> None:
         raise InvalidInput(f"knots: got {between:g} with on_samples, expected whole numbers")
 
 
-def _constant(problem: Problem, question: Question) -> tuple[Array, Array]:
+def _constant(problem: Problem, arguments: Arguments) -> tuple[Array, Array]:
     """Samples and pins that are all the same."""
-    if question.knots is not None:
-        knots = np.union1d(question.knots, question.required)
-        if not question.cyclic:
+    if arguments.knots is not None:
+        knots = np.union1d(arguments.knots, arguments.required)
+        if not arguments.cyclic:
             knots = np.union1d(knots, [0.0, problem.samples - 1.0])
         _check_given(problem, knots)
     else:
-        segments = question.segments if question.max_error is None else None
+        segments = arguments.segments if arguments.max_error is None else None
         knots = even_knots(problem, 1 if segments is None else segments)
     return knots, np.full(knots.size, problem.desired[0])
 

@@ -1,11 +1,11 @@
-"""Segments that need not meet, at a price: a lower bound on every curve with knots on samples.
+"""Lagrangian relaxation: a lower bound on every curve with knots on samples.
 
-Level s holds the places where knot s may lie. In place of the condition that two segments meet, a
-potential p charges their mismatch: a segment from i to j costs the squared error of its samples,
-plus p_j times its end, less p_i times its start. Where the segments meet, the potentials cancel; so
-for any potentials the cheapest chain is a lower bound, and the better the potentials the higher it
-is (Lagrange's multipliers). The line of least cost between two knots has a closed form, as centre
-and slope are independent of each other.
+Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
+Lagrange multiplier p on their difference: a segment from i to j costs the squared error of its
+samples, plus p_j times its end, less p_i times its start (docs/math.md, Equation 5b). Where the
+segments meet, these terms cancel; so for any multipliers the cheapest chain is a lower bound, and
+the better the multipliers the higher it is. The line of least cost between two knots has a closed
+form, as centre and slope are independent of each other.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from planner.trajectory import Array
 Levels = list[npt.NDArray[np.intp]]
 
 
-class Potentials(NamedTuple):
-    """What the ends and the starts of segments are charged; the same except at pins."""
+class Multipliers(NamedTuple):
+    """Of the ends and of the starts of segments; the same except at pins."""
 
     into: Array  # (levels, n)
     out: Array  # (levels, n)
@@ -89,7 +89,7 @@ class Relaxation:
         self.pins[places] = problem.pins
 
     def prices(self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], p: Array, q: Array) -> Array:
-        """Least costs of segments from ``i`` to ``j``, charged ``p`` there and ``q`` here."""
+        """Least costs of segments from ``i`` to ``j``, whose ends have the multipliers p and q."""
         rise, tilt, slope = self._lines(i, j, p, q)
         error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
         error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
@@ -108,7 +108,7 @@ class Relaxation:
         return np.asarray(last + turns * self.samples, dtype=np.float64)
 
     def around(self, node: int, width: int) -> Array:
-        """How much each node learns from a mismatch at ``node``, shape (m,); at a pin only it."""
+        """How much of the step at ``node`` each node takes, shape (m,); at a pin only it."""
         count = self.nodes.size
         away = np.abs(np.arange(count) - node % count)
         if self.cyclic:
@@ -125,7 +125,7 @@ class Relaxation:
         return float(start), float(start + slope * self.length[i, j])
 
     def _lines(self, i: object, j: object, p: object, q: object) -> tuple[Array, Array, Array]:
-        """What is charged on the centre and on the slope, and the best slope."""
+        """What the multipliers add to centre and slope, and the best slope."""
         at: tuple[object, object] = (i, j)
         centre = self.centre[at]  # type: ignore[index]
         rise = q - p  # type: ignore[operator]
@@ -133,9 +133,9 @@ class Relaxation:
         slope = self.slope[at] - tilt / (2.0 * self.sxx[at])  # type: ignore[index]
         return rise, tilt, np.minimum(np.maximum(slope, -self.step), self.step)
 
-    def bound(self, levels: Levels, potentials: Potentials) -> Bound:
+    def bound(self, levels: Levels, multipliers: Multipliers) -> Bound:
         """The cheapest chain with one knot of every level; O(levels · places²), of a cycle ³."""
-        into, out = potentials
+        into, out = multipliers
         tables = []
         last = len(levels) - 1
         pin = np.nan_to_num(self.pins)
@@ -170,9 +170,9 @@ class Relaxation:
         by_level.append(total.min(axis=1))
         return Bound(float(total[first, end]), chain, by_level[::-1])
 
-    def mismatches(self, chain: list[int], potentials: Potentials) -> tuple[Array, Array]:
-        """Slopes of the bound by the potentials at the knots of its chain: into, out."""
-        into, out = potentials
+    def differences(self, chain: list[int], multipliers: Multipliers) -> tuple[Array, Array]:
+        """Slopes of the bound by the multipliers at the knots of its chain: into, out."""
+        into, out = multipliers
         size, n = len(chain), self.nodes.size
         arriving, leaving = np.zeros(size), np.zeros(size)
         own = [node % n for node in chain]
@@ -193,10 +193,12 @@ class Relaxation:
         return by_into, by_out
 
 
-def first_potentials(problem: Problem, curve: Candidate, nodes: npt.NDArray[np.intp]) -> Potentials:
-    """The potentials at ``nodes`` that make ``curve`` the cheapest chain with its own knots.
+def first_multipliers(
+    problem: Problem, curve: Candidate, nodes: npt.NDArray[np.intp]
+) -> Multipliers:
+    """The multipliers at ``nodes`` that make ``curve`` the cheapest chain with its own knots.
 
-    A segment is at rest if twice the sum of its residuals, w (P - d), equals the potential at its
+    A segment is optimal if twice the sum of its residuals, w (P - d), equals the multiplier at its
     start less that at its end; the first one follows from a segment whose slope is free.
     """
     n = problem.samples
@@ -209,38 +211,38 @@ def first_potentials(problem: Problem, curve: Candidate, nodes: npt.NDArray[np.i
     else:
         along[[0, -1]] = 0.0
     table = np.tile(along[nodes], (curve.knots.size, 1))
-    return Potentials(table, table.copy())
+    return Multipliers(table, table.copy())
 
 
 def climb(
-    relaxation: Relaxation, potentials: Potentials, found: Bound, reach: float, width: int
+    relaxation: Relaxation, multipliers: Multipliers, found: Bound, reach: float, width: int
 ) -> bool:
-    """Move the potentials up by a step of Polyak's, in place.
+    """Move the multipliers up by a step of Polyak's, in place.
 
     Args:
         relaxation: What they are for.
-        potentials: What to move.
+        multipliers: What to move.
         found: The cheapest chain under them.
         reach: How much higher the bound should become.
-        width: Neighbours of a knot that learn from its mismatch [nodes].
+        width: Neighbours of a knot that take part of its step [nodes].
 
     Returns:
         False if the chain's segments meet: the bound is as high as can be.
     """
-    by_into, by_out = relaxation.mismatches(found.chain, potentials)
+    by_into, by_out = relaxation.differences(found.chain, multipliers)
     square = float(by_into @ by_into + by_out @ by_out)
     if square < 1e-20:
         return False
     step = 2.0 * reach / square
     for t, knot in enumerate(found.chain):
         near = relaxation.around(knot, width)
-        potentials.into[t] += step * by_into[t] * near
-        potentials.out[t] += step * by_out[t] * near
+        multipliers.into[t] += step * by_into[t] * near
+        multipliers.out[t] += step * by_out[t] * near
     return True
 
 
 def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
-    """What to add to the potentials of a cycle, from the segments whose slopes are free if any."""
+    """What to add to the multipliers of a cycle, from the segments whose slopes are free if any."""
     n = problem.samples
     ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
     values = np.append(curve.values, curve.values[0])
@@ -255,7 +257,7 @@ def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: 
         turn = float(share * residual[inside % n] @ (inside - i))
         start = along[i % n]
         end = start - float(share @ residual[inside % n])
-        # d/dm about the start: turn + end (j - i) = 0 at rest, with both raised by the answer.
+        # d/dm about the start: turn + end (j - i) = 0 at the optimum, both raised by the answer.
         found.append((free, -(turn + end * (j - i)) / (j - i)))
     any_free = any(free for free, _ in found)
     return float(np.mean([first for free, first in found if free or not any_free] or [0.0]))

@@ -1,4 +1,4 @@
-"""The ideal that every slope-bounded approximation strives for: no corners counted, only slopes."""
+"""The ideal: the least-squares projection on the sequences with bounded slopes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
 
 
-PULL = 1e5
+PIN_WEIGHT = 1e5
 """Weight, in units of the mean, of a sample at which the curve's value is required."""
 
 
 def ideal_of(problem: Problem) -> Array:
-    """The ideal of a problem; pins on samples pull so strongly that it nearly keeps them.
+    """The ideal of a problem; pins on samples weigh so much that it nearly keeps them.
 
     Its squared error is no more than that of any curve within the slopes that keeps the pins.
     """
@@ -30,7 +30,7 @@ def ideal_of(problem: Problem) -> Array:
     if np.any(pinned):
         at = problem.required[pinned].astype(np.intp)
         desired, weights = desired.copy(), weights.copy()
-        desired[at], weights[at] = problem.pins[pinned], PULL
+        desired[at], weights[at] = problem.pins[pinned], PIN_WEIGHT
     even = bool(np.all(weights == weights[0]))
     return slope_bounded(
         desired, problem.step, cyclic=problem.cyclic, weights=None if even else weights

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from planner.approximation.branch_and_bound import BRANCHES, halves_of, proved_best
 from planner.approximation.fit import fit_pwl
 from planner.approximation.knots_on_samples import KnotsOnSamples
-from planner.approximation.lagrangian_bound import Relaxation, first_potentials
+from planner.approximation.lagrangian_bound import Relaxation, first_multipliers
 from planner.approximation.problem import Candidate, Problem
 from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.enumeration import enumerated
@@ -101,14 +101,14 @@ def test_the_proof_respects_what_is_required(cyclic):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_potentials_lift_the_bound_above_the_optimum(kind):
+def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of(kind, 30, rng), step=0.2, cyclic=True)
     start = KnotsOnSamples(problem).moved(np.array([2.0, 11.0, 20.0]))
     best = proved_best(problem, start)
     relaxation = Relaxation(problem)
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
-    at_best = first_potentials(problem, best, relaxation.nodes)
+    at_best = first_multipliers(problem, best, relaxation.nodes)
     for size in (0.0, 0.1, 1.0):
         moved = [table + size * rng.normal(size=table.shape[1]) for table in at_best]
         moved[1] = moved[0]
@@ -118,14 +118,14 @@ def test_no_potentials_lift_the_bound_above_the_optimum(kind):
 
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("step", [0.05, 5.0])
-def test_the_bound_of_one_set_of_knots_is_attained_by_its_own_potentials(cyclic, step):
+def test_the_bound_of_one_set_of_knots_is_attained_by_its_own_multipliers(cyclic, step):
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=cyclic)
     knots = [2, 11, 20] if cyclic else [0, 9, 17, 29]
     curve = KnotsOnSamples(problem).curve(np.array(knots, dtype=float))
     relaxation = Relaxation(problem)
-    potentials = first_potentials(problem, curve, relaxation.nodes)
-    found = relaxation.bound([np.array([knot]) for knot in knots], potentials)
+    multipliers = first_multipliers(problem, curve, relaxation.nodes)
+    found = relaxation.bound([np.array([knot]) for knot in knots], multipliers)
     assert found.chain == knots
     assert found.error == pytest.approx(curve.error, rel=1e-6)
 
