@@ -66,6 +66,17 @@ def test_no_slope_exceeds_v_max_whatever_is_fitted(problem, segments, tick):
     assert fit.knots[-1] < desired.size
 
 
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("step", [0.3, 1e3])
+def test_every_number_of_segments_that_few_samples_allow_has_a_fit(cyclic, step):
+    rng = np.random.default_rng([5, 8, 6])  # open paths of 8 samples failed here
+    for samples in range(3, 13):
+        desired = rng.normal(size=samples)
+        for segments in range(2 if cyclic else 1, samples + cyclic):
+            fit = fit_pwl(desired, v_max=step, tick=1.0, cyclic=cyclic, segments=segments)
+            assert fit.segments == segments
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e3])
 def test_a_cycle_that_is_piecewise_linear_is_recovered_with_its_own_corners(scale):
     fit = fit_pwl(scale * on_a_cycle(), v_max=100.0 * scale, tick=0.008)
