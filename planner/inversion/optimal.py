@@ -98,8 +98,8 @@ def invert_optimal(
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
-        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, or a cycle is
-            given a ``start``.
+        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, or a cycle
+            is given a ``start``.
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found under which the joint finds a cycle, or CasADi's
             solver stopped without an answer.
