@@ -119,7 +119,8 @@ def fewest_segments(problem: Problem, bound: float) -> Course | None:
     if not problem.on_samples and course.shortest(period) >= problem.shortest - BARELY_SHORT:
         return course
     longest = 2.0 * problem.samples / course.fewest
-    apart = stride(problem.samples, longest)
+    searches = 4 * CUTS if problem.cyclic else 1
+    apart = stride(searches * problem.samples, longest)
 
     def path(gates: Gates, breaks: list[int]) -> Course | None:
         may_be = [k % apart == 0 for k in range(len(gates.places))]

@@ -8,12 +8,13 @@ so many segments are intervals, since all lines from an interval through the gat
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.minimum_link import Course, Extreme, Gates, Line
+from planner.approximation.minimum_link import Course, Extreme, Gates, Line, Link, next_link
 from planner.approximation.problem import BARELY_SHORT
 
 WORK = 3_000_000
@@ -52,30 +53,72 @@ def fewest_links_on(
         may_be: Which gates may be knots.
 
     Returns:
-        The path, exact; None if no path has segments so long. O(gates · longest segment), twice or
-        three times that where the values at a gate are reached piece by piece.
+        The path, exact; None if no path has segments so long. O(gates · longest segment) where
+        little more than the fewest segments of any path will do: a first search that leaves out
+        second thoughts bounds the number, and those that cannot be better are left out of another.
+    """
+    found = _searched(gates, breaks, shortest, may_be, None)
+    if found is None:
+        return _searched(gates, breaks, shortest, may_be, [len(gates.places)] * len(gates.places))
+    limits = [found.fewest - 1 - left for left in _links_left(gates)]
+    return _searched(gates, breaks, shortest, may_be, limits) or found
+
+
+def _searched(
+    gates: Gates,
+    breaks: Sequence[int],
+    shortest: float,
+    may_be: Sequence[bool],
+    limits: Sequence[int] | None,
+) -> Course | None:
+    """The path, each gate reached with so many segments at most.
+
+    Args:
+        gates: Gates that slopes within the bound can pass.
+        breaks: Numbers of the gates where there must be a knot.
+        shortest: Length of the shortest segment [samples].
+        may_be: Which gates may be knots.
+        limits: Most segments up to each gate; None for one more than the first path to it has.
     """
     last = len(gates.places) - 1
     must = set(breaks)
     covered: list[list[tuple[float, float]]] = [[] for _ in range(last + 1)]
+    most = [last + 1] * (last + 1) if limits is None else list(limits)
     frontier = [_Reached(0, gates.lower[0], gates.upper[0], [])]
     segments = 0
     while frontier:
         segments += 1
         found: dict[int, list[_Piece]] = {}
         for start in frontier:
-            for gate, least, most in _onward(gates, start, shortest, must, may_be):
-                found.setdefault(gate, []).append(_Piece(least, most, start))
+            for gate, low, high in _onward(gates, start, shortest, must, may_be):
+                if segments <= most[gate]:
+                    found.setdefault(gate, []).append(_Piece(low, high, start))
         if last in found:
             widest = max(found[last], key=lambda piece: piece.most - piece.least)
             end = _Reached(last, widest.least, widest.most, [widest])
             return _back(gates, end, segments)
         frontier = []
         for gate in sorted(found):
+            if limits is None:
+                most[gate] = min(most[gate], segments + 1)
             for reached in _intervals(gate, found[gate]):
                 if _adds(covered[gate], reached.least, reached.most):
                     frontier.append(reached)
     return None
+
+
+def _links_left(gates: Gates) -> list[int]:
+    """Least number of segments from every gate to the last one, knots anywhere."""
+    last = len(gates.places) - 1
+    behind = Gates(
+        [-place for place in gates.places[::-1]], gates.lower[::-1], gates.upper[::-1], gates.slope
+    )
+    ends = []
+    link = next_link(behind, 0, last)
+    while isinstance(link, Link):
+        ends.append(link.end)
+        link = next_link(behind, link.touched, last, half=link.end, rising=link.rising)
+    return [1 + bisect_left(ends, k) if k else 0 for k in range(last, -1, -1)]
 
 
 def _intervals(gate: int, pieces: list[_Piece]) -> list[_Reached]:

@@ -254,8 +254,9 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
         Values, shape (K,).
     """
     pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
-    active = np.flatnonzero(pressed | (qp.lower == qp.upper))
-    target = np.where(multipliers > 0.0, qp.upper, qp.lower)[active]
+    nearer = np.where(multipliers > 0.0, qp.upper, qp.lower)
+    active = np.flatnonzero((pressed & np.isfinite(nearer)) | (qp.lower == qp.upper))
+    target = nearer[active]
     rows = qp.A[active, :]
     solve = _kkt_solver(qp.P, rows)
     if solve is None:
