@@ -88,7 +88,8 @@ def origins_of(path: str, choices: Mapping[str, Any], leg: Leg | None) -> list[t
     for name in TOLD:
         if choices.get(name):
             value = choices[name]
-            origins.append((name, value if isinstance(value, str) else ", ".join(map(str, value))))
+            several = isinstance(value, list | tuple)
+            origins.append((name, ", ".join(map(str, value)) if several else str(value)))
     return origins
 
 

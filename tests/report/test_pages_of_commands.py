@@ -15,7 +15,7 @@ from planner.cli import cli
 from planner.files.joint_path import write_joint_path
 
 SERVO = planner.JointModel.ers210a()
-SAMPLES = 60
+SAMPLES = 32
 
 RUN = """
 [path]
@@ -30,7 +30,7 @@ def folder(tmp_path, monkeypatch):
     """A folder with a path to follow, a log and a run, in which commands are called."""
     monkeypatch.chdir(tmp_path)
     phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
-    angles = 0.3 * np.column_stack([np.sin(phase), np.cos(phase)])
+    angles = 0.15 * np.column_stack([np.sin(phase), np.cos(phase)])
     write_joint_path(tmp_path / "wanted angles.csv", ["hip", "knee"], angles, period=SERVO.period)
     requests = np.repeat(np.tile([0.6, -0.6, 0.1, -0.2], 6), 40)
     moved = planner.simulate(SERVO, requests, cyclic=False)
