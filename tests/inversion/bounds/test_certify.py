@@ -305,7 +305,8 @@ def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(hold, kind, level, n
 
 def test_a_solver_without_an_answer_is_an_error(monkeypatch):
     class Nothing:
-        x, z, status = np.full(3, np.nan), np.full(12, np.nan), "NumericalError"
+        x, z = np.full(3, np.nan), np.full(12, np.nan)
+        status, iterations = "NumericalError", 0
 
     monkeypatch.setattr(clarabel.DefaultSolver, "solve", lambda _: Nothing)
     with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*NumericalError"):
