@@ -11,8 +11,8 @@ import numpy.typing as npt
 from kinematics.descriptions import urdf_path
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
-from planner.given import as_number, as_whole, shown
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
+from planner.validation import as_number, as_whole, shown
 
 
 def half_ellipse(

@@ -13,8 +13,8 @@ from kinematics.exceptions import UnreachableFoot
 from kinematics.leg import Leg
 from planner.exceptions import Infeasible, InvalidInput
 from planner.gait import half_ellipse
-from planner.given import as_number, shown
 from planner.trajectory import Array
+from planner.validation import as_number, shown
 
 LONGEST = 0.25
 """Half of the longest stroke that is made unasked, to the length of the leg."""

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from planner.approximation.problem import BARELY_SHORT
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.given import as_flag, as_number, as_whole, freeze, shown
 from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.validation import as_flag, as_number, as_whole, freeze, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]

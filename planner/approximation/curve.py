@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.given import as_flag, as_number, as_reals, as_whole, shown
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
+from planner.validation import as_flag, as_number, as_reals, as_whole, shown
 
 Kind = TypeVar("Kind", bound=np.generic)
 

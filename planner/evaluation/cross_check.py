@@ -22,7 +22,6 @@ from planner.evaluation.given_joints import (
 )
 from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
-from planner.given import as_flag, shown
 from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
 from planner.inversion.closed_form import invert_closed_form
@@ -32,6 +31,7 @@ from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import as_flag, shown
 
 SECOND = "optimal_ipopt"
 """The plan of CasADi's solver, a second opinion on the optimised one."""

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.given import shown
 from planner.trajectory import Array
+from planner.validation import shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.given import as_flag
 from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.fit import fit_joint, with_even_rows, with_observed_speed
 from planner.identification.intervals import Bounds, Uncertainty, intervals_of, uncertainty_of
@@ -20,6 +19,7 @@ from planner.identification.timestamps import Timing, timing_of
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, opposite_sign, verdict_on
 from planner.trajectory import Array
+from planner.validation import as_flag
 
 
 def identify(

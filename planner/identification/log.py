@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory
-from planner.given import is_one_of, shown
 from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.validation import is_one_of, shown
 
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""

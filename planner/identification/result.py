@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.given import freeze
 from planner.identification.log import Log
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import freeze
 
 PARAMETERS = ("v_max", "theta_0", "lag", "acceleration_time", "offset")
 """What a log can say about a joint, in the order of the covariance."""

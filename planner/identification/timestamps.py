@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.given import as_number, as_whole, shown
 from planner.identification.log import Log, pieces_of
 from planner.model.joint import MOST_HOLD
 from planner.trajectory import Array
+from planner.validation import as_number, as_whole, shown
 
 SLOWEST_OWN_TICK = 0.008
 """Logs of this period and less are modelled with one tick a row [s]: the paper's robot."""

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput
-from planner.given import as_number, is_one_of, shown
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import as_number, is_one_of, shown
 
 Norm = Literal["rms", "max"]
 

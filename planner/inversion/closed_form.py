@@ -11,13 +11,13 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.curve_batch import CurveStack, lines_in_force
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput
-from planner.given import as_flag
 from planner.inversion.line_inverse import AT_TOP_SPEED, RULES, Rule, check_rule, offsets_of
 from planner.inversion.pattern_search import refined_curve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
+from planner.validation import as_flag
 
 MORE_SEGMENTS = 2
 """Segments that are tried beyond those that the approximation needs by itself."""

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.given import is_one_of, shown
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import advance
 from planner.trajectory import Array
+from planner.validation import is_one_of, shown
 
 Rule = Literal["paper", "exact"]
 

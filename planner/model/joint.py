@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidModel
-from planner.given import as_number, as_whole, shown
 from planner.trajectory import Array
+from planner.validation import as_number, as_whole, shown
 
 WHOLE_TICKS = 1e-9
 """Times this close to whole ticks [ticks] are taken as whole: 0.032 s / 0.008 s is 4."""

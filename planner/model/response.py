@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.given import as_flag, as_number, shown
 from planner.model.joint import Clip, JointModel, Window, checked_model, clip, saturation
 from planner.trajectory import Array, as_trajectory
+from planner.validation import as_flag, as_number, shown
 
 CLOSED = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
-from planner.given import freeze
 from planner.model.joint import JointModel, Reach, acting, checked_model, reach, weights_by_tick
 from planner.model.response import simulate
 from planner.trajectory import Array, as_trajectory
+from planner.validation import freeze
 
 LEAST_RADIUS = 1e-12
 """Least radius of the corners [theta_0]: a square of it is still a number beside one."""

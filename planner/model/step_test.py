@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.given import as_number, as_whole, shown
 from planner.trajectory import MOST_SAMPLES, Array
+from planner.validation import as_number, as_whole, shown
 
 
 def step_test(amplitude: float, *, samples: int = 88) -> Array:

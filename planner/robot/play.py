@@ -11,11 +11,11 @@ from typing import Any
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.given import shown
 from planner.robot.ramp import ramp
 from planner.robot.schedule import as_rows
 from planner.robot.timed_requests import TimedRequest, timed_requests
 from planner.trajectory import Array
+from planner.validation import shown
 
 Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""

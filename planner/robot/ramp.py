@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.given import as_number, shown
 from planner.robot.resample import MOST_ROWS
 from planner.robot.schedule import as_rows, check_period
 from planner.trajectory import Array
+from planner.validation import as_number, shown
 
 
 def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:

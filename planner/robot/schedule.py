@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.given import as_number, as_whole, shown
 from planner.trajectory import Array, as_trajectory
+from planner.validation import as_number, as_whole, shown
 
 NANOSECONDS = 10**9
 """Nanoseconds in a second, the resolution of ROS times."""

@@ -17,8 +17,8 @@ from planner.files.clock import TIME
 from planner.files.table import DECIMALS, write_table
 from planner.files.text import write_text
 from planner.files.units import ANGLES
-from planner.given import shown
 from planner.robot.schedule import Schedule
+from planner.validation import shown
 
 UNITS = (*ANGLES, "ticks")
 """Units of the columns, which are also the ends of their names."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from planner.exceptions import InvalidInput
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.files.table import nearest
-from planner.given import as_number, shown
+from planner.validation import as_number, shown
 
 ALL_JOINTS = "all"
 """The name that stands for every joint of a log."""

@@ -14,7 +14,7 @@ from planner.files.logs.lerobot import lerobot_joints, read_lerobot
 from planner.files.logs.lerobot_meta import is_dataset
 from planner.files.logs.options import LogOptions
 from planner.files.text import STANDARD_STREAM
-from planner.given import shown
+from planner.validation import shown
 
 if TYPE_CHECKING:
     from planner.identification.log import Log

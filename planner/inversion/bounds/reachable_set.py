@@ -9,10 +9,10 @@ import numpy.typing as npt
 from scipy import sparse
 
 from planner.exceptions import InvalidInput
-from planner.given import is_one_of, shown
 from planner.inversion.arguments import Norm
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import is_one_of, shown
 
 Level = Literal["slope", "envelope", "exact"]
 

@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
-from planner.given import as_reals, shown
 from planner.inversion.arguments import checked_limits
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import as_reals, shown
 
 
 def checked_leg(leg: object) -> Leg:

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.given import as_flag, as_reals, freeze, shown
 from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.foot.arguments import checked_leg, joints_of, limits_of, model_of_each
 from planner.inversion.foot.result import FootInversion
@@ -27,6 +26,7 @@ from planner.inversion.smoothing import ROUNDING, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+from planner.validation import as_flag, as_reals, freeze, shown
 
 RIDGE = 1e-4
 """Curvature where the foot does not see a joint, relative to the squared length of the leg."""

@@ -1,4 +1,4 @@
-"""What a caller gave: numbers, flags and names that are what they should be, or are refused."""
+"""Checks of what a caller passes: numbers, flags and names are as expected, or refused."""
 
 from __future__ import annotations
 
