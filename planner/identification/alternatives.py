@@ -19,9 +19,6 @@ FIRST_ORDER = np.array([True, False, True, False, True])
 SHARES = (0.0, 0.5, 0.9)
 """Shares of the whole delay that the search for a first-order lag begins with as pure delay."""
 
-QUICK_STEPS = 5
-"""Steps that tell which of them to follow: on recordings all lead to the same."""
-
 
 class Simple(NamedTuple):
     """A simpler description, fitted.
@@ -77,8 +74,7 @@ def _first_order(grid: Grid, delay: float) -> Fit:
         for share in SHARES
     ]
     fits = [
-        least_squares(grid, begin, free=FIRST_ORDER, effort=Effort(QUICK_STEPS, 1e-3, 2))
-        for begin in begins
+        least_squares(grid, begin, free=FIRST_ORDER, effort=Effort(5, 1e-3, 2)) for begin in begins
     ]
     best = min(fits, key=lambda fit: fit.rms)
     return least_squares(

@@ -18,17 +18,43 @@ from planner.model.response import simulate
 from planner.model.step_test import step_test
 from planner.trajectory import Array
 
-SHARES = (0.125, 0.5, 1.0)
-"""Step tests that are made by default, as shares of the range: well inside theta_0 of most joints,
-and far beyond it."""
 
-REST = 0.5
-"""Longest rest at the centre before and after the signal [s]; it shows the offset."""
+@dataclass(frozen=True, kw_only=True)
+class SignalOptions:
+    """The shape of the test signals.
 
-LEAST_SAMPLES = 40
-"""Samples below which no signal deserves its name."""
+    Attributes:
+        step_shares: Heights of the step tests that are made by default, as shares of the range:
+            well inside theta_0 of most joints, and far beyond it.
+        rest: Longest rest at the centre before and after the signal [s]; it shows the offset.
+        least_samples: Samples below which no signal deserves its name.
+        most_samples: Samples at most.
+        tones: Sines in a multisine: about five to a factor of ten in frequency.
+        draws: Random phases that are tried for a multisine; the one with the lowest peak is
+            kept.
+        shortest_dwell: A random step lasts at least this [s]: about a hobby servo's lag and
+            acceleration time.
+        longest_dwell: And at most this [s]: what it takes to arrive.
+        triangle_cycles: Cycles of a triangle in each of its equally long parts: speeds that
+            double from part to part.
+        taper: Part of the signal over which a sine swells at the start, and dies down at the
+            end.
+    """
 
-MOST_SAMPLES = 1_000_000
+    step_shares: tuple[float, ...] = (0.125, 0.5, 1.0)
+    rest: float = 0.5
+    least_samples: int = 40
+    most_samples: int = 1_000_000
+    tones: int = 12
+    draws: int = 64
+    shortest_dwell: float = 0.12
+    longest_dwell: float = 0.9
+    triangle_cycles: tuple[int, ...] = (1, 2, 4, 8)
+    taper: float = 0.08
+
+
+OPTIONS = SignalOptions()
+
 
 MEANING: Mapping[str, str] = {
     "steps": "Step tests (Equation 1). Each edge shows lag and acceleration time, the straight "
@@ -169,18 +195,19 @@ def _lengths(period: float, duration: float) -> tuple[int, int]:
     """Samples of the whole signal, and of the rest at either end."""
     if not 0.0 < period < math.inf:
         raise InvalidInput(f"period: got {period:g} s, expected more than 0")
-    if not LEAST_SAMPLES * period <= duration <= MOST_SAMPLES * period:
+    least, most = OPTIONS.least_samples, OPTIONS.most_samples
+    if not least * period <= duration <= most * period:
         raise InvalidInput(
-            f"duration: got {duration:g} s, expected {LEAST_SAMPLES} to {MOST_SAMPLES} requests of "
-            f"{period:g} s, so {LEAST_SAMPLES * period:g} to {MOST_SAMPLES * period:g} s"
+            f"duration: got {duration:g} s, expected {least} to {most} requests of {period:g} s, "
+            f"so {least * period:g} to {most * period:g} s"
         )
     samples = round(duration / period)
-    return samples, max(1, round(min(REST, 0.1 * duration) / period))
+    return samples, max(1, round(min(OPTIONS.rest, 0.1 * duration) / period))
 
 
 def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, ...]:
     if amplitudes is None:
-        return tuple(2.0 * reach * share for share in SHARES)
+        return tuple(2.0 * reach * share for share in OPTIONS.step_shares)
     for amplitude in amplitudes:
         if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
             raise InvalidInput(
@@ -190,24 +217,6 @@ def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, .
     if not amplitudes:
         raise InvalidInput("amplitudes: got none, expected at least one [rad]")
     return tuple(float(amplitude) for amplitude in amplitudes)
-
-
-TONES = 12
-"""Sines in a multisine: about five to a factor of ten in frequency."""
-
-DRAWS = 64
-"""Random phases that are tried for a multisine; the one with the lowest peak is kept."""
-
-SHORTEST_DWELL = 0.12
-LONGEST_DWELL = 0.9
-"""A random step lasts between these [s]: from about a hobby servo's lag and acceleration time to
-what it takes to arrive."""
-
-TRIANGLE_CYCLES = (1, 2, 4, 8)
-"""Cycles of a triangle in each of its equally long parts: speeds that double from part to part."""
-
-TAPER = 0.08
-"""Part of the signal over which a sine swells at the start, and dies down at the end."""
 
 
 def _steps(samples: int, *, shares: Sequence[float], cycles: int) -> Array:
@@ -242,11 +251,12 @@ def _multisine(samples: int, *, period: float, highest: float, seed: int) -> Arr
         seed: Of the phases; of several draws the one with the lowest peak is kept.
     """
     most = max(1, int(highest * samples * period))
-    waves = np.unique(np.round(np.geomspace(min(2, most), most, TONES)))  # in the whole signal
+    cycles = np.geomspace(min(2, most), most, OPTIONS.tones)  # in the whole signal
+    waves = np.unique(np.round(cycles))
     amplitudes = waves**-0.5
     angles = 2.0 * np.pi * np.outer(waves, np.arange(samples) / samples)
     swell = _swell(samples)
-    drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (DRAWS, len(waves)))
+    drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (OPTIONS.draws, len(waves)))
     made = [swell * (amplitudes @ np.sin(angles + phases[:, None])) for phases in drawn]
     flattest = min(made, key=lambda signal: float(np.max(np.abs(signal)) / np.std(signal)))
     scaled: Array = flattest / np.max(np.abs(flattest))
@@ -269,7 +279,7 @@ def _random_steps(samples: int, *, period: float, seed: int) -> Array:
     made = np.zeros(samples)
     start = 0
     while start < samples:
-        dwell = np.exp(draw.uniform(np.log(SHORTEST_DWELL), np.log(LONGEST_DWELL)))
+        dwell = np.exp(draw.uniform(np.log(OPTIONS.shortest_dwell), np.log(OPTIONS.longest_dwell)))
         end = start + max(2, round(dwell / period))
         made[start:end] = draw.uniform(-1.0, 1.0)
         start = end
@@ -279,10 +289,9 @@ def _random_steps(samples: int, *, period: float, seed: int) -> Array:
 def _triangle(samples: int) -> Array:
     """To and fro between -1 and 1 at constant speeds, each part twice as fast as the last."""
     parts = []
-    for cycles, rows in zip(
-        TRIANGLE_CYCLES, np.array_split(np.empty(samples), len(TRIANGLE_CYCLES)), strict=True
-    ):
-        phase = np.mod(cycles * np.arange(len(rows)) / len(rows) + 0.75, 1.0)
+    lengths = map(len, np.array_split(np.empty(samples), len(OPTIONS.triangle_cycles)))
+    for cycles, length in zip(OPTIONS.triangle_cycles, lengths, strict=True):
+        phase = np.mod(cycles * np.arange(length) / length + 0.75, 1.0)
         parts.append(1.0 - 4.0 * np.abs(phase - 0.5))
     made: Array = -np.concatenate(parts)
     return made
@@ -292,7 +301,7 @@ def _swell(samples: int) -> Array:
     """From 0 to 1 along half a cosine, and back at the end."""
     share = np.arange(samples) / samples
     nearest_end = np.minimum(share, 1.0 - share)
-    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / TAPER))
+    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / OPTIONS.taper))
     return risen
 
 

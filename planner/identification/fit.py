@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.initial_guess import best_delay, divided_delay, initial_fits
-from planner.identification.least_squares import NONE, SEARCH, Fit, least_squares
+from planner.identification.least_squares import NONE, Fit, least_squares
+from planner.identification.least_squares import OPTIONS as FITTING
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid, Place, resampled
@@ -17,36 +18,50 @@ from planner.identification.simulation import ActiveRequests
 from planner.identification.timestamps import Timing, evenly_timed, unequal
 from planner.trajectory import Array
 
-EVEN = 0.02
-"""Times that are off even ones by less than this share of a period (rms) are even: the recorded
-loops of 50 Hz are off by 1.4 %, and no fit to even rows was ever taken there."""
 
-WORTH_EVENING = 0.03
-"""Share of the loss that even times have to save: jitter that matters more than doubles it."""
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """What steers the choice among local optima, ticks and clocks.
 
-SETTLED = 2.0
-"""The first rows of a piece are used where the model, told that the first request had been in force
-before, errs there by less than so many standard deviations (rms)."""
+    Attributes:
+        search_tick: Ticks of the first search [s], as many whole periods as fit into it. Where
+            to look for the best fit does not depend on it; a finer one only takes longer.
+        rival_loss: Fits on these ticks within this factor of the best loss may be the best on
+            ticks of the model.
+        commanded_share: Top speed from which the search starts again where none was reached, as
+            a share of the highest commanded speed.
+        period_tick_saving: Share of the loss that ticks of a whole period have to save over
+            shorter ones. Where the log does not tell which ticks the joint has, the two agree
+            to a tenth of that.
+        settled_errors: The first rows of a piece are used where the model, with the first
+            request in force before, errs there by less than so many standard deviations (rms).
+        even_times: Times that are off even ones by less than this share of a period (rms) are
+            even: recorded loops of 50 Hz are off by 1.4 %, and no fit to even rows was ever
+            taken there.
+        even_rows_saving: Share of the loss that even times have to save: jitter that matters
+            more than doubles it.
+    """
 
-AS_GOOD = 1.1
-"""Fits on coarse ticks within this factor of the best loss may be the best on the model's own."""
+    search_tick: float = 0.004
+    rival_loss: float = 1.1
+    commanded_share: float = 0.7
+    period_tick_saving: float = 0.005
+    settled_errors: float = 2.0
+    even_times: float = 0.02
+    even_rows_saving: float = 0.03
+
+
+OPTIONS = FitOptions()
+
 
 CLEARLY = 1e-6
 """Share of the loss by which a later fit has to be better: less is rounding."""
 
-CALLED_FOR = 0.7
-"""Top speed with which the search begins anew, as a share of the fastest call."""
-
-WORTH_COARSER = 0.005
-"""Share of the loss that ticks of a whole period have to save over shorter ones; where the log does
-not tell which ticks the joint has, the two agree to a tenth of that."""
-
-SEARCH_TICK = 0.004
-"""The search walks logs that have more rows on ticks of so many whole periods as fit into this [s]:
-where to look for the best fit does not depend on it."""
-
 LEAST_MOTION = 1e-12
 """Angles and requests that span less do not change [rad]: that is rounding."""
+
+JUST_ABOVE = 1e-6
+"""Share by which a top speed that was never reached lies above the fastest call."""
 
 ROUNDED = 1e-9
 """Errors below this, relative to the spread of the angles, are rounding."""
@@ -67,7 +82,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
-    stride = timing.period * max(1, int(SEARCH_TICK / timing.period * (1.0 + 1e-9)))
+    stride = timing.period * max(1, int(OPTIONS.search_tick / timing.period * (1.0 + 1e-9)))
     coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
     found = initial_fits(coarse)
     fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
@@ -79,13 +94,14 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         final = resampled(
             logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in, settled=settled
         )
-        best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
+        begin = best.parameters
+        best = least_squares(moving(final), begin, scale=best.scale, effort=FITTING.search)
     if choose_tick and timing.hold > 1:
         rows = resampled(
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         simple = _multistart(rows, found, best.scale)
-        best = simple if simple.cost < (1.0 - WORTH_COARSER) * best.cost else best
+        best = simple if simple.cost < (1.0 - OPTIONS.period_tick_saving) * best.cost else best
     return least_squares(best.grid, best.parameters, starts=best.starts)
 
 
@@ -100,18 +116,18 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
 
     def better(best: Fit, begins: Sequence[Parameters], starts: Array | None = None) -> Fit:
         for begin in begins:
-            fit = least_squares(grid, begin, starts=starts, scale=scale, effort=SEARCH)
+            fit = least_squares(grid, begin, starts=starts, scale=scale, effort=FITTING.search)
             best = fit if fit.cost < (1.0 - CLEARLY) * best.cost else best
         return best
 
     at = found[0].parameters
     delay = at.lag + at.acceleration_time / 2.0 + 1.0 / at.gain
-    best = least_squares(grid, at, scale=scale, effort=SEARCH)
+    best = least_squares(grid, at, scale=scale, effort=FITTING.search)
     begins = [fit.parameters for fit in _rivals(found)]
     best = better(best, [*begins, *divided_delay(delay, v_max=at.v_max, offset=at.offset)])
     at, shown = best.parameters, peak_command(best)
     if at.v_max > shown:
-        best = better(best, [at._replace(v_max=CALLED_FOR * shown)], best.starts)
+        best = better(best, [at._replace(v_max=OPTIONS.commanded_share * shown)], best.starts)
     at, tick = best.parameters, grid.tick
     moves = [(at.lag + way * tick, at.acceleration_time - way * tick) for way in (1.0, -1.0)]
     beside = [at._replace(lag=lag, acceleration_time=window) for lag, window in moves]
@@ -121,7 +137,7 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
 def _rivals(found: Sequence[Fit]) -> list[Fit]:
     """The next best fit, if it is nearly as good as the best but not the same."""
     for other in found[1:]:
-        if other.cost > AS_GOOD * found[0].cost:
+        if other.cost > OPTIONS.rival_loss * found[0].cost:
             break
         pairs = zip(found[0].parameters[2:4], other.parameters[2:4], strict=True)
         if max(abs(one - two) for one, two in pairs) > found[0].grid.tick / 2.0:
@@ -152,9 +168,9 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
-    whole = least_squares(every, fit.parameters, free=NONE, scale=fit.scale, effort=SEARCH)
+    whole = least_squares(every, fit.parameters, free=NONE, scale=fit.scale, effort=FITTING.search)
     errors = every.per_log(whole.residuals)
-    bound = max(SETTLED * fit.scale, ROUNDED * float(np.std(grid.angles)))
+    bound = max(OPTIONS.settled_errors * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()
     for number, row in pieces:
         new = every.places[number] & ~grid.places[number]
@@ -163,10 +179,6 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
         if new.any() and np.sqrt(np.mean(errors[number][new] ** 2)) <= bound:
             found.add((number, row))
     return found
-
-
-JUST_ABOVE = 1e-6
-"""Share by which a top speed that was never reached lies above the fastest call."""
 
 
 def peak_command(fit: Fit) -> float:
@@ -211,7 +223,7 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
     if unequal(logs):
         return None
     even, off = evenly_timed(logs, timing.period)
-    if off <= EVEN * timing.period:
+    if off <= OPTIONS.even_times * timing.period:
         return None
     delay = fit.parameters.lag + fit.parameters.acceleration_time
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
@@ -220,6 +232,6 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
         grid = resampled(each, tick=fit.grid.tick, reach=timing.reach, burn_in=burn_in)
         if not len(grid.angles):
             return None
-        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=SEARCH)
+        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=FITTING.search)
         losses.append(again.cost / len(grid.angles))
-    return even if losses[1] < (1.0 - WORTH_EVENING) * losses[0] else None
+    return even if losses[1] < (1.0 - OPTIONS.even_rows_saving) * losses[0] else None

@@ -2,26 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from planner.identification.least_squares import SEARCH, Effort, Fit, least_squares
+from planner.identification.least_squares import OPTIONS as FITTING
+from planner.identification.least_squares import Fit, least_squares
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid
 from planner.identification.robust_loss import huber
 from planner.trajectory import Array
 
-SPLITS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
-"""How a start divides the delay of the whole: lag and acceleration time as shares of it, and gain
-times it. The window begins wide, since a narrow one sees only the nearest change of a request."""
 
-QUICK_STEPS = 12
-"""Steps that tell a promising start from a poor one."""
+@dataclass(frozen=True, kw_only=True)
+class GuessOptions:
+    """Where the search starts, and which starts it follows to the end.
 
-NEARLY_AS_GOOD = 1.2
-"""Starts whose cost is within this factor of the best are followed to the end."""
+    Attributes:
+        divisions: How a start divides the whole delay: lag and acceleration time as shares of
+            it, and gain times it. The window begins wide, since a narrow one sees only the
+            nearest change of a request.
+        promising_loss: Starts whose loss is within this factor of the best after a few steps
+            are followed.
+        most_followed: Starts that are followed at most.
+    """
 
-MOST_FOLLOWED = 3
-"""Starts that are followed to the end at most."""
+    divisions: tuple[tuple[float, float, float], ...] = (
+        (0.0, 1.0, 3.0),
+        (0.5, 0.7, 3.0),
+        (0.2, 0.5, 1.5),
+        (0.8, 0.4, 6.0),
+    )
+    promising_loss: float = 1.2
+    most_followed: int = 3
+
+
+OPTIONS = GuessOptions()
 
 
 def best_delay(grid: Grid) -> tuple[float, float]:
@@ -86,7 +102,7 @@ def divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Pa
             acceleration_time=window * delay,
             offset=offset,
         )
-        for lag, window, share in SPLITS
+        for lag, window, share in OPTIONS.divisions
     ]
 
 
@@ -96,13 +112,13 @@ def initial_fits(grid: Grid) -> list[Fit]:
     whole = max(delay, 2.0 * grid.tick)
     speed = top_speed(grid)
     begins = divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
-    quick = [least_squares(grid, begin, effort=Effort(QUICK_STEPS, 1e-3, 2)) for begin in begins]
+    quick = [least_squares(grid, begin, effort=FITTING.quick) for begin in begins]
     scale = min(fit.scale for fit in quick)
     quick.sort(key=lambda fit: huber(fit.residuals, scale)[0])
     best = huber(quick[0].residuals, scale)[0]
-    kept = [fit for fit in quick if huber(fit.residuals, scale)[0] <= NEARLY_AS_GOOD * best]
+    kept = [fit for fit in quick if huber(fit.residuals, scale)[0] <= OPTIONS.promising_loss * best]
     ends = [
-        least_squares(grid, fit.parameters, starts=fit.starts, scale=scale, effort=SEARCH)
-        for fit in kept[:MOST_FOLLOWED]
+        least_squares(grid, fit.parameters, starts=fit.starts, scale=scale, effort=FITTING.search)
+        for fit in kept[: OPTIONS.most_followed]
     ]
     return sorted(ends, key=lambda fit: fit.cost)

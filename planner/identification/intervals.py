@@ -4,31 +4,48 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
 
-from planner.identification.least_squares import Effort, Fit, least_squares
+from planner.identification.least_squares import OPTIONS as FITTING
+from planner.identification.least_squares import Fit, least_squares
 from planner.identification.parameters import COORDINATES, Parameters, bounds_of, units
 from planner.identification.result import Interval
 from planner.trajectory import Array
 
-MISFIT = 0.01
-"""Share by which the loss has to rise before a value counts as refuted, however many the rows: real
-joints are not the model, and what fits better by less says nothing about the parameter."""
 
-CERTAIN = 0.05
-"""A logarithm with a standard deviation below this is determined; no profile is asked."""
+@dataclass(frozen=True, kw_only=True)
+class IntervalOptions:
+    """What counts as determined, as refuted and as independent.
 
-PROFILE_STEPS = 4
-"""Steps with which a profile widens at most."""
+    Attributes:
+        confidence: Probability with which an interval holds the truth.
+        window: Autocorrelations are summed up to so many correlation times (Sokal's window).
+        misfit: Share by which the loss has to rise before a value counts as refuted, however
+            many the rows: real joints are not the model, and what fits better by less says
+            nothing about the parameter.
+        certain: A logarithm with a standard deviation below this is determined; no profile is
+            asked.
+        profile_steps: Steps with which a profile widens at most; what is not refuted then is
+            reported as open.
+        widening: By how much each of these steps is longer than the one before.
+        bisections: Halvings that narrow the end of an interval, each one fit.
+    """
 
-WIDENING = 2.5
-"""By how much each step of a profile is wider than the one before."""
+    confidence: float = 0.95
+    window: float = 5.0
+    misfit: float = 0.01
+    certain: float = 0.05
+    profile_steps: int = 4
+    widening: float = 2.5
+    bisections: int = 2
 
-BISECTIONS = 2
-"""Halvings that narrow the end of an interval."""
+
+OPTIONS = IntervalOptions()
+
 
 V_MAX, OFFSET = (list(COORDINATES).index(name) for name in ("v_max", "offset"))
 ROWS = tuple(COORDINATES.values())
@@ -53,7 +70,7 @@ def intervals_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
     possible: list[Parameters] = []
     for index, value in enumerate(at):
         logarithmic = ROWS[index].unit is None
-        if logarithmic and half[index] <= CERTAIN * uncertainty.quantile:
+        if logarithmic and half[index] <= OPTIONS.certain * uncertainty.quantile:
             ends.append(Interval(value * math.exp(-half[index]), value * math.exp(half[index])))
         elif not logarithmic and _narrow(fit, index, half[index]):
             width = half[index] * scaling[index]
@@ -88,7 +105,7 @@ def _end(
     The end is sought from where the covariance puts it outwards, so an interval may come out wider
     than its profile but not narrower. What is not refuted on the way is added to ``possible``.
     """
-    rise = max(float(uncertainty.threshold[index]), MISFIT * fit.cost)
+    rise = max(float(uncertainty.threshold[index]), OPTIONS.misfit * fit.cost)
     value = fit.parameters[index]
     limit, reported = _limit(fit, index, way)
     profile = _Profile(fit, index, fit.cost + rise, possible)
@@ -97,7 +114,7 @@ def _end(
     profile = _Profile(fit, index, fit.cost + rise, possible)
     logarithmic = ROWS[index].unit is None
     inner, step = value, _first_step(fit, uncertainty, index)
-    for _ in range(PROFILE_STEPS):
+    for _ in range(OPTIONS.profile_steps):
         outer = value * math.exp(way * step) if logarithmic else value + way * step
         beyond = (outer - limit) * way >= 0.0
         if beyond and not profile.refutes(limit):
@@ -105,10 +122,12 @@ def _end(
         outer = limit if beyond else outer
         if beyond or profile.refutes(outer):
             break
-        inner, step = outer, WIDENING * step
+        inner, step = outer, OPTIONS.widening * step
     else:
         return reported
-    for _ in range(BISECTIONS if inner != value or step > _wald(uncertainty, fit, index) else 0):
+    for _ in range(
+        OPTIONS.bisections if inner != value or step > _wald(uncertainty, fit, index) else 0
+    ):
         middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
         inner, outer = (inner, middle) if profile.refutes(middle) else (middle, outer)
     return outer
@@ -133,7 +152,7 @@ class _Profile:
             free=self._free,
             starts=self._last.starts,
             scale=self._last.scale,
-            effort=Effort(15, 1e-4),
+            effort=FITTING.profile,
             enough=self._allowed,
         )
         if math.isfinite(value):
@@ -169,13 +188,6 @@ def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
 def speed_bounded(fit: Fit) -> bool:
     """Whether the data bounds the top speed from above."""
     return math.isfinite(_end(fit, uncertainty_of(fit), V_MAX, 1, []))
-
-
-CONFIDENCE = 0.95
-"""Probability with which an interval holds the truth."""
-
-LAGS_PER_TIME = 5.0
-"""Autocorrelations are summed up to so many correlation times."""
 
 
 class Uncertainty(NamedTuple):
@@ -237,7 +249,7 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
         root = np.sqrt(inflation[acting])
         covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
     effective = max(count / float(np.median(inflation)) - 5.0, 2.0)
-    quantile = float(stdtrit(effective, 0.5 + CONFIDENCE / 2.0))
+    quantile = float(stdtrit(effective, 0.5 + OPTIONS.confidence / 2.0))
     return Uncertainty(covariance, inflation, variance, quantile)
 
 
@@ -268,5 +280,5 @@ def correlation_time(series: Array) -> float:
         return 1.0
     times = 2.0 * np.cumsum(products / products[0]) - 1.0
     furthest = math.isqrt(count)
-    ended = np.flatnonzero(np.arange(furthest) >= LAGS_PER_TIME * times[:furthest])
+    ended = np.flatnonzero(np.arange(furthest) >= OPTIONS.window * times[:furthest])
     return max(1.0, float(times[ended[0] if len(ended) else furthest]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,8 @@ from planner.identification.parameters import (
     parameters_at,
 )
 from planner.identification.resampling import Grid
-from planner.identification.robust_loss import HUBER, NO_ERROR, huber, scale_of
+from planner.identification.robust_loss import NO_ERROR, huber, scale_of
+from planner.identification.robust_loss import OPTIONS as LOSS
 from planner.identification.sensitivities import Sensitivities, sensitivities
 from planner.identification.simulation import ActiveRequests, active_requests, respond
 from planner.trajectory import Array
@@ -32,31 +33,48 @@ ALL: Free = np.ones(COUNT, dtype=bool)
 NONE: Free = np.zeros(COUNT, dtype=bool)
 """Only the first angles of the runs are free."""
 
-SETTLED_SCALE = 1e-3
-"""A change of the scale by less than this share of it ends the rounds."""
 
-FIRST_STEP = 0.2
-"""Share of the residuals that the first step may explain, parameter by parameter: longer steps jump
-to delays a cycle away. On a pure sine the fit ends in a local optimum at 0.1 and at 0.4; from 1 on
-the recording of a servo under load is fitted 8 % worse."""
+@dataclass(frozen=True)
+class Effort:
+    """How far a fit is taken.
 
-MOST_DENSE = 64
-"""Runs up to which derivatives are a dense matrix; beyond, most of it would be zeros."""
+    Attributes:
+        evaluations: Of the model, in each round.
+        tolerance: Relative change of the loss that ends a round.
+        rounds: Estimates of the scale.
+    """
 
-
-class Effort(NamedTuple):
-    """How far a fit is taken."""
-
-    evaluations: int  # of the model, in each round
-    tolerance: float  # relative change of loss or coordinates that ends a round
-    rounds: int = 1  # estimates of the scale
+    evaluations: int
+    tolerance: float
+    rounds: int = 1
 
 
-FULL = Effort(evaluations=60, tolerance=1e-9, rounds=6)
-"""To the optimum: parameters to a millionth of their standard deviations."""
+@dataclass(frozen=True, kw_only=True)
+class LeastSquaresOptions:
+    """How far the fits of an identification are taken.
 
-SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
-"""To a loss that is right to a thousandth, which tells one local optimum from another."""
+    Attributes:
+        first_step: Share of the residuals that the first step may explain, parameter by parameter:
+            longer steps jump to delays a cycle away. On a pure sine the fit ends in a local optimum
+            at 0.1 and at 0.4; from 1 on the recording of a servo under load is fitted 8 % worse.
+        quick: Tells a promising start from a poor one.
+        search: To a loss that is right to a thousandth, which tells one local optimum from another.
+        profile: Tells whether a value is refuted, from a fit with a value close by.
+        full: To the optimum: parameters to a millionth of their standard deviations.
+        settled_scale: A change of the scale by less than this share of it ends the rounds.
+        most_dense: Runs up to which derivatives are a dense matrix; beyond, most of it is zeros.
+    """
+
+    first_step: float = 0.2
+    quick: Effort = Effort(evaluations=12, tolerance=1e-3, rounds=2)
+    search: Effort = Effort(evaluations=25, tolerance=1e-4, rounds=6)
+    profile: Effort = Effort(evaluations=15, tolerance=1e-4)
+    full: Effort = Effort(evaluations=60, tolerance=1e-9, rounds=6)
+    settled_scale: float = 1e-3
+    most_dense: int = 64
+
+
+OPTIONS = LeastSquaresOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +130,7 @@ def least_squares(
     free: Free = ALL,
     starts: Array | None = None,
     scale: float | None = None,
-    effort: Effort = FULL,
+    effort: Effort = OPTIONS.full,
     enough: float = -math.inf,
 ) -> Fit:
     """Fit the free parameters and the first angle of every run: Equation 15 of ``docs/math.md``.
@@ -143,7 +161,7 @@ def least_squares(
         return _minimised(fit, effort, enough)
     for _ in range(effort.rounds):
         found = scale_of(fit.residuals, floor)
-        settled = abs(found - fit.scale) <= SETTLED_SCALE * found
+        settled = abs(found - fit.scale) <= OPTIONS.settled_scale * found
         cost, weights = huber(fit.residuals, found)
         fit = replace(fit, scale=found, cost=cost, weights=weights)
         if settled:
@@ -160,7 +178,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
     chosen = np.flatnonzero(free)
     held = coordinates_of(grid, begin.parameters)
     span, runs = grid.span, len(grid.starts)
-    size = FIRST_STEP * float(np.linalg.norm(begin.residuals)) or 1.0
+    size = OPTIONS.first_step * float(np.linalg.norm(begin.residuals)) or 1.0
     rows = np.arange(len(grid.angles))
     lower, upper = (coordinates_of(grid, ends) for ends in bounds_of(grid))
     lower[~free], upper[~free] = -np.inf, np.inf
@@ -189,7 +207,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
         by_start = span / size * slopes.by_start
         here = held[chosen] + unknowns[: len(chosen)]
         by_parameter *= (here >= lower[chosen]) & (here <= upper[chosen])
-        if runs > MOST_DENSE:
+        if runs > OPTIONS.most_dense:
             ends = sparse.csr_array((by_start, (rows, grid.run)), shape=(len(rows), runs))
             return sparse.csr_matrix(sparse.hstack([sparse.csr_array(by_parameter), ends]))
         matrix = np.zeros((len(rows), len(chosen) + runs))
@@ -207,7 +225,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
         derivatives,
         method="trf",
         loss="huber",
-        f_scale=HUBER * scale / size,
+        f_scale=LOSS.corner * scale / size,
         x_scale="jac",
         ftol=effort.tolerance,
         xtol=1e-3 * effort.tolerance,

@@ -14,6 +14,31 @@ from planner.exceptions import InvalidTrajectory
 from planner.trajectory import LARGEST, Array, as_trajectory
 from planner.validation import is_one_of, shown
 
+TURN = 2.0 * np.pi
+"""What an encoder loses or gains when it starts again [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnwrapOptions:
+    """When a pause is a gap, and when a step is the start of an encoder's next turn.
+
+    Attributes:
+        gap: Pause between rows, in median periods, after which nothing is assumed of what was
+            requested.
+        sudden: A step between two rows beyond this is the encoder's [rad], where rows are close
+            enough.
+        fastest: No joint is as fast as this [rad/s]: rows must be so close that a sudden step
+            exceeds it.
+    """
+
+    gap: float = 10.0
+    sudden: float = 0.75 * TURN
+    fastest: float = 50.0
+
+
+OPTIONS = UnwrapOptions()
+
+
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
 
@@ -22,19 +47,6 @@ LATEST = 1e12
 
 FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
-
-
-GAP = 10.0
-"""Pause between rows, in median periods, after which nothing is assumed of what was requested."""
-
-TURN = 2.0 * np.pi
-"""What an encoder loses or gains when it starts again [rad]."""
-
-SUDDEN = 0.75 * TURN
-"""A step between two rows beyond this is the encoder's [rad], where rows are close enough."""
-
-FASTEST = 50.0
-"""No joint is as fast as this [rad/s]: rows must be close enough that a sudden step exceeds it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,7 +190,7 @@ def _as_log(given: Any, number: int) -> Log:
 
 def pieces_of(log: Log) -> list[slice]:
     """Rows of a log between its gaps."""
-    breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
+    breaks = np.flatnonzero(np.diff(log.times) > OPTIONS.gap * log.period) + 1
     ends = [0, *breaks.tolist(), len(log.times)]
     return [slice(first, beyond) for first, beyond in pairwise(ends)]
 
@@ -190,7 +202,7 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     angles; the angles then take the turn in which they are nearest to the requests. A log that
     comes no nearer to its requests so, or that is a share of a range, stays as it is.
     """
-    if log.unit != "rad" or log.period * FASTEST > SUDDEN:
+    if log.unit != "rad" or log.period * OPTIONS.fastest > OPTIONS.sudden:
         return log, 0
     turns = _turns(log.angles)
     jumps = int(np.count_nonzero(np.diff(turns)))
@@ -209,7 +221,7 @@ def unwrapped(log: Log) -> tuple[Log, int]:
 
 def _turns(angles: Array) -> Array:
     """Turns to add to each row; none for glitches, which jump away and back within two rows."""
-    turns: Array = np.round((np.unwrap(angles, discont=SUDDEN) - angles) / TURN)
+    turns: Array = np.round((np.unwrap(angles, discont=OPTIONS.sudden) - angles) / TURN)
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)

@@ -13,20 +13,31 @@ import numpy.typing as npt
 from planner.identification.log import Log, pieces_of
 from planner.trajectory import Array
 
+
+@dataclass(frozen=True, kw_only=True)
+class ResamplingOptions:
+    """Which rows count.
+
+    Attributes:
+        fewest_used: Rows with torque below which a run tells nothing: its first angle is free.
+        glitch_steps: A row that is off the median of five by more than so many of the largest
+            steps that this median takes is no position of a joint. A real turning point is off
+            by less than one such step.
+        glitch_noise: Standard deviations of the noise that a row may be off in addition.
+    """
+
+    fewest_used: int = 3
+    glitch_steps: float = 2.0
+    glitch_noise: float = 6.0
+
+
+OPTIONS = ResamplingOptions()
+
+
 Rows = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
 Place = tuple[int, int]
 """A row of a log: number of the log, number of the row."""
-
-FEWEST_USED = 3
-"""Rows with torque below which a run tells nothing: its first angle is free."""
-
-GLITCH_STEPS = 2.0
-"""A row that is off the median of five by more than so many of the largest steps that this median
-takes is no position of a joint. A real turning point is off by less than one such step."""
-
-GLITCH_NOISE = 6.0
-"""Standard deviations of the noise that a row may be off in addition."""
 
 ON_A_TICK = 1e-9
 """Rows this close to a tick [ticks] are taken to be on it."""
@@ -122,7 +133,7 @@ def runs_of(logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()
             found += [
                 Run(number, slice(int(first), int(beyond)))
                 for first, beyond in turns.reshape(-1, 2)
-                if beyond - first >= FEWEST_USED
+                if beyond - first >= OPTIONS.fewest_used
             ]
     return found
 
@@ -135,7 +146,9 @@ def glitches(angles: Array) -> Rows:
     middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     off = np.abs(angles - middle)
     noise = float(np.quantile(off, 0.9)) / 1.645
-    allowed = GLITCH_STEPS * float(np.max(np.abs(np.diff(middle)))) + GLITCH_NOISE * noise
+    allowed = (
+        OPTIONS.glitch_steps * float(np.max(np.abs(np.diff(middle)))) + OPTIONS.glitch_noise * noise
+    )
     return np.asarray(off > allowed)
 
 
@@ -172,7 +185,7 @@ def resampled(
     total = 0
     for run in runs_of(logs, burn_in, settled):
         kept = np.flatnonzero(sound[run.log][run.rows]) + run.rows.start
-        if len(kept) < FEWEST_USED:
+        if len(kept) < OPTIONS.fewest_used:
             continue
         used[run.log][kept] = True
         times = axis.shifted[run.log][kept]

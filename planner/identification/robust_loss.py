@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.trajectory import Array
 
-HUBER = 5.0
-"""Residuals beyond so many standard deviations count by their size, not by its square."""
 
-GROSS = 10.0
-"""Residuals beyond so many standard deviations are faults of the log, not of the model."""
+@dataclass(frozen=True, kw_only=True)
+class LossOptions:
+    """Which residuals are noise, outliers and gross outliers.
 
-SHARE_GROSS = 0.01
-"""Share of the residuals that a verdict may leave out; single faulty rows have gone before."""
+    Attributes:
+        corner: Residuals beyond so many standard deviations count by their size, not by its
+            square.
+        gross: Residuals beyond so many standard deviations are faults of the log, not of the
+            model.
+        share_gross: Share of the residuals that a verdict may leave out; single faulty rows
+            have gone before.
+        share_trusted: Share of the residuals that the scale is read from: more outliers than
+            the rest would raise it. A median would do for white noise, but in a log that mostly
+            rests it is the scale of the rest, and the motion, which is all there is to learn
+            from, would count as outliers.
+    """
 
-SHARE_TRUSTED = 0.95
-"""Share of the residuals that the scale is read from: more outliers than the rest would raise it.
-A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
-the motion, which is all there is to learn from, would count as outliers."""
+    corner: float = 5.0
+    gross: float = 10.0
+    share_gross: float = 0.01
+    share_trusted: float = 0.95
+
+
+OPTIONS = LossOptions()
+
 
 NORMAL_QUANTILE = 1.959964
 """That share of a normal distribution lies within so many standard deviations."""
@@ -29,25 +44,25 @@ NO_ERROR = 1e-12
 
 def scale_of(residuals: Array, floor: float) -> float:
     """Standard deviation of the residuals that are no gross outliers."""
-    return max(floor, sound_rms(residuals, gross=1.0 - SHARE_TRUSTED))
+    return max(floor, sound_rms(residuals, gross=1.0 - OPTIONS.share_trusted))
 
 
-def sound_rms(residuals: Array, *, gross: float = SHARE_GROSS) -> float:
+def sound_rms(residuals: Array, *, gross: float = OPTIONS.share_gross) -> float:
     """Root mean square of the residuals that are no gross outliers [rad].
 
     At most a share ``gross`` is taken for such: in a log that mostly rests even misses of all its
     motion are few and large.
     """
-    bulk = float(np.quantile(np.abs(residuals), SHARE_TRUSTED)) / NORMAL_QUANTILE
+    bulk = float(np.quantile(np.abs(residuals), OPTIONS.share_trusted)) / NORMAL_QUANTILE
     most = float(np.quantile(np.abs(residuals), 1.0 - gross))
-    sound = np.abs(residuals) <= max(GROSS * bulk, most)
+    sound = np.abs(residuals) <= max(OPTIONS.gross * bulk, most)
     return float(np.sqrt(np.mean(residuals[sound] ** 2)))
 
 
 def huber(residuals: Array, scale: float) -> tuple[float, Array]:
     """Loss and weights of the residuals at a scale."""
     size = np.abs(residuals)
-    bend = HUBER * scale
+    bend = OPTIONS.corner * scale
     weights = np.minimum(1.0, bend / np.maximum(size, 1e-300))
     loss = np.where(size <= bend, 0.5 * size**2, bend * (size - 0.5 * bend))
     return float(np.sum(loss)), weights

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,55 +15,56 @@ from planner.model.joint import MOST_HOLD
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
-SLOWEST_OWN_TICK = 0.008
-"""Logs of this period and less are modelled with one tick a row [s]: the paper's robot."""
 
-TICK_OF_SLOW_LOGS = 0.005
-"""Slower ones with ticks of at most this [s]: a joint that closes in by 50 a second then covers a
-quarter of its error a tick, and finer ticks predict recordings no better (docs/math.md)."""
+@dataclass(frozen=True, kw_only=True)
+class TimingOptions:
+    """How the period of the rows is read and divided into ticks.
 
-MOST_CHOSEN = 20
-"""Ticks in a period at most, unless more are asked for: logs of less than 10 rows a second do not
-show what 5 ms would."""
+    Attributes:
+        slowest_own_tick: Logs of this period and less are modelled with one tick a row [s]: the
+            paper's robot.
+        longest_tick: Slower ones with ticks of at most this [s]: a joint that closes in by 50 a
+            second then covers a quarter of its error a tick, and finer ticks predict recordings
+            no better (docs/math.md).
+        most_hold: Ticks in a period at most, unless more are asked for: logs of less than 10
+            rows a second do not show what 5 ms would.
+        slack: A tick may exceed these two by this factor: periods of 20.06 and 20.55 ms are 4
+            ticks, not 5.
+        agreement: A given tick and hold must agree with the log's period to this share of it
+            and ``sure`` standard deviations.
+        sure: Standard deviations by which a period estimated from uneven pauses may be off.
+        unequal: Logs whose periods differ by more than this share are of several clocks.
+        reach_periods: Periods that lag and acceleration time may span together.
+        reach_time: Time that they may always span together [s].
+        reach_share: Share of the longest log that they may span together.
+        near_whole: Pauses within this share of a period of whole periods tell how long it is.
+        most_dropped: Longest pause that tells the period [periods].
+        rounds: Estimates of a period, each of which says anew which pauses tell it.
+        dropped: A pause that is short of whole periods by less than this share of one is as
+            many: less likely a dropped row than a late one.
+    """
 
-SLACK = 1.05
-"""A tick may exceed these by this factor: periods of 20.06 and 20.55 ms are 4 ticks, not 5."""
+    slowest_own_tick: float = 0.008
+    longest_tick: float = 0.005
+    most_hold: int = 20
+    slack: float = 1.05
+    agreement: float = 1e-3
+    sure: float = 3.0
+    unequal: float = 0.05
+    reach_periods: int = 50
+    reach_time: float = 0.75
+    reach_share: float = 0.25
+    near_whole: float = 0.4
+    most_dropped: float = 10.0
+    rounds: int = 3
+    dropped: float = 0.3
 
-AGREEMENT = 1e-3
-"""A given tick and hold must agree with the log's period to this share of it."""
 
-SURE = 3.0
-"""And to so many standard deviations of the period where pauses between rows differ, to 3 %."""
+OPTIONS = TimingOptions()
+
 
 DIGITS = 9
 """Decimals of a period [s]: differences of the times that a log counts up are no better."""
-
-UNEQUAL = 0.05
-"""Logs whose periods differ by more than this share are of several clocks."""
-
-LONGEST_REACH = 50
-"""Periods that lag and acceleration time may span together."""
-
-LONGEST_TIME = 0.75
-"""Time that they may span in any case [s]."""
-
-SHARE_OF_LOG = 0.25
-"""Share of the longest log that they may span together."""
-
-
-NEAR_WHOLE = 0.4
-"""Pauses within this share of a period of whole periods tell how long it is."""
-
-MOST_DROPPED = 10.0
-"""Longer pauses, in periods, do not."""
-
-ROUNDS = 3
-"""Estimates of a period, each of which says anew which pauses tell it."""
-
-
-DROPPED = 0.3
-"""A pause that is short of whole periods by less than this share of one is as many: less likely a
-dropped row than a late one."""
 
 
 class Timing(NamedTuple):
@@ -97,17 +98,18 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     median = float(np.median(pauses))
     mean = _mean_period(pauses, median)
     period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
-    unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
+    unsure = OPTIONS.sure * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
     period = round(period, DIGITS) or period
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(
-        min(max(LONGEST_REACH * period, LONGEST_TIME), SHARE_OF_LOG * longest), 4.0 * period
+        min(max(OPTIONS.reach_periods * period, OPTIONS.reach_time), OPTIONS.reach_share * longest),
+        4.0 * period,
     )
     if hold is None:
         hold = _default_hold(period) if tick is None else _ticks(period, _positive(tick))
     hold = _count(hold)
     made = period / hold if tick is None else _positive(tick)
-    if abs(made * hold - period) > AGREEMENT * period + unsure:
+    if abs(made * hold - period) > OPTIONS.agreement * period + unsure:
         raise InvalidInput(
             f"tick, hold: got {hold} ticks of {made:g} s, expected the log's period of "
             f"{period:g} s; give one of the two, or neither"
@@ -118,16 +120,16 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
 def unequal(logs: Sequence[Log]) -> bool:
     """Whether logs are of several clocks."""
     periods = [log.period for log in logs]
-    return max(periods) > (1.0 + UNEQUAL) * min(periods)
+    return max(periods) > (1.0 + OPTIONS.unequal) * min(periods)
 
 
 def _mean_period(pauses: Array, median: float) -> float:
     """The mean of pauses that are about whole numbers of their median [s]."""
     period = median
-    for _ in range(ROUNDS):
+    for _ in range(OPTIONS.rounds):
         whole = np.round(pauses / period)
-        near = (whole >= 1.0) & (whole <= MOST_DROPPED)
-        near &= np.abs(pauses - whole * period) <= NEAR_WHOLE * period
+        near = (whole >= 1.0) & (whole <= OPTIONS.most_dropped)
+        near &= np.abs(pauses - whole * period) <= OPTIONS.near_whole * period
         if near.any():
             period = float(np.sum(pauses[near]) / np.sum(whole[near]))
     return period
@@ -153,9 +155,9 @@ def _ticks(period: float, tick: float) -> int:
 
 
 def _default_hold(period: float) -> int:
-    if period <= SLACK * SLOWEST_OWN_TICK:
+    if period <= OPTIONS.slack * OPTIONS.slowest_own_tick:
         return 1
-    return min(math.ceil(period / (SLACK * TICK_OF_SLOW_LOGS)), MOST_CHOSEN)
+    return min(math.ceil(period / (OPTIONS.slack * OPTIONS.longest_tick)), OPTIONS.most_hold)
 
 
 def _positive(tick: object) -> float:
@@ -183,7 +185,7 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
     lines = []
     for log in logs:
         for piece in pieces_of(log):
-            steps = np.maximum(np.floor(np.diff(log.times[piece]) / period + DROPPED), 1.0)
+            steps = np.maximum(np.floor(np.diff(log.times[piece]) / period + OPTIONS.dropped), 1.0)
             places = np.concatenate([[0.0], np.cumsum(steps)])
             since = log.times[piece] - log.times[piece.start]
             lines.append((places - np.mean(places), since - np.mean(since)))
@@ -191,7 +193,7 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
     weight = max(float(places @ places), 1.0)
     slope = float(places @ since) / weight
     unsure = float(np.std(since - slope * places)) / np.sqrt(weight)
-    if abs(slope - period) <= SURE * unsure:
+    if abs(slope - period) <= OPTIONS.sure * unsure:
         slope = period
     off = slope * places - since
     moved, done = [], 0

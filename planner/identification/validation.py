@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,11 +26,22 @@ from planner.identification.simulation import active_requests, respond
 from planner.identification.timestamps import Timing
 from planner.trajectory import Array
 
-FASTER = 1.1
-"""Speeds called for may exceed those of the fitted part by this factor."""
 
-FITTED_SHARE = 0.5
-"""Share of the rows with torque, from the start of each log, that the validation fits."""
+@dataclass(frozen=True, kw_only=True)
+class ValidationOptions:
+    """What is held out, and when it is no fair test.
+
+    Attributes:
+        fitted_share: Share of the rows with torque, from the start of each log, that are
+            fitted.
+        faster: The rest may command speeds up to this factor above those of the fitted part.
+    """
+
+    fitted_share: float = 0.5
+    faster: float = 1.1
+
+
+OPTIONS = ValidationOptions()
 
 
 class HeldOut(NamedTuple):
@@ -93,7 +105,7 @@ def held_out(logs: Sequence[Log], timing: Timing, grid: Grid) -> HeldOut | None:
         rms=_rms(errors),
         sound_rms=sound_rms(errors),
         alternatives=others,
-        beyond=called > FASTER * shown and not speed_bounded(fit),
+        beyond=called > OPTIONS.faster * shown and not speed_bounded(fit),
     )
 
 
@@ -102,7 +114,7 @@ def _middle(log: Log) -> int:
     powered = np.flatnonzero(log.torque_on)
     if not len(powered):
         return 0
-    return int(powered[min(int(np.ceil(FITTED_SHARE * len(powered))), len(powered) - 1)])
+    return int(powered[min(int(np.ceil(OPTIONS.fitted_share * len(powered))), len(powered) - 1)])
 
 
 def _first_rows(log: Log, middle: int) -> Log | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,32 +20,58 @@ from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
 from planner.trajectory import Array
 
-REFUSED = 0.25
-"""A model whose error exceeds this share of the motion's standard deviation is refused. Recordings
-of joints that the model is meant for leave 0.02 to 0.23, those of an overloaded one 0.23 to 1."""
 
-SUSPECT = 0.1
-"""From this share on the user is told what may be the reason."""
+@dataclass(frozen=True, kw_only=True)
+class VerdictOptions:
+    """From which errors on a model is refused or doubted.
 
-SIMPLER_WINS = 1.02
-"""A simpler description that predicts held-out rows better by this factor is pointed out."""
+    Errors are shares of the standard deviation of the motion.
 
-NO_BETTER = 0.9
-"""A model that misses more than POOR has to come below this share of the error of a mere delay."""
+    Attributes:
+        refused: A model that misses more is refused. Recordings of joints that the model is
+            meant for leave 0.02 to 0.23, those of an overloaded one 0.23 to 1.
+        suspect: From this error on the user is told what may be the reason.
+        poor: Error from which a model has to prove its worth beside a mere delay.
+        no_better: It then has to come below this share of the error of the delay.
+        simpler_wins: A simpler description that predicts held-out rows better by this factor is
+            pointed out.
+        little_motion: A joint that spans less than this [rad, or share of its range] in a log
+            that is refused hardly moves: eleven degrees.
+        spans: Times its error that a motion should span: one that comes and goes evenly has a
+            standard deviation of a third of its span, of which an error of a tenth is no reason
+            for doubt.
+        loose: A time whose interval is wider than this share of it, and than two ticks, is
+            pointed out.
+        sign_likeness: Both signs explain the angles if what they leave unexplained is within
+            this factor.
+        least_likeness: Correlation below which a delay explains nothing.
+        delays: Delays that are compared; more around the best follow.
+    """
 
-POOR = 0.2
-"""Share of the motion's standard deviation from which a model has to prove its worth."""
+    refused: float = 0.25
+    suspect: float = 0.1
+    poor: float = 0.2
+    no_better: float = 0.9
+    simpler_wins: float = 1.02
+    little_motion: float = 0.2
+    spans: float = 30.0
+    loose: float = 0.5
+    sign_likeness: float = 1.05
+    least_likeness: float = 0.7
+    delays: int = 200
 
-LITTLE = 0.2
-"""A joint that spans less than this [rad, or share of its range] in a log that is refused hardly
-moves: eleven degrees."""
 
-SPANS = 30.0
-"""Times its error that a motion should span: one that comes and goes evenly has a standard
-deviation of a third of its span, of which an error of a tenth is no reason for doubt."""
+OPTIONS = VerdictOptions()
 
-LOOSE = 0.5
-"""A time whose interval is wider than this share of it, and than two ticks, is pointed out."""
+WORDS = {
+    "raw": "the request itself",
+    "delay": "a mere delay",
+    "first_order": "a delay with a first-order lag",
+}
+
+REASONS = (
+    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
+)
 
 
 class Verdict(NamedTuple):
@@ -91,8 +118,8 @@ def verdict_on(
     error, where = max(errors)
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
-    useless = missed > POOR and fit.rms > NO_BETTER * mere
-    fits = missed <= REFUSED and not useless
+    useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
+    fits = missed <= OPTIONS.refused and not useless
     said = f"{missed:.0%} of the motion's standard deviation{where} (rms {_said(error, unit)})"
     if useless:
         warnings.append(
@@ -101,38 +128,27 @@ def verdict_on(
         )
     elif not fits:
         warnings.append(
-            f"the model does not fit: it misses {said}; more than {REFUSED:.0%} is not accepted; "
-            f"{REASONS}"
+            f"the model does not fit: it misses {said}; more than {OPTIONS.refused:.0%} is not "
+            f"accepted; {REASONS}"
         )
-    elif missed > SUSPECT:
+    elif missed > OPTIONS.suspect:
         warnings.append(f"the model misses {said}; {REASONS}")
-    if not fits and (span := float(np.ptp(fit.grid.angles))) < LITTLE:
+    if not fits and (span := float(np.ptp(fit.grid.angles))) < OPTIONS.little_motion:
         warnings.append(
             f"the joint hardly moves in this log, by {_said(span, unit)} in all: record requests "
-            f"that span {_said(_rounded(SPANS * error), unit)} or more, of which friction, play "
-            "and the sensor's steps are a smaller part"
+            f"that span {_said(_rounded(OPTIONS.spans * error), unit)} or more, of which friction, "
+            "play and the sensor's steps are a smaller part"
         )
     if against is not None:
         warnings.insert(0, against.words)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
-    if ours > SIMPLER_WINS * others[name] and (fair or held is None):
+    if ours > OPTIONS.simpler_wins * others[name] and (fair or held is None):
         warnings.append(
             f"{WORDS[name]} predicts better than the model (rms {_said(others[name], unit)} "
             f"against {_said(ours, unit)}): the log is too short or too gentle for more"
         )
     return Verdict(fits and against is None, (*warnings, *_undetermined(fit, bounds, unit)))
-
-
-WORDS = {
-    "raw": "the request itself",
-    "delay": "a mere delay",
-    "first_order": "a delay with a first-order lag",
-}
-
-REASONS = (
-    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
-)
 
 
 def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
@@ -165,7 +181,7 @@ def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
     ):
         if math.isinf(interval.upper):
             found.append(f"{name} is not known at all: record sudden steps")
-        elif interval.upper - interval.lower > max(2.0 * fit.grid.tick, LOOSE * value):
+        elif interval.upper - interval.lower > max(2.0 * fit.grid.tick, OPTIONS.loose * value):
             found.append(
                 f"{name} lies anywhere between {1e3 * interval.lower:.0f} and "
                 f"{1e3 * interval.upper:.0f} ms: record sudden steps to tell it from other delays"
@@ -211,16 +227,6 @@ def _rounded(value: float) -> float:
     return float(round(value / digit) * digit)
 
 
-AS_GOOD = 1.05
-"""Both signs explain the angles if what they leave unexplained is within this factor."""
-
-LEAST_LIKENESS = 0.7
-"""Correlation below which a delay explains nothing."""
-
-DELAYS = 200
-"""Delays that are compared, and more around the best."""
-
-
 class OppositeSign(NamedTuple):
     """What speaks for the opposite sign: the angles are as much like requests of that sign, sooner.
 
@@ -239,7 +245,7 @@ class OppositeSign(NamedTuple):
     @property
     def repeats(self) -> bool:
         """Whether the motion repeats itself, so that only the delay tells the signs apart."""
-        return _unlike(self.same_likeness) <= AS_GOOD * _unlike(self.likeness)
+        return _unlike(self.same_likeness) <= OPTIONS.sign_likeness * _unlike(self.likeness)
 
     @property
     def words(self) -> str:
@@ -259,7 +265,7 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
     Half a cycle of motion that repeats itself looks like the other sign. There the shorter delay
     is taken for the true one: what a joint is late by is less than half a cycle.
     """
-    delays = np.linspace(0.0, grid.reach, DELAYS)
+    delays = np.linspace(0.0, grid.reach, OPTIONS.delays)
     coarse = _likeness(grid, delays)
     best = []
     for sign in (1.0, -1.0):
@@ -268,8 +274,8 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
         fine = sign * _likeness(grid, near)
         best.append((float(near[np.argmax(fine)]), float(np.max(fine))))
     (same_delay, same), (delay, other) = best
-    as_good = _unlike(other) <= AS_GOOD * _unlike(same)
-    if other < LEAST_LIKENESS or not as_good or delay >= same_delay:
+    as_good = _unlike(other) <= OPTIONS.sign_likeness * _unlike(same)
+    if other < OPTIONS.least_likeness or not as_good or delay >= same_delay:
         return None
     return OppositeSign(delay, other, same_delay, same)
 
