@@ -9,10 +9,10 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.initial_guess import best_delay, divided_delay, initial_fits
-from planner.identification.least_squares import NONE, Fit, least_squares
 from planner.identification.least_squares import OPTIONS as FITTING
+from planner.identification.least_squares import Fit, least_squares
 from planner.identification.log import Log, pieces_of
-from planner.identification.parameters import Parameters
+from planner.identification.parameters import Parameters, only
 from planner.identification.resampling import Grid, Place, resampled
 from planner.identification.simulation import ActiveRequests
 from planner.identification.timestamps import Timing, evenly_timed, unequal
@@ -121,10 +121,9 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
         return best
 
     at = found[0].parameters
-    delay = at.lag + at.acceleration_time / 2.0 + 1.0 / at.gain
     best = least_squares(grid, at, scale=scale, effort=FITTING.search)
     begins = [fit.parameters for fit in _rivals(found)]
-    best = better(best, [*begins, *divided_delay(delay, v_max=at.v_max, offset=at.offset)])
+    best = better(best, [*begins, *divided_delay(at.whole_delay, v_max=at.v_max, offset=at.offset)])
     at, shown = best.parameters, peak_command(best)
     if at.v_max > shown:
         best = better(best, [at._replace(v_max=OPTIONS.commanded_share * shown)], best.starts)
@@ -139,8 +138,9 @@ def _rivals(found: Sequence[Fit]) -> list[Fit]:
     for other in found[1:]:
         if other.cost > OPTIONS.rival_loss * found[0].cost:
             break
-        pairs = zip(found[0].parameters[2:4], other.parameters[2:4], strict=True)
-        if max(abs(one - two) for one, two in pairs) > found[0].grid.tick / 2.0:
+        at, to = found[0].parameters, other.parameters
+        apart = max(abs(at.lag - to.lag), abs(at.acceleration_time - to.acceleration_time))
+        if apart > found[0].grid.tick / 2.0:
             return [other]
     return []
 
@@ -168,7 +168,9 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
-    whole = least_squares(every, fit.parameters, free=NONE, scale=fit.scale, effort=FITTING.search)
+    whole = least_squares(
+        every, fit.parameters, free=only(), scale=fit.scale, effort=FITTING.search
+    )
     errors = every.per_log(whole.residuals)
     bound = max(OPTIONS.settled_errors * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()

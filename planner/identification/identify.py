@@ -10,10 +10,10 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.fit import fit_joint, with_even_rows, with_observed_speed
-from planner.identification.intervals import Bounds, Uncertainty, intervals_of, uncertainty_of
+from planner.identification.intervals import Uncertainty, intervals_of, uncertainty_of
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, unwrapped
-from planner.identification.parameters import units
+from planner.identification.parameters import COUNT, PARAMETERS, model_derivatives
 from planner.identification.result import Alternative, Identification, Interval, LogFit
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.validation import HeldOut, held_out
@@ -81,7 +81,7 @@ def identify(
         noise=fit.scale,
         signal=signal,
         intervals=_intervals(fit, bounds, uncertainty),
-        gain_interval=bounds.gain,
+        gain_interval=bounds["gain"],
         covariance=_covariance(fit, bounds, uncertainty),
         alternatives=_alternatives(simple, errors, held),
         warnings=(*verdict.warnings, *notes),
@@ -136,39 +136,32 @@ def _signal(fit: Fit) -> float:
     return _rms(grid.angles - means[grid.run])
 
 
-def _intervals(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> dict[str, Interval]:
-    return {
-        "v_max": bounds.v_max,
-        "theta_0": _theta_0(fit, bounds, uncertainty),
-        "lag": bounds.lag,
-        "acceleration_time": bounds.acceleration_time,
-        "offset": bounds.offset,
-    }
+def _intervals(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+) -> dict[str, Interval]:
+    known = {**bounds, "theta_0": _theta_0(fit, bounds, uncertainty)}
+    return {name: known[name] for name in PARAMETERS}
 
 
-def _theta_0(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> Interval:
+def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
-    if bounds.v_max.bounded and bounds.gain.bounded:
-        way = np.array([-1.0, 1.0, 0.0, 0.0, 0.0])
+    gain, v_max = bounds["gain"], bounds["v_max"]
+    if v_max.bounded and gain.bounded:
+        way = np.zeros(COUNT)
+        way[:2] = -1.0, 1.0
         half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance @ way))
         value = fit.parameters.v_max / fit.parameters.gain
         if half < 1.0:
             return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
-    upper = bounds.v_max.upper / bounds.gain.lower if bounds.gain.lower > 0.0 else np.inf
-    return Interval(bounds.v_max.lower / bounds.gain.upper, upper)
+    upper = v_max.upper / gain.lower if gain.lower > 0.0 else np.inf
+    return Interval(v_max.lower / gain.upper, upper)
 
 
-def _covariance(fit: Fit, bounds: Bounds, uncertainty: Uncertainty) -> Array | None:
-    """Covariance of v_max, theta_0, lag, acceleration time and offset in SI units."""
-    if not all(interval.bounded for interval in bounds):
+def _covariance(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Array | None:
+    """Covariance of :data:`PARAMETERS` in SI units, shape (p, p)."""
+    if not all(interval.bounded for interval in bounds.values()):
         return None
-    at, count = fit.parameters, units(fit.grid, fit.parameters)
-    theta_0 = at.v_max / at.gain
-    change = np.zeros((5, 5))  # by the coordinates of gain, v_max, lag, acceleration time, offset
-    change[0, 1] = at.v_max
-    change[1, :2] = -theta_0, theta_0
-    for index in (2, 3, 4):
-        change[index, index] = count[index]
+    change = model_derivatives(fit.grid, fit.parameters)
     covariance = change @ uncertainty.covariance @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)

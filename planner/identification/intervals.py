@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from planner.identification.least_squares import OPTIONS as FITTING
 from planner.identification.least_squares import Fit, least_squares
-from planner.identification.parameters import COORDINATES, Parameters, bounds_of, units
+from planner.identification.parameters import COORDINATES, COUNT, Parameters, bounds_of, units
 from planner.identification.result import Interval
 from planner.trajectory import Array
 
@@ -47,21 +47,11 @@ class IntervalOptions:
 OPTIONS = IntervalOptions()
 
 
-V_MAX, OFFSET = (list(COORDINATES).index(name) for name in ("v_max", "offset"))
+V_MAX = Parameters._fields.index("v_max")
 ROWS = tuple(COORDINATES.values())
 
 
-class Bounds(NamedTuple):
-    """What the data says of each parameter."""
-
-    gain: Interval
-    v_max: Interval
-    lag: Interval
-    acceleration_time: Interval
-    offset: Interval
-
-
-def intervals_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
+def intervals_of(fit: Fit, uncertainty: Uncertainty) -> dict[str, Interval]:
     """95 % intervals of the parameters of a fit, by profile where the covariance is not enough."""
     at = fit.parameters
     half = uncertainty.quantile * uncertainty.deviations
@@ -80,7 +70,8 @@ def intervals_of(fit: Fit, uncertainty: Uncertainty) -> Bounds:
             ends.append(
                 Interval(*(_end(fit, uncertainty, index, way, possible) for way in (-1, 1)))
             )
-    return Bounds(*map(_holding, ends, zip(*possible, strict=True) if possible else [()] * 5))
+    others = zip(*possible, strict=True) if possible else [()] * COUNT
+    return dict(zip(Parameters._fields, map(_holding, ends, others), strict=True))
 
 
 def _holding(interval: Interval, values: Sequence[float]) -> Interval:
@@ -90,11 +81,15 @@ def _holding(interval: Interval, values: Sequence[float]) -> Interval:
 
 def _narrow(fit: Fit, index: int, half: float) -> bool:
     """Whether an interval is so narrow that the slopes at its middle hold at its ends."""
-    if index == OFFSET:
-        return math.isfinite(half)
-    at = fit.parameters
-    delay = at.lag + at.acceleration_time / 2.0 + 1.0 / at.gain
-    return half * fit.grid.tick <= max(fit.grid.tick, 0.3 * delay)
+    unit, scale = _sizes(fit, index)
+    return half * unit <= max(unit, 0.3 * scale)
+
+
+def _sizes(fit: Fit, index: int) -> tuple[float, float]:
+    """Unit of a coordinate and scale of its parameter, both in the unit of the parameter."""
+    row = ROWS[index]
+    unit = 1.0 if row.unit is None else row.unit(fit.grid)
+    return unit, row.scale(fit.grid, fit.parameters)
 
 
 def _end(
@@ -172,17 +167,15 @@ def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:
 
 
 def _wald(uncertainty: Uncertainty, fit: Fit, index: int) -> float:
-    """Half the width of an interval by the covariance: a logarithm, or a time [s]."""
-    half = uncertainty.quantile * float(uncertainty.deviations[index])
-    return half if ROWS[index].unit is None else half * fit.grid.tick
+    """Half the width of an interval by the covariance, of the logarithm or of the parameter."""
+    unit, _ = _sizes(fit, index)
+    return uncertainty.quantile * float(uncertainty.deviations[index]) * unit
 
 
 def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
-    half = _wald(uncertainty, fit, index)
-    if ROWS[index].unit is None:
-        return min(max(half, 0.02), 0.3)
-    delay = fit.parameters.lag + fit.parameters.acceleration_time + 1.0 / fit.parameters.gain
-    return min(max(half, 0.25 * fit.grid.tick), 0.3 * delay)
+    unit, scale = _sizes(fit, index)
+    least = 0.02 if ROWS[index].unit is None else 0.25 * unit
+    return min(max(_wald(uncertainty, fit, index), least), 0.3 * scale)
 
 
 def speed_bounded(fit: Fit) -> bool:
@@ -194,10 +187,9 @@ class Uncertainty(NamedTuple):
     """Second moments of the estimate, by the coordinates of ``parameters.COORDINATES``.
 
     Attributes:
-        covariance: Of log gain, log v_max, lag and acceleration time [ticks] and offset, (5, 5);
-            infinite on the diagonal where a parameter has no effect at all.
+        covariance: Shape (p, p), infinite on the diagonal where a parameter has no effect at all.
         inflation: By how much residuals that are correlated, or largest where the parameter acts,
-            raise each variance, at least 1, (5,).
+            raise each variance, at least 1, (p,).
         variance: Of one residual [rad^2].
         quantile: Standard deviations to either side of the estimate.
     """
@@ -209,12 +201,12 @@ class Uncertainty(NamedTuple):
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations, (5,)."""
+        """Standard deviations, (p,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def threshold(self) -> Array:
-        """Rise of the loss at the ends of each interval [rad^2], (5,)."""
+        """Rise of the loss at the ends of each interval [rad^2], (p,)."""
         return 0.5 * self.quantile**2 * self.variance * self.inflation
 
 
@@ -227,14 +219,14 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
     by_parameter = _beside_starts(fit)
     count = len(fit.residuals)
     active = fit.weights * fit.residuals
-    freedom = max(count - 5 - len(fit.grid.starts), 1)
+    freedom = max(count - COUNT - len(fit.grid.starts), 1)
     variance = float(np.sum(active**2)) / freedom
     inner = by_parameter * (fit.weights >= 1.0)[:, np.newaxis]
     matrix = inner.T @ inner
     size = np.sqrt(np.diag(matrix))
     acting = size > 1e-9 * np.max(size)
-    covariance = np.diag(np.full(5, math.inf))
-    inflation = np.ones(5)
+    covariance = np.diag(np.full(COUNT, math.inf))
+    inflation = np.ones(COUNT)
     if acting.any():
         scaled = matrix[np.ix_(acting, acting)] / np.outer(size[acting], size[acting])
         inverse = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True)
@@ -248,7 +240,7 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
         inflation[~acting] = np.max(inflation)
         root = np.sqrt(inflation[acting])
         covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
-    effective = max(count / float(np.median(inflation)) - 5.0, 2.0)
+    effective = max(count / float(np.median(inflation)) - COUNT, 2.0)
     quantile = float(stdtrit(effective, 0.5 + OPTIONS.confidence / 2.0))
     return Uncertainty(covariance, inflation, variance, quantile)
 

@@ -8,14 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import optimize, sparse
 
 from planner.identification.parameters import (
-    COUNT,
+    Free,
     Parameters,
     bounds_of,
     coordinates_of,
+    only,
     parameters_at,
 )
 from planner.identification.resampling import Grid
@@ -25,13 +25,7 @@ from planner.identification.sensitivities import Sensitivities, sensitivities
 from planner.identification.simulation import ActiveRequests, active_requests, respond
 from planner.trajectory import Array
 
-Free = npt.NDArray[np.bool_]
-
-ALL: Free = np.ones(COUNT, dtype=bool)
-"""Every parameter free."""
-
-NONE: Free = np.zeros(COUNT, dtype=bool)
-"""Only the first angles of the runs are free."""
+ALL = only(*Parameters._fields)
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,6 @@ from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
 
-PARAMETERS = ("v_max", "theta_0", "lag", "acceleration_time", "offset")
-"""What a log can say about a joint, in the order of the covariance."""
-
 
 class Interval(NamedTuple):
     """Where a parameter lies with 95 % confidence; infinite where the data does not say."""
@@ -96,7 +93,7 @@ class Identification:
             offset [rad]; infinite where the data does not determine the parameter.
         gain_interval: 95 % interval of v_max / theta_0 [1/s], known even if the joint never
             saturates.
-        covariance: Of the parameters in the order of ``PARAMETERS``, SI units, shape (5, 5); None
+        covariance: Of the parameters in the order of ``intervals``, SI units, shape (5, 5); None
             where one of them is not determined.
         alternatives: Simpler descriptions of the same rows.
         warnings: What to know before the model is used, in words.

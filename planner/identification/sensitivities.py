@@ -21,7 +21,7 @@ change of the request the derivative jumps, and the mean of both sides is taken.
 class Sensitivities(NamedTuple):
     """Derivatives of the angles at the used rows of a grid."""
 
-    by_parameter: Array  # (rows, 5), by the coordinates of ``parameters.COORDINATES``
+    by_parameter: Array  # (rows, p), by the coordinates of ``parameters.COORDINATES``
     by_start: Array  # (rows,), each by the first angle of its own run
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from planner.identification.fit import peak_command
 from planner.identification.initial_guess import delayed_errors
-from planner.identification.intervals import Bounds
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.resampling import Grid
+from planner.identification.result import Interval
 from planner.identification.robust_loss import sound_rms
 from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
@@ -83,7 +83,7 @@ class Verdict(NamedTuple):
 
 def verdict_on(
     fit: Fit,
-    bounds: Bounds,
+    bounds: Mapping[str, Interval],
     held: HeldOut | None,
     simple: dict[str, float],
     *,
@@ -151,34 +151,33 @@ def verdict_on(
     return Verdict(fits and against is None, (*warnings, *_undetermined(fit, bounds, unit)))
 
 
-def _undetermined(fit: Fit, bounds: Bounds, unit: str) -> list[str]:
+def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[str]:
     """A sentence for each parameter that the log leaves open."""
     found = []
     at, called = fit.parameters, peak_command(fit)
+    gain, v_max = bounds["gain"], bounds["v_max"]
     speed = f"{unit}/s" if unit else "/s"
-    if math.isinf(bounds.v_max.upper):
+    if math.isinf(v_max.upper):
         hardly = "never" if at.v_max > called else "hardly"
         known = (
             f"only v_max/theta_0 = {at.gain:.3g} per second is known"
-            if bounds.gain.bounded
+            if gain.bounded
             else "neither v_max nor theta_0 is known"
         )
         found.append(
             f"the joint {hardly} saturates in this log: {known}, and v_max to be at least "
-            f"{bounds.v_max.lower:.3g} {speed}; the model has {at.v_max:.3g} {speed}, no more than "
+            f"{v_max.lower:.3g} {speed}; the model has {at.v_max:.3g} {speed}, no more than "
             "this log shows or calls for; record steps larger than about "
             f"{_said(_rounded(2.0 * called / at.gain), unit)}"
         )
-    elif math.isinf(bounds.gain.upper) and bounds.gain.lower > 0.0:
+    elif math.isinf(gain.upper) and gain.lower > 0.0:
         found.append(
             "theta_0 is only known to be less than "
-            f"{_said(bounds.v_max.upper / bounds.gain.lower, unit)}: record small steps, or slow "
+            f"{_said(v_max.upper / gain.lower, unit)}: record small steps, or slow "
             "motion, in which the joint does not saturate"
         )
-    for name, value, interval in (
-        ("lag", at.lag, bounds.lag),
-        ("acceleration_time", at.acceleration_time, bounds.acceleration_time),
-    ):
+    for name in ("lag", "acceleration_time"):
+        value, interval = getattr(at, name), bounds[name]
         if math.isinf(interval.upper):
             found.append(f"{name} is not known at all: record sudden steps")
         elif interval.upper - interval.lower > max(2.0 * fit.grid.tick, OPTIONS.loose * value):

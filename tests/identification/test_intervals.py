@@ -11,8 +11,8 @@ import pytest
 import planner
 from planner.identification.fit import with_observed_speed
 from planner.identification.intervals import correlation_time
-from planner.identification.least_squares import NONE, Effort, least_squares
-from planner.identification.parameters import Parameters
+from planner.identification.least_squares import Effort, least_squares
+from planner.identification.parameters import Parameters, only
 from planner.identification.resampling import resampled
 from tests.identification.made import (
     AIBO,
@@ -173,5 +173,5 @@ def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
     lowered = with_observed_speed(fit)
     errors = np.abs(log.requests[:, np.newaxis] - log.angles)
     assert lowered.parameters.v_max <= fit.parameters.gain * np.max(errors) * 1.01
-    again = least_squares(grid, lowered.parameters, free=NONE)
+    again = least_squares(grid, lowered.parameters, free=only())
     assert np.max(np.abs(again.predicted - fit.predicted)) <= 1e-9  # rad: no request feels it

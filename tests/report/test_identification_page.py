@@ -9,7 +9,8 @@ import struct
 
 import pytest
 
-from planner.identification.result import PARAMETERS, Interval
+from planner.identification.parameters import PARAMETERS
+from planner.identification.result import Interval
 from planner.report.identification_page import identification_page
 from planner.report.linked_files import LinkedFile
 from planner.report.style import ROLES
