@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from planner.identification.initial_guess import best_delay, delayed_errors
-from planner.identification.least_squares import Effort, Fit, least_squares
-from planner.identification.parameters import Parameters
+from planner.identification.least_squares import OPTIONS as FITTING
+from planner.identification.least_squares import Fit, least_squares
+from planner.identification.parameters import Parameters, only
 from planner.identification.resampling import Grid
+from planner.identification.simulation import respond
 from planner.trajectory import Array
 
-FIRST_ORDER = np.array([True, False, True, False, True])
-"""Of gain, v_max, lag, acceleration time and offset, those that a first-order lag has."""
-
-SHARES = (0.0, 0.5, 0.9)
-"""Shares of the whole delay that the search for a first-order lag begins with as pure delay."""
+FIRST_ORDER = only("gain", "lag", "offset")
+"""The parameters of a first-order lag."""
 
 
 class Simple(NamedTuple):
@@ -55,13 +52,14 @@ def errors_of(simple: Simple, grid: Grid, starts: Array) -> Array:
     """Predicted minus actual angle of a simpler description at the used rows [rad]."""
     if simple.joint is None:
         return delayed_errors(grid, simple.parameters.get("delay", 0.0))
-    from planner.identification.simulation import respond
-
     return grid.at_rows(respond(grid, simple.joint, starts)) - grid.angles
 
 
 def _first_order(grid: Grid, delay: float) -> Fit:
-    """A joint that never saturates and whose window is a single tick."""
+    """A joint that never saturates and whose window is a single tick.
+
+    The search starts with none, half and nine tenths of the whole delay as pure delay.
+    """
     whole = max(delay, 2.0 * grid.tick)
     begins = [
         Parameters(
@@ -71,12 +69,8 @@ def _first_order(grid: Grid, delay: float) -> Fit:
             acceleration_time=grid.tick,
             offset=0.0,
         )
-        for share in SHARES
+        for share in (0.0, 0.5, 0.9)
     ]
-    fits = [
-        least_squares(grid, begin, free=FIRST_ORDER, effort=Effort(5, 1e-3, 2)) for begin in begins
-    ]
+    fits = [least_squares(grid, begin, free=FIRST_ORDER, effort=FITTING.quick) for begin in begins]
     best = min(fits, key=lambda fit: fit.rms)
-    return least_squares(
-        grid, best.parameters, free=FIRST_ORDER, starts=best.starts, effort=Effort(40, 1e-6, 6)
-    )
+    return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts)
