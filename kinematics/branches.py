@@ -11,8 +11,8 @@ from kinematics.limits import TURN, Limits, half_turned
 SAME = 6
 """Decimals [rad] to which margins and moves are compared, so that rounding decides nothing."""
 
-UNMOVED = 1e-6
-"""Movement of the foot that counts as none, to the length of the leg."""
+JUMP_TOLERANCE = 1e-6
+"""Deviation of the foot that is no jump yet, relative to the length of the leg."""
 
 
 def choose(
@@ -88,7 +88,7 @@ def jumps(chain: Chain, angles: Array) -> Indices:
     feet, middle = (chain.foot(np.cos(q.T), np.sin(q.T)).T for q in (angles, half_way))
     step = np.linalg.norm(feet[1:] - feet[:-1], axis=1)
     deviation = np.linalg.norm(middle - 0.5 * (feet[1:] + feet[:-1]), axis=1)
-    return np.flatnonzero(deviation > step + UNMOVED * chain.size)
+    return np.flatnonzero(deviation > step + JUMP_TOLERANCE * chain.size)
 
 
 def _moved(moves: Array, limits: Limits) -> Array:

@@ -12,11 +12,11 @@ from kinematics.leg import Leg
 STEPS = 25
 """Angles of each joint that are tried; odd, so that the middle of its range is among them."""
 
-ENOUGH = 0.9
-"""A pose stands well that is this dexterous, to the best one."""
+LEAST_DEXTERITY = 0.9
+"""Dexterity from which on a pose is accepted, relative to the best one."""
 
-MOST_JOINTS = 3
-"""Joints whose poses are still few enough to be tried all."""
+MOST_GRID_JOINTS = 3
+"""Joints up to which all poses of the grid are tried: 25 angles to this power."""
 
 
 def standing_pose(leg: Leg) -> Array:
@@ -38,10 +38,10 @@ def standing_pose(leg: Leg) -> Array:
     if leg.near is not None:
         return leg.near
     count = len(leg.joint_names)
-    if count > MOST_JOINTS:
+    if count > MOST_GRID_JOINTS:
         raise UnsupportedLeg(
-            f"a standing pose is sought for {MOST_JOINTS} joints at most, this leg has {count}: "
-            "lock the others, or give the angles that they are near"
+            f"a standing pose is sought for {MOST_GRID_JOINTS} joints at most, this leg has "
+            f"{count}: lock the others, or give the angles that they are near"
         )
     lower, upper = leg.limits.central
     check_joints(leg.chain, leg.joint_names)
@@ -49,7 +49,7 @@ def standing_pose(leg: Leg) -> Array:
     poses = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, count)
     quality = dexterity(leg.chain, poses)
     away = np.linalg.norm(poses - 0.5 * (lower + upper), axis=1)
-    well = quality >= ENOUGH * quality.max()
+    well = quality >= LEAST_DEXTERITY * quality.max()
     keys = (*-poses.T, np.where(well, away, np.inf))
     best = poses[np.lexsort(np.round(keys, 6))[0]]
     return read_only(leg.limits.clip(np.radians(np.round(np.degrees(best)))))

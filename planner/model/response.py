@@ -14,14 +14,15 @@ from planner.model.joint import Clip, JointModel, Window, checked_model, clip, s
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag, as_number, shown
 
-CLOSED = 1e-12
+CYCLE_TOLERANCE = 1e-12
 """A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""
 
-WAITED_FOR = 3
-"""Cycles after which bisection takes the place of waiting where the secant method has no slope."""
+FIXED_POINT_CYCLES = 3
+"""First cycles that start where the one before ended, where the secant method has no slope;
+afterwards bisection takes its place."""
 
-PATIENCE = 10
-"""Cycles after which the secant method gives way, every other time, to bisection."""
+SECANT_CYCLES = 10
+"""Cycles of the secant method alone; afterwards every other cycle is a bisection."""
 
 MOST_CYCLES = 200
 """Cycles after which a response that still drifts is given up; bisection ends well before."""
@@ -152,7 +153,7 @@ def steady_cycle(
     # A joint with v_max > theta_0 a tick overshoots a request by as much as their difference.
     beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
     low, high = float(np.min(targets)) - beyond, float(np.max(targets)) + beyond
-    tolerance = CLOSED * max(1.0, abs(low), abs(high))
+    tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     start, earlier = min(max(near, low), high), None
     for cycle in range(MOST_CYCLES):
         angles = run(start)
@@ -164,12 +165,12 @@ def steady_cycle(
         middle = (low + high) / 2.0
         closing = math.inf if earlier is None else _secant(earlier, (start, end))
         earlier = start, end
-        if cycle > PATIENCE and cycle % 2:
+        if cycle > SECANT_CYCLES and cycle % 2:
             start = middle
         elif low < closing < high:
             start = closing
         else:
-            start = end if cycle < WAITED_FOR else middle
+            start = end if cycle < FIXED_POINT_CYCLES else middle
     raise NoSteadyCycle(mismatch, MOST_CYCLES)
 
 

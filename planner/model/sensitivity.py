@@ -157,8 +157,9 @@ def _rounded_saturation(
 ) -> tuple[Array, Array, Array]:
     """Equation 2 with rounded corners, and its first and second derivative by the error.
 
-    ``f(x) = g (sqrt((x + theta_0)^2 + e^2) - sqrt((x - theta_0)^2 + e^2))``: :func:`saturation`
-    with :func:`rounded_clip`, both of :mod:`planner.model.joint`, multiplied out.
+    ``f(x) = g (sqrt((x + theta_0)^2 + e^2) - sqrt((x - theta_0)^2 + e^2))``:
+    :func:`planner.model.joint.saturation` with :func:`planner.model.joint.rounded_clip`,
+    multiplied out.
 
     Args:
         errors: Request plus offset minus angle x [rad].

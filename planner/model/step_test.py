@@ -1,4 +1,4 @@
-"""The step test: Equation 1 of the paper, and what one reads off the joint's answer."""
+"""The step test: Equation 1 of the paper."""
 
 from __future__ import annotations
 
