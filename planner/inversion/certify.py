@@ -20,10 +20,10 @@ from planner.trajectory import as_trajectory
 
 
 class Certificate(NamedTuple):
-    """A lower bound, and how it was come by.
+    """A lower bound, and how it was obtained.
 
     Attributes:
-        bound: No requests go below this error [rad].
+        bound: Lower bound on the error of any requests [rad].
         norm: Which error.
         level: What was used of the joint.
         solver_gap: Relative distance between the bound and the best that is known of the same
@@ -49,7 +49,7 @@ def lower_bound(
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
 ) -> float:
-    """An error that no requests whatever can go below [rad]: see :func:`certify`."""
+    """A lower bound on the error of any requests [rad]: see :func:`planner.certify`."""
     return certify(
         model,
         desired,
@@ -71,7 +71,7 @@ def certify(
     start: float | None = None,
     time_limit: float = TIME_LIMIT,
 ) -> Certificate:
-    """An error that no requests whatever can go below, with what is known about it.
+    """A lower bound on the error of any requests, and how it was obtained.
 
     ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
     cannot change at once; ``exact`` follows every request through the window, and searches among
@@ -115,7 +115,7 @@ def certify(
 
 
 def planned_error(problem: BoundProblem) -> float:
-    """The error of a plan, be it that of the desired angles as requests [rad]."""
+    """The error of a plan [rad]; of a joint that does not move, where no plan is found."""
     model, desired, cyclic, norm, start = problem
     try:
         return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error

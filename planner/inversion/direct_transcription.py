@@ -4,8 +4,8 @@ Direct transcription: all angles M and all requests R are unknowns, and the mode
 them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010, ch. 4;
 ``docs/math.md``, section 6). With D the desired angles, c the offset and theta_0 the unit of angle:
 
-    minimise    sum_k (M_k - D_k)^2 + w sum_k (R_k - D_k + c)^2            norm "rms"
-                n s^2 + w sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= s       norm "max"
+    minimise    sum_k (M_k - D_k)^2 + rho sum_k (R_k - D_k + c)^2          norm "rms"
+                n s^2 + rho sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= s     norm "max"
     subject to  M_k = F_e(M_(k-1), R_(k-y), ..., R_(k-o))                  Equation 3
                 lower <= R_k <= upper
                 M_(-1) = M_(n-1),  R_(-j) = R_(n-j)                        cyclic
@@ -37,18 +37,18 @@ from planner.trajectory import Array
 
 NlpSolver = Literal["ipopt", "fatrop"]
 
-QUIETLY = {"print_time": False, "error_on_fail": False, "expand": True}
-"""What ``casadi.nlpsol`` is told: scalar operations in place of matrices, and no output."""
+NLPSOL_OPTIONS = {"print_time": False, "error_on_fail": False, "expand": True}
+"""Options of ``casadi.nlpsol``: scalar operations in place of matrices, and no output."""
 
-SILENT: dict[NlpSolver, dict[str, Any]] = {
+SOLVER_OPTIONS: dict[NlpSolver, dict[str, Any]] = {
     "ipopt": {"print_level": 0, "sb": "yes"},
     "fatrop": {"print_level": 0},
 }
-"""What each solver is told."""
+"""Options of each solver: no output."""
 
-CLOSED = 1e-5
-"""How far the ends of a cycle may be apart for fatrop [theta_0]. With a condition of equality it
-does not come back from cycles that are saturated throughout, where such a condition is singular."""
+ENDS_APART = 1e-5
+"""How far the ends of a cycle may be apart for fatrop [theta_0]. With an equality it does not
+converge on cycles that are saturated throughout, where such a condition is singular."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +62,9 @@ class TranscriptionOptions:
         radii: Radii e of the rounded corners [theta_0], a programme each. Of the first three, half
             gives 0.06 % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %,
             and 0.3 % in the norm "max", for half as much time again.
-        weight: Weight w on the distance of the requests from those that rest at the desired angles.
-            At half of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten times the
-            worst is 0.7 and 1.4 %.
+        weight: Weight rho on the distance of the requests from those that rest at the desired
+            angles. At half of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten
+            times the worst is 0.7 and 1.4 %.
         iterations: Most iterations for each radius. At half of them the answers are the same, but
             0.3 % worse in the norm "max".
     """
@@ -105,9 +105,12 @@ def transcribed_requests(
     unit = problem.models[0].theta_0
     scaled = _Scaled.of(problem, desired, begin, options.weight)
     programme = _transcribed(scaled) if solver == "ipopt" else _transcribed_in_stages(scaled)
-    settings = {**SILENT[solver], "max_iter": options.iterations}
+    settings = {**SOLVER_OPTIONS[solver], "max_iter": options.iterations}
     solve = casadi.nlpsol(
-        "inversion", solver, programme.nlp, {**QUIETLY, **programme.structure, solver: settings}
+        "inversion",
+        solver,
+        programme.nlp,
+        {**NLPSOL_OPTIONS, **programme.structure, solver: settings},
     )
     best, least = begin.requests, problem.exact_error(begin.requests)
     point, solved, status = programme.initial, False, ""
@@ -115,16 +118,16 @@ def transcribed_requests(
         answer = solve(x0=point, p=radius, **programme.bounds)
         status, iterations = solve.stats()["return_status"], solve.stats()["iter_count"]
         found = np.asarray(answer["x"], dtype=np.float64).ravel()
-        told = f"{solver}, corners of {radius:g} theta_0: {status} after {iterations} iterations"
+        outcome = f"{solver}, corners of {radius:g} theta_0: {status} after {iterations} iterations"
         if not solve.stats()["success"] or not np.all(np.isfinite(found)):
-            logging.getLogger(__name__).debug("%s", told)
+            logging.getLogger(__name__).debug("%s", outcome)
             continue
         point, solved = found, True
         requests = problem.resting.copy()
         requests[programme.chosen, 0] = unit * found[programme.places]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
-        logging.getLogger(__name__).debug("%s, exact error %.4g rad", told, error)
+        logging.getLogger(__name__).debug("%s, exact error %.4g rad", outcome, error)
         if error < least:
             best, least = requests, error
     if not solved:
@@ -287,7 +290,7 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
         cost += problem.weight * (u - problem.resting[numbers[k, 0]]) ** 2
         x, z = x_next, z_next
     if cyclic:
-        condition(x - z[: len(opening)], -CLOSED, CLOSED)
+        condition(x - z[: len(opening)], -ENDS_APART, ENDS_APART)
     if problem.norm == "max":
         cost += samples * z[-1] ** 2
 

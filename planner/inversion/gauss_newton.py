@@ -365,13 +365,13 @@ def changes(requests: Array, *, cyclic: bool) -> Array:
 def smoothing_term(requests: Array, weight: float, *, cyclic: bool) -> Regularisation:
     """The regularisation that stands for ``weight`` times the squared changes of the requests.
 
-    With differences D, ``|D (R + d)|^2 = |D R|^2 + 2 d' D'D R + |D d|^2`` couples neighbours, which
-    the solve of a step does without. Here ``STIFFNESS |d|^2`` takes the place of the last term:
+    With the matrix N of differences, ``|N (R + d)|^2 = |N R|^2 + 2 d' N'N R + |N d|^2`` couples
+    neighbours, which would fill (12). Here ``STIFFNESS |d|^2`` takes the place of the last term:
     each request is drawn towards the mean of its neighbours. Value and slope are those of the
     squared changes.
     """
     steps = changes(requests, cyclic=cyclic)
-    slope = np.zeros_like(requests)  # D'D R
+    slope = np.zeros_like(requests)  # N'N R
     if cyclic:
         slope[0] = steps[-1] - steps[0]
         slope[1:] = steps[:-1] - steps[1:]

@@ -4,13 +4,13 @@ Angles and requests are unknowns both; that each angle follows from the one befo
 requests is a condition, linearised to ``B dM = H dR + delta`` (B bidiagonal, H banded, delta the
 defects of the dynamics, as in multiple shooting). The step solves (11) of ``docs/math.md``,
 
-    minimise  2 g' dM + dM' (K + E) dM + rho |R + dR - R0|^2 + dR' D dR   subject to the above
+    minimise  2 g' dM + dM' (K + E) dM + rho |R + dR - R0|^2 + dR' Delta dR   subject to the above
 
 over the free requests, where g and K are gradient and curvature of the cost, sample by sample, and
-D and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers lambda are found
-first: one unknown per sample and joint, and the banded positive definite Schur complement
-``B (K + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + D`` (12). A cycle is folded, first sample beside
-last, so that its matrix is banded too.
+Delta and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers lambda are
+found first: one unknown per sample and joint, and the banded positive definite Schur complement
+``B (K + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + Delta`` (12). A cycle is folded, first sample
+beside last, so that its matrix is banded too.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Regularisation(NamedTuple):
 class Damping(NamedTuple):
     """Levenberg-Marquardt terms: weights on the squares of a step, not part of the cost."""
 
-    requests: Array  # D > 0, (n, joints)
+    requests: Array  # Delta > 0, (n, joints)
     angles: Array  # E >= 0, (n, joints)
 
 

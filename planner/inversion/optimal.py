@@ -35,7 +35,7 @@ from planner.trajectory import Array, as_trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions:
+class FurtherSearchOptions:
     """When one search is not enough.
 
     Measured over 109 joints, half of them outside Equation 13, and 366 for ``compared``.
@@ -58,7 +58,7 @@ class SearchOptions:
     compared: int = 12
 
 
-OPTIONS = SearchOptions()
+OPTIONS = FurtherSearchOptions()
 
 
 def invert_optimal(
@@ -78,7 +78,7 @@ def invert_optimal(
     the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
     from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
     the last stages, and the best requests are kept, so the plan is never worse than that form.
-    Cycles of a few samples are compared with :func:`invert_closed_form` too.
+    Cycles of a few samples are compared with :func:`planner.invert_closed_form` too.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
@@ -101,8 +101,8 @@ def invert_optimal(
         InvalidInput: The norm or the solver is unknown, the limits are not two numbers, or a cycle
             is given a ``start``.
         Infeasible: The limits exclude each other, the start or a desired angle.
-        SolverFailed: No requests were found under which the joint finds a cycle, or CasADi's
-            solver stopped without an answer.
+        SolverFailed: No requests were found that lead to a steady cycle, or CasADi's solver
+            stopped without an answer.
     """
     model = checked_model(model)
     check_norm(norm)
@@ -140,10 +140,10 @@ def invert_optimal(
 def search(problem: TrackingProblem, desired: Array, guess: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    If the plan stays far from the ideal, a wide search sets out too. For short cycles and joints
-    that overshoot, where derivatives tell little, further ones set out from the desired angles and
-    from those as early as the joint is late. A cycle of few samples may follow fitted lines better
-    than anything that these find: its closed forms are judged as well.
+    If the plan stays far from the ideal, a search with wide corners follows. For short cycles and
+    joints that overshoot, where derivatives say little, further ones start from the desired angles
+    and from those as early as the joint is late. A cycle of few samples may follow fitted lines
+    better than anything that these find: its closed forms are judged as well.
     """
     (model,) = problem.models
     starts, narrow, wide = [guess], SEARCH.narrow, SEARCH.wide
@@ -166,7 +166,7 @@ def search(problem: TrackingProblem, desired: Array, guess: State) -> Array:
     logging.getLogger(__name__).debug("joint: %d searches, best %.4g rad", len(answers), least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return smoothed(problem, best.requests, at_most=at_most, seam=best.angles[-1])
+    return smoothed(problem, best.requests, at_most=at_most, boundary=best.angles[-1])
 
 
 def initial_guess(problem: TrackingProblem, desired: Array) -> State:

@@ -53,7 +53,7 @@ class Move(NamedTuple):
     values: Array  # [rad]
 
 
-class Evaluation:
+class TrackingError:
     """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
 
     def __init__(
@@ -69,7 +69,7 @@ class Evaluation:
         self.work = 0
 
     def __call__(self, knots: Array, values: Array) -> float:
-        """Sum of squared errors [rad^2]; inf where the curve is none, or steeper than v_max."""
+        """Sum of squared errors [rad^2]; inf beyond v_max, or below a sample a segment."""
         curve = self.curve
         ends = np.append(knots, knots[0] + curve.samples) if curve.cyclic else knots
         heights = np.append(values, values[0]) if curve.cyclic else values
@@ -115,7 +115,7 @@ def refined_curve(
     Returns:
         A curve with as many segments, slopes within ±v_max and none shorter than a sample.
     """
-    evaluate = Evaluation(problem, curve, rule, ahead)
+    evaluate = TrackingError(problem, curve, rule, ahead)
     knots, values = np.array(curve.knots), np.array(curve.values)
     least = evaluate(knots, values)
     size = OPTIONS.coarsest

@@ -1,4 +1,4 @@
-"""The answer of an inversion: requests that carry what is needed to judge them."""
+"""The result of an inversion: the requests, with the data from which their errors follow."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Inversion:
 
     @cached_property
     def lower_bound(self) -> float:
-        """What no requests can go below, in the plan's norm [rad]: the ``envelope`` bound."""
+        """Lower bound on the error of any requests, in the plan's norm [rad]: level "envelope"."""
         problem = BoundProblem(self.model, self.desired, self.cyclic, self.norm, self.start)
         return linear_bound(problem, "envelope")
 
@@ -99,7 +99,7 @@ class Inversion:
 
     @property
     def largest_step(self) -> float:
-        """Largest change from one request to the next [rad], the cycle's seam included."""
+        """Largest change from one request to the next, cycles closed [rad]."""
         previous = np.roll(self.requests, 1) if self.cyclic else self.requests[:-1]
         following = self.requests if self.cyclic else self.requests[1:]
         return float(np.max(np.abs(following - previous)))

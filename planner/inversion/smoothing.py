@@ -57,13 +57,13 @@ class SmoothingOptions:
 OPTIONS = SmoothingOptions()
 
 UNCHANGED = 1e-24
-"""Sum of squared changes that is none [rad^2]."""
+"""Sum of squared changes from which on requests count as constant [rad^2]."""
 
 SATURATED = 1.0 + 1e-9
 """Error from which on a joint moves at top speed, beyond rounding [theta_0]."""
 
-ROUNDING = 1e-13
-"""Difference of two errors that is none [rad]."""
+SAME_ERROR = 1e-13
+"""Errors that differ by no more than this are equal: rounding [rad]."""
 
 
 def smoothed(
@@ -71,7 +71,7 @@ def smoothed(
     requests: Array,
     *,
     at_most: float = math.inf,
-    seam: Array | None = None,
+    boundary: Array | None = None,
     rounds: int = 1,
 ) -> Array:
     """Requests that track as well as the given ones, to 2 parts in 10,000, but change less.
@@ -80,13 +80,13 @@ def smoothed(
         problem: What is to be reached, and within which limits.
         requests: A good plan [rad], shape (n, joints).
         at_most: Error that is not to be passed in any case.
-        seam: Angles near which a cycle's boundary is sought [rad], shape (joints,).
+        boundary: Angles near which a cycle's boundary is sought [rad], shape (joints,).
         rounds: How often at most the stages are gone through, each time with larger weights.
 
     Returns:
         The smoother requests, or the given ones.
     """
-    angles = problem.exact_angles(requests, seam)
+    angles = problem.exact_angles(requests, boundary)
     if angles is None:
         return requests
     most = min(problem.error(angles) * (1.0 + OPTIONS.error_share), at_most)
@@ -106,7 +106,7 @@ def saturated_averaged(problem: TrackingProblem, requests: Array, angles: Array)
     smoother, around = requests, neighbours(problem)
     for _ in range(OPTIONS.averages):
         smoother = np.clip(smoother.take(around, axis=0).mean(axis=0), lower, upper)
-    same = problem.exact_error(smoother, angles[-1]) <= problem.error(angles) + ROUNDING
+    same = problem.exact_error(smoother, angles[-1]) <= problem.error(angles) + SAME_ERROR
     return smoother if same else requests
 
 

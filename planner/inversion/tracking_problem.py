@@ -104,26 +104,26 @@ class TrackingProblem:
         distances = self.goal.distances(angles)
         return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
 
-    def exact_error(self, requests: Array, seam: Array | None = None) -> float:
-        """Error of the exact models; inf for requests under which a joint finds no cycle."""
-        angles = self.exact_angles(requests, seam)
+    def exact_error(self, requests: Array, boundary: Array | None = None) -> float:
+        """Error of the exact models; inf where a joint has no steady cycle."""
+        angles = self.exact_angles(requests, boundary)
         return math.inf if angles is None else self.error(angles)
 
-    def exact_angles(self, requests: Array, seam: Array | None = None) -> Array | None:
-        """Angles of the exact models, run; None where a joint finds no cycle.
+    def exact_angles(self, requests: Array, boundary: Array | None = None) -> Array | None:
+        """Angles of the exact models, run; None where a joint has no steady cycle.
 
         Args:
             requests: Requests [rad], shape (n, joints).
-            seam: Angles near which the cycles' seams are sought [rad], shape (joints,).
+            boundary: Angles near which the cycles' boundaries are sought [rad], shape (joints,).
         """
         windows = self.windows.of(requests)
-        seam = self.resting[-1] + self.offsets if seam is None else seam
+        boundary = self.resting[-1] + self.offsets if boundary is None else boundary
         answer = np.empty_like(requests)
         for joint, model in enumerate(self.models):
             own = reach(model)
             first = own.youngest - self.reach.youngest
             acting = np.ascontiguousarray(windows[first : first + own.width, :, joint].T)
-            angles = self._run(model, acting, float(seam[joint]), joint)
+            angles = self._run(model, acting, float(boundary[joint]), joint)
             if angles is None:
                 return None
             answer[:, joint] = angles
@@ -146,13 +146,13 @@ class TrackingProblem:
             response.by_angle[0] = 0.0  # nothing comes before the first sample that could change
         return response
 
-    def _run(self, model: JointModel, windows: Array, seam: float, joint: int) -> Array | None:
+    def _run(self, model: JointModel, windows: Array, boundary: float, joint: int) -> Array | None:
         compiled = exact_run(model, len(windows))
         if self.start is not None:
             return compiled(float(self.start[joint]), windows)
         try:
             return steady_cycle(
-                model, lambda start: compiled(start, windows), windows + model.offset, near=seam
+                model, lambda start: compiled(start, windows), windows + model.offset, near=boundary
             )
         except NoSteadyCycle:
             return None

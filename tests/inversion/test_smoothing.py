@@ -14,7 +14,7 @@ from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.smoothing import (
     OPTIONS,
-    ROUNDING,
+    SAME_ERROR,
     neighbours,
     room_of_saturated,
     saturated_averaged,
@@ -138,7 +138,7 @@ def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic)
     requests = plan.requests[:, np.newaxis]
     given = problem.exact_error(requests)
     smoother = smoothed(problem, requests, at_most=given)
-    assert problem.exact_error(smoother) <= given + ROUNDING
+    assert problem.exact_error(smoother) <= given + SAME_ERROR
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

@@ -49,8 +49,8 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
 @HELD
 @pytest.mark.parametrize("joints", [1, 2, 3])
 def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
-    problem, requests, seam = stacked(1, joints, hold=hold, cyclic=cyclic)
-    angles = problem.exact_angles(requests, seam)
+    problem, requests, boundary = stacked(1, joints, hold=hold, cyclic=cyclic)
+    angles = problem.exact_angles(requests, boundary)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
         alone = simulate(model, requests[:, joint], cyclic=cyclic, start=start)
@@ -79,30 +79,30 @@ def test_from_rest_nothing_comes_before_the_first_sample():
 
 @CYCLIC
 def test_joints_answer_together_as_they_do_alone(cyclic):
-    problem, requests, seam = stacked(4, 3, cyclic=cyclic)
-    together = problem.exact_angles(requests, seam)
+    problem, requests, boundary = stacked(4, 3, cyclic=cyclic)
+    together = problem.exact_angles(requests, boundary)
     for joint, model in enumerate(problem.models):
         start = None if cyclic else float(problem.start[joint])
         single = track(model, np.zeros(len(requests)), cyclic=cyclic, start=start)
         column = requests[:, joint : joint + 1]
-        alone = single.exact_angles(column, seam[joint : joint + 1])
+        alone = single.exact_angles(column, boundary[joint : joint + 1])
         np.testing.assert_array_equal(together[:, joint], alone[:, 0])
 
 
 def test_the_seam_of_a_cycle_is_found_from_anywhere():
-    problem, requests, seam = stacked(5, 3)
-    near = problem.exact_angles(requests, seam)
-    far = problem.exact_angles(requests, seam + np.array([2.0, -9.0, 0.5]))
+    problem, requests, boundary = stacked(5, 3)
+    near = problem.exact_angles(requests, boundary)
+    far = problem.exact_angles(requests, boundary + np.array([2.0, -9.0, 0.5]))
     np.testing.assert_allclose(near, far, rtol=0.0, atol=SAME)
 
 
-@pytest.mark.parametrize("seam", np.linspace(-2.0, 2.0, 9))
-def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(seam):
-    # Far from the seam every tick is saturated: the end of the cycle moves with its start.
+@pytest.mark.parametrize("boundary", np.linspace(-2.0, 2.0, 9))
+def test_a_cycle_that_is_saturated_nearly_throughout_is_found_from_anywhere(boundary):
+    # Far from the boundary every tick is saturated: the end of the cycle moves with its start.
     knots, degrees = [0, 13, 15, 17, 25, 36, 38, 43], [-102, -117, -41, 54, 93, 57, -51, -97]
     requests = np.radians(np.interp(np.arange(44), knots, degrees))
     problem = track(ERS210A, np.zeros(44), cyclic=True)
-    angles = problem.exact_angles(requests[:, np.newaxis], np.array([seam]))
+    angles = problem.exact_angles(requests[:, np.newaxis], np.array([boundary]))
     np.testing.assert_allclose(angles[:, 0], simulate(ERS210A, requests), rtol=0.0, atol=SAME)
 
 

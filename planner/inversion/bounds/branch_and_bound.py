@@ -37,7 +37,7 @@ INACTIVE = 1e-9
 
 
 @dataclass(frozen=True)
-class SearchOptions:
+class BranchAndBoundOptions:
     """When the search is done with a node, and with all.
 
     Attributes:
@@ -53,7 +53,7 @@ class SearchOptions:
     gain: float = 1e-2
 
 
-OPTIONS = SearchOptions()
+OPTIONS = BranchAndBoundOptions()
 
 
 class Node(NamedTuple):

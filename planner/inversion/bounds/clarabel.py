@@ -1,4 +1,4 @@
-"""The conic solver: its multipliers are made feasible, and its answers never trusted."""
+"""The conic solver Clarabel; its multipliers are made feasible, so that they prove a bound."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Cones(NamedTuple):
     ball: int = 0
 
 
-class Answer(NamedTuple):
+class ConicSolution(NamedTuple):
     """Where the solver stopped, and multipliers within the dual cones.
 
     Attributes:
@@ -42,7 +42,7 @@ class Answer(NamedTuple):
     usable: bool
 
 
-def minimise(
+def minimise_over_cones(
     slopes: Sequence[Array],
     matrix: sparse.csr_array,
     limits: Array,
@@ -50,7 +50,7 @@ def minimise(
     *,
     curvature: Array | None = None,
     tolerance: float,
-) -> list[Answer]:
+) -> list[ConicSolution]:
     """Minimise ``slope @ z + curvature @ z**2 / 2`` over ``limits - matrix @ z`` in the cones.
 
     The conditions are set up once for all slopes, and an answer is returned for each.
@@ -74,7 +74,7 @@ def minimise(
         kinds,
         settings,
     )
-    answers: list[Answer] = []
+    answers: list[ConicSolution] = []
     for slope in slopes:
         if answers:
             solver.update(q=slope)
@@ -86,7 +86,7 @@ def minimise(
     return answers
 
 
-def _feasible(solution: Any, cones: Cones) -> Answer:
+def _feasible(solution: Any, cones: Cones) -> ConicSolution:
     """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
     unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
     usable = bool(np.all(np.isfinite(multipliers)))
@@ -97,4 +97,4 @@ def _feasible(solution: Any, cones: Cones) -> Answer:
     if cones.ball:
         length = float(np.linalg.norm(multipliers[end + 1 :]))
         multipliers[end] = max(multipliers[end], length)
-    return Answer(unknowns, multipliers, str(solution.status), usable)
+    return ConicSolution(unknowns, multipliers, str(solution.status), usable)

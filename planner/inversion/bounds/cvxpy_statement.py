@@ -22,7 +22,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     """
     import cvxpy
 
-    cp: Any = cvxpy  # without the types that its atoms lack
+    cp: Any = cvxpy  # untyped: its atoms have no types
     model, desired, cyclic, norm, start = problem
     v, ratio = model.v_max_per_tick, model.v_max_per_tick / model.theta_0
     weights = model.window.weights

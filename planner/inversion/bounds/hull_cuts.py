@@ -25,7 +25,7 @@ UNBOUNDED = (-np.inf, np.inf)
 SUM_WEIGHT = 100.0
 """Weight of the equation that the shares of a mixture sum to one [-]; they are normalised after."""
 
-ROUNDING = 1e-9
+CUT_ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 
@@ -138,9 +138,9 @@ def separate(
         most = support(nu, xi, requests)
         depth = float(nu @ contributions - xi @ angles) - most.value
         if depth > deepest:
-            best, deepest = HullCut(nu, xi, most.value + ROUNDING), depth
+            best, deepest = HullCut(nu, xi, most.value + CUT_ROUNDING), depth
         point = np.concatenate([most.contributions, gain * (most.angles - middle)])
-        points = np.vstack([points[shares > ROUNDING], point])
+        points = np.vstack([points[shares > CUT_ROUNDING], point])
     return best
 
 

@@ -14,11 +14,11 @@ from scipy import sparse
 
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import Norm
-from planner.inversion.bounds.clarabel import Answer, Cones, minimise
+from planner.inversion.bounds.clarabel import Cones, ConicSolution, minimise_over_cones
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, ReachableSet, reachable_set
 from planner.trajectory import Array
 
-TOLERANCE = 1e-10
+BOUND_TOLERANCE = 1e-10
 """Clarabel's gap and residuals, in units of the desired range or of a tick at top speed [-]. What
 is proved is valid at any; at 1e-8 a bound of 2e-3 of the range loses 1e-5 of itself, and below
 1e-10 nothing is gained."""
@@ -59,7 +59,7 @@ def nearest_point(
     *,
     norm: Norm,
     equations: int = 0,
-) -> Answer:
+) -> ConicSolution:
     """Minimise the distance of z[sampled] from the desired angles over ``matrix @ z <= limits``.
 
     Args:
@@ -81,20 +81,25 @@ def nearest_point(
     if norm == "rms":
         curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
-        answer = minimise(
-            [np.zeros(unknowns)], matrix, left, cones, curvature=curvature, tolerance=TOLERANCE
+        answer = minimise_over_cones(
+            [np.zeros(unknowns)],
+            matrix,
+            left,
+            cones,
+            curvature=curvature,
+            tolerance=BOUND_TOLERANCE,
         )[0]
         return answer._replace(unknowns=origin + answer.unknowns)
     # One more unknown, the largest error, is at least each of them.
     picked = sparse.eye_array(unknowns, format="csr")[sampled]
     largest = sparse.csr_array(-np.ones((len(sampled), 1)))
     blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
-    answer = minimise(
+    answer = minimise_over_cones(
         [np.append(np.zeros(unknowns), 1.0)],
         sparse.csr_array(sparse.block_array(blocks)),
         np.concatenate([left, np.zeros(2 * len(sampled))]),
         cones._replace(at_most=cones.at_most + 2 * len(sampled)),
-        tolerance=TOLERANCE,
+        tolerance=BOUND_TOLERANCE,
     )[0]
     return answer._replace(
         unknowns=origin + answer.unknowns[:-1], multipliers=answer.multipliers[:rows]
@@ -139,7 +144,7 @@ def certified_error(
 
     Args:
         reachable: The set.
-        desired: Wanted angles, shape (n,).
+        desired: Desired angles D, shape (n,).
         reference: Any angles at the ticks between samples, shape (ticks,).
         multipliers: lambda >= 0, shape (rows,).
         norm: Which error.

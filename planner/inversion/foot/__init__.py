@@ -1,1 +1,1 @@
-"""Requests for a whole leg, planned in the foot's space, and what none can go below."""
+"""Requests for a whole leg, planned in the foot's space, and a lower bound on the foot's error."""

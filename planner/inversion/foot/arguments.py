@@ -1,4 +1,4 @@
-"""What is said about every joint of several: its model and the limits of its requests."""
+"""Arguments about several joints: a model and limits on the requests of each."""
 
 from __future__ import annotations
 

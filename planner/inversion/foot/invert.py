@@ -22,17 +22,18 @@ from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.kkt_step import Mask
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.smoothing import OPTIONS as SMOOTHING
-from planner.inversion.smoothing import ROUNDING, smoothed
+from planner.inversion.smoothing import SAME_ERROR, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import as_flag, as_reals, freeze, shown
 
 RIDGE = 1e-4
-"""Curvature where the foot does not see a joint, relative to the squared length of the leg."""
+"""Curvature added to that of the squared errors, where a joint that does not move the foot has none
+[-]; errors are in radians of a typical joint."""
 
-UNMOVED = 1e-9
-"""Movement of the foot per radian, relative to the last link's length, that is none."""
+LEAST_FOOT_MOTION = 1e-9
+"""Movement of the foot per radian that is rounding, relative to the last link's length."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +47,9 @@ class FootOptions:
         steps: Steps of a stage at most: where joints can stand in for one another, it takes many.
             12 or 24 make no difference to 18 feet.
         smoothing_rounds: Rounds of smoothing: their cost is small beside that of the search.
-        unseen: Rise of the error that is none where it lets a joint rest, in radians of a typical
-            joint's turn: a thousandth of a degree, a tenth of what is left where joints can follow.
+        unseen: Rise of the error that is accepted where it lets a joint rest, in radians of a
+            typical joint's turn: a thousandth of a degree, a tenth of what is left where joints can
+            follow.
     """
 
     stages: tuple[Stage, ...] = (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *SEARCH.narrow)
@@ -125,7 +127,7 @@ def invert_foot(
             numbers, 0 or more and not all 0.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
-        SolverFailed: No requests were found under which every joint finds a cycle.
+        SolverFailed: No requests were found that lead to a steady cycle of every joint.
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
@@ -244,7 +246,7 @@ def with_stationary_joints(
         return problem, found
     held = holding(problem, stationary)
     error = problem.exact_error(found.requests, found.angles[-1])
-    as_good = min(error * (1.0 + SMOOTHING.error_share) + OPTIONS.unseen, at_most + ROUNDING)
+    as_good = min(error * (1.0 + SMOOTHING.error_share) + OPTIONS.unseen, at_most + SAME_ERROR)
     begin = State(held.admissible(found.requests), found.angles)
     sharp = [stage for stage in SEARCH.narrow if stage.radius < SEARCH.simulated]
     answer, error = minimise(held, begin, _longer(sharp))
@@ -262,7 +264,7 @@ def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
     """Root of each axis' weight over how far a radian of a joint moves the foot [rad/m], (3,)."""
     roots: Array = np.sqrt(importance / np.max(importance))
     moved = float(np.sqrt(np.mean((jacobians * roots[:, np.newaxis]) ** 2)))
-    if moved <= UNMOVED * float(np.max(np.abs(leg.chain.tip), initial=UNMOVED)):
+    if moved <= LEAST_FOOT_MOTION * float(np.max(np.abs(leg.chain.tip), initial=LEAST_FOOT_MOTION)):
         raise Infeasible(
             "leg: none of its joints moves the foot along an axis that counts; choose another foot "
             "frame, or give the axis along which it moves a weight"
