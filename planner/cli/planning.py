@@ -48,9 +48,9 @@ class Plan:
     @property
     def foot_bound(self) -> float | None:
         """What no requests bring the foot's error below [m]; None where it would take minutes."""
-        from planner.inversion.foot.bound import LONGEST
+        from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 
-        if self.together is None or len(self.requests) > LONGEST:
+        if self.together is None or len(self.requests) > MOST_SAMPLES_BOUNDED:
             return None
         return self.together.lower_bound
 

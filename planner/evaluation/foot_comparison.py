@@ -29,7 +29,7 @@ from planner.evaluation.joint_comparison import METHODS, JointComparison, planne
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
-from planner.inversion.foot.bound import LONGEST
+from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
@@ -157,7 +157,7 @@ def judge_foot(
     best = FootPlan(
         together.requests, together.predicted, _outcome(leg, desired, together.predicted)
     )
-    bound = together.lower_bound if len(desired) <= LONGEST else None
+    bound = together.lower_bound if len(desired) <= MOST_SAMPLES_BOUNDED else None
     return FootComparison(
         cyclic=together.cyclic,
         norm=together.norm,

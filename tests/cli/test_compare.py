@@ -104,7 +104,8 @@ def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run, monkeypatch
     assert "foot, optimised for the foot" in result.stdout
     assert "foot, no plan within the limits below" in result.stdout
     assert "15 samples were out of the leg's reach" in result.stderr
-    monkeypatch.setattr("planner.inversion.foot.bound.LONGEST", 0)  # no bound, which takes seconds
+    # No bound, which takes seconds.
+    monkeypatch.setattr("planner.evaluation.foot_comparison.MOST_SAMPLES_BOUNDED", 0)
     short = run("gait", "--samples", "24").stdout
     document = json.loads(run(*arguments, "--json", stdin=short).stdout)
     assert document["unreachable_samples"] > 0

@@ -38,7 +38,7 @@ def planned(tmp_path_factory):
 @pytest.fixture
 def unbounded(run, monkeypatch):
     """A walk that is too long for a bound, which would take seconds: a file and its positions."""
-    monkeypatch.setattr("planner.inversion.foot.bound.LONGEST", 50)
+    monkeypatch.setattr("planner.inversion.foot.bound.MOST_SAMPLES_BOUNDED", 50)
     text = run("gait").stdout
     return text, np.array([line.split(",")[1:] for line in text.splitlines()[1:]], dtype=float)
 

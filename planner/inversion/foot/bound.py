@@ -35,8 +35,8 @@ from planner.inversion.foot.configuration_minima import Distance
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
-LONGEST = 1000
-"""Samples of a path up to which a bound takes half a minute at most: it is told unasked."""
+MOST_SAMPLES_BOUNDED = 1000
+"""Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
 
 ATTAINED = 1e-5
 """Error below which a foot is where it should be, and no bound is asked for [of a leg's length]."""
@@ -81,7 +81,7 @@ OPTIONS = FootBoundOptions()
 def foot_bound(
     models: Sequence[JointModel],
     leg: Leg,
-    wanted: Array,
+    desired: Array,
     angles: Array,
     *,
     cyclic: bool,
@@ -90,14 +90,14 @@ def foot_bound(
     limits: tuple[Array, Array],
     start: Array | None,
 ) -> float:
-    """A distance from its path that no requests within the limits can keep the foot below [m].
+    """Lower bound on the error of the foot under any requests within the limits [m].
 
-    From rest it is about plans that set out from the same pose.
+    From rest it is about plans that start from the same pose.
 
     Args:
         models: The joints, in the leg's order.
         leg: The leg.
-        wanted: Wanted positions in the base frame [m], shape (n, 3).
+        desired: Desired positions in the base frame [m], shape (n, 3).
         angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
         cyclic: Whether the path repeats for ever.
         norm: Root mean square or largest distance.
@@ -110,23 +110,23 @@ def foot_bound(
         that fails makes it weaker, never wrong.
     """
     roots = np.sqrt(weights / np.max(weights))
-    errors = np.linalg.norm((leg.foot_positions(angles) - wanted) * roots, axis=1)
+    errors = np.linalg.norm((leg.foot_positions(angles) - desired) * roots, axis=1)
     known = float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
     if known <= ATTAINED * leg.chain.size:
         return 0.0
-    lower, upper = within_reach(models, limits, len(wanted), start=start)
-    distance = Distance(leg.chain, lower, upper, wanted, roots / known)
+    lower, upper = within_reach(models, limits, len(desired), start=start)
+    distance = Distance(leg.chain, lower, upper, desired, roots / known)
     starts: list[float | None] = (
         [None] * len(models) if start is None else [float(angle) for angle in start]
     )
     sets = [
-        reachable_set(model, len(wanted), cyclic=cyclic, level="envelope", start=each)
+        reachable_set(model, len(desired), cyclic=cyclic, level="envelope", start=each)
         for model, each in zip(models, starts, strict=True)
     ]
     relaxation = LagrangianRelaxation(
         distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
     )
-    away = largest_distances(models, len(wanted), cyclic=cyclic)
+    away = largest_distances(models, len(desired), cyclic=cyclic)
     squared = _branch_and_bound(
         relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
     )

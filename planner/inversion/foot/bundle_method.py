@@ -64,8 +64,8 @@ class LagrangianRelaxation(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Number of wanted positions."""
-        return len(self.distance.wanted)
+        """Number of desired positions."""
+        return len(self.distance.desired)
 
     def at_samples(self, rows: Sequence[Any]) -> list[Any]:
         """The entries at samples of one row of ticks for each joint."""
@@ -151,7 +151,7 @@ def _step(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multi
     """The best angles where the foot moves as its derivatives say, and their multipliers."""
     cvxpy = _modelling()
     positions, jacobians = relaxation.distance.errors(angles)
-    errors = positions - relaxation.distance.wanted * relaxation.distance.scale
+    errors = positions - relaxation.distance.desired * relaxation.distance.scale
     ticks: list[Any] = [cvxpy.Variable(each.matrix.shape[1]) for each in relaxation.sets]
     sampled = cvxpy.vstack(relaxation.at_samples(ticks)).T
     moves = sampled - angles
@@ -247,7 +247,7 @@ def bundle_step(
 
 
 def _modelling() -> Any:
-    """CVXPY, imported where it is used, and without the types that its atoms lack."""
+    """CVXPY, imported where it is used, and untyped: its atoms have no types."""
     import cvxpy
 
     return cvxpy

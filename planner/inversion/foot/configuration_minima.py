@@ -30,9 +30,9 @@ are seen only where angles far apart are equally good, and take some 100 MB."""
 MOST_HALVINGS = 40
 """Cells are then 1e-12 of the first ones wide: as small as rounding."""
 
-RIDGE = 1e-9
-"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again. What
-the inverse then lacks in digits is far below any tolerance of the search."""
+HESSIAN_RIDGE = 1e-9
+"""Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again. The
+rounding error of the inverse is far below any tolerance of the search."""
 
 
 class Distance(NamedTuple):
@@ -42,14 +42,14 @@ class Distance(NamedTuple):
         chain: The leg.
         lower: Least angles at each sample [rad], shape (n, k).
         upper: Greatest angles [rad], shape (n, k).
-        wanted: Where the foot should be [m], shape (n, 3).
+        desired: Where the foot should be [m], shape (n, 3).
         scale: What a metre along each axis counts [1/m], shape (3,).
     """
 
     chain: Chain
     lower: Array
     upper: Array
-    wanted: Array
+    desired: Array
     scale: Array
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
@@ -61,7 +61,7 @@ class Distance(NamedTuple):
     def squared(self, angles: Array) -> Array:
         """Scaled squared distances at one row of angles per sample, shape (n,)."""
         positions, _ = self.errors(angles)
-        squared: Array = np.sum((positions - self.wanted * self.scale) ** 2, axis=1)
+        squared: Array = np.sum((positions - self.desired * self.scale) ** 2, axis=1)
         return squared
 
 
@@ -97,7 +97,7 @@ def minima(
             distance._replace(
                 lower=distance.lower[part],
                 upper=distance.upper[part],
-                wanted=distance.wanted[part],
+                desired=distance.desired[part],
             ),
             weights[part],
             slopes[part],
@@ -116,7 +116,7 @@ def minima(
 def _block(
     distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
 ) -> Minima:
-    target = distance.wanted * distance.scale
+    target = distance.desired * distance.scale
     owner, half, centres = _first_cells(distance)
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
@@ -199,7 +199,7 @@ def _depths(
     along = np.sum(np.abs(gradients) * half, axis=1)
     hessians = weights[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)
     steepness = np.trace(hessians, axis1=1, axis2=2) + along
-    ridge = np.maximum(RIDGE * steepness, np.finfo(float).tiny)
+    ridge = np.maximum(HESSIAN_RIDGE * steepness, np.finfo(float).tiny)
     hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(half.shape[1])
     newton = np.linalg.solve(hessians, gradients[..., np.newaxis])[..., 0]
     bowl = np.sum(gradients * newton, axis=1) / 4.0 + ridge * np.sum(half**2, axis=1)

@@ -1,4 +1,4 @@
-"""The answer of an inversion in the foot's space."""
+"""The result of an inversion in the foot's space."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ class FootInversion:
     Attributes:
         models: The joints, in the leg's order.
         leg: The leg.
-        wanted: Wanted foot positions in the leg's base frame [m], shape (n, 3).
+        wanted: Desired foot positions in the leg's base frame [m], shape (n, 3).
         requests: What to send to the joints [rad], shape (n, k).
         cyclic: Whether the path repeats for ever.
         norm: Distance that was minimised.
         weights: Weight of each axis in that distance, shape (3,).
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
-        reachable: Which of the wanted positions the leg can reach, shape (n,).
+        reachable: Which of the desired positions the leg can reach, shape (n,).
         start: From rest: angles at which the joints rest before the first request [rad], (k,).
     """
 
@@ -88,9 +88,9 @@ class FootInversion:
 
     @cached_property
     def lower_bound(self) -> float:
-        """What no requests within the limits can go below, in the sense of :attr:`error` [m].
+        """Lower bound on :attr:`error` for any requests within the limits [m].
 
-        From rest: none that set out from ``start``. It is computed, and proved, when it is
+        From rest it is about plans that start at ``start``. It is computed, and proved, when it is
         first asked for: some 30 ms a sample, and up to ten seconds where a path is short.
         """
         return foot_bound(
@@ -114,6 +114,6 @@ class FootInversion:
 
     @property
     def largest_step(self) -> float:
-        """Largest change of any joint from one request to the next [rad], the seam included."""
-        seam = self.requests[-1:] if self.cyclic else self.requests[:1]
-        return float(np.max(np.abs(np.diff(np.vstack([seam, self.requests]), axis=0))))
+        """Largest change from one request of a joint to its next, cycles closed [rad]."""
+        before = self.requests[-1:] if self.cyclic else self.requests[:1]
+        return float(np.max(np.abs(np.diff(np.vstack([before, self.requests]), axis=0))))
