@@ -15,6 +15,7 @@ from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, unwrapped
 from planner.identification.parameters import COUNT, PARAMETERS, model_derivatives
 from planner.identification.result import Alternative, Identification, Interval, LogFit
+from planner.identification.robust_loss import rms
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, opposite_sign, verdict_on
@@ -54,7 +55,7 @@ def identify(
     bounds = intervals_of(fit, uncertainty)
     held = held_out(logs, timing, fit.grid) if hold_out else None
     simple = simple_fits(fit.grid)
-    errors = {other.name: _rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
+    errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal = _signal(fit)
     verdict = verdict_on(
         fit,
@@ -133,7 +134,7 @@ def _signal(fit: Fit) -> float:
     grid = fit.grid
     runs = len(grid.starts)
     means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
-    return _rms(grid.angles - means[grid.run])
+    return rms(grid.angles - means[grid.run])
 
 
 def _intervals(
@@ -191,11 +192,7 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
             held_out=out > 0.0,
             held_out_predicted=out_predicted,
             weights=weights,
-            rms=_rms(residuals[used]) if used.any() else 0.0,
+            rms=rms(residuals[used]) if used.any() else 0.0,
         )
         for log, used, predicted, out, out_predicted, weights, residuals in columns
     )
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))

@@ -10,7 +10,7 @@ from planner.identification.least_squares import OPTIONS as FITTING
 from planner.identification.least_squares import Fit, least_squares
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid
-from planner.identification.robust_loss import huber
+from planner.identification.robust_loss import huber, rms
 from planner.trajectory import Array
 
 
@@ -46,11 +46,10 @@ def best_delay(grid: Grid) -> tuple[float, float]:
     Returns:
         Delay [s], the least among equals, and the root mean square error that is left [rad].
     """
-    times = _row_times(grid)
     step = 4.0 * grid.tick
     delays = np.arange(0.0, grid.reach, step)
     for _ in range(3):
-        errors = np.array([_rms(_delayed_errors(grid, times, delay)) for delay in delays])
+        errors = np.array([rms(delayed_errors(grid, delay)) for delay in delays])
         best = int(np.argmin(errors))
         delay = float(delays[best])
         step /= 8.0
@@ -60,31 +59,17 @@ def best_delay(grid: Grid) -> tuple[float, float]:
 
 
 def delayed_errors(grid: Grid, delay: float) -> Array:
-    """The request of ``delay`` [s] ago minus the angle, at the used rows [rad]."""
-    return _delayed_errors(grid, _row_times(grid), delay)
+    """The request of ``delay`` [s] ago minus the angle, at the used rows [rad].
 
-
-def _row_times(grid: Grid) -> Array:
-    at_states = np.zeros(len(grid.ticks) + len(grid.starts))
-    at_states[grid.states] = grid.ticks
-    firsts = grid.starts + 1
-    at_states[grid.starts] = at_states[firsts] - grid.tick
-    return grid.at_rows(at_states)
-
-
-def _delayed_errors(grid: Grid, times: Array, delay: float) -> Array:
-    # A request that comes into force at the very time of a row counts for that row.
-    number = np.searchsorted(grid.edges, times - delay + 1e-6 * grid.tick, side="right") - 1
+    A request that comes into force at the very time of a row counts for that row.
+    """
+    number = np.searchsorted(grid.edges, grid.times - delay + 1e-6 * grid.tick, side="right") - 1
     return np.asarray(grid.requests[np.maximum(number, 0)] - grid.angles)
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 def top_speed(grid: Grid) -> float:
     """Highest speed that the angles show over five rows at least now and then [rad/s]."""
-    times = _row_times(grid)
+    times = grid.times
     far = min(5, len(times) - 1)
     steps = times[far:] - times[:-far]
     same = grid.run[far:] == grid.run[:-far]

@@ -94,6 +94,14 @@ class Grid:
         share = self.share.reshape(-1, *(1,) * (states.ndim - 1))
         return np.asarray((1.0 - share) * states[self.before] + share * states[after])
 
+    @cached_property
+    def times(self) -> Array:
+        """Time of each used row on the axis [s], shape (rows,)."""
+        at_states = np.zeros(len(self.ticks) + len(self.starts))
+        at_states[self.states] = self.ticks
+        at_states[self.starts] = at_states[self.starts + 1] - self.tick
+        return self.at_rows(at_states)
+
     @property
     def measured_starts(self) -> Array:
         """Angle at the first used row of each run [rad], shape (runs,)."""

@@ -42,6 +42,11 @@ NO_ERROR = 1e-12
 """Scale below which residuals are rounding errors, relative to the angles' standard deviation."""
 
 
+def rms(errors: Array) -> float:
+    """Root mean square of errors, outliers included."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
 def scale_of(residuals: Array, floor: float) -> float:
     """Standard deviation of the residuals that are no gross outliers."""
     return max(floor, sound_rms(residuals, gross=1.0 - OPTIONS.share_trusted))
@@ -56,7 +61,7 @@ def sound_rms(residuals: Array, *, gross: float = OPTIONS.share_gross) -> float:
     bulk = float(np.quantile(np.abs(residuals), OPTIONS.share_trusted)) / NORMAL_QUANTILE
     most = float(np.quantile(np.abs(residuals), 1.0 - gross))
     sound = np.abs(residuals) <= max(OPTIONS.gross * bulk, most)
-    return float(np.sqrt(np.mean(residuals[sound] ** 2)))
+    return rms(residuals[sound])
 
 
 def huber(residuals: Array, scale: float) -> tuple[float, Array]:

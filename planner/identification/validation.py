@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from planner.identification.intervals import speed_bounded
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.resampling import Grid, resampled
-from planner.identification.robust_loss import sound_rms
+from planner.identification.robust_loss import rms, sound_rms
 from planner.identification.simulation import active_requests, respond
 from planner.identification.timestamps import Timing
 from planner.trajectory import Array
@@ -97,12 +97,12 @@ def held_out(logs: Sequence[Log], timing: Timing, grid: Grid) -> HeldOut | None:
         moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )
     starts = grid.measured_starts
-    others = {other.name: _rms(errors_of(other, grid, starts)[rows]) for other in simple}
+    others = {other.name: rms(errors_of(other, grid, starts)[rows]) for other in simple}
     errors = (predicted - grid.angles)[rows]
     return HeldOut(
         rows=rows,
         predicted=predicted[rows],
-        rms=_rms(errors),
+        rms=rms(errors),
         sound_rms=sound_rms(errors),
         alternatives=others,
         beyond=called > OPTIONS.faster * shown and not speed_bounded(fit),
@@ -120,15 +120,8 @@ def _middle(log: Log) -> int:
 def _first_rows(log: Log, middle: int) -> Log | None:
     if middle < 3:
         return None
-    return Log(
-        times=log.times[:middle],
-        requests=log.requests[:middle],
-        angles=log.angles[:middle],
-        torque_on=log.torque_on[:middle],
-        name=log.name,
-        joint=log.joint,
-        unit=log.unit,
-    )
+    columns = ("times", "requests", "angles", "torque_on")
+    return replace(log, **{column: getattr(log, column)[:middle] for column in columns})
 
 
 def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:
@@ -140,7 +133,3 @@ def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:
     }
     pairs = zip(grid.firsts, grid.measured_starts, strict=True)
     return np.array([fitted_starts.get(first, angle) for first, angle in pairs])
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
