@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.initial_guess import best_delay, divided_delay, initial_fits
+from planner.identification.initial_guess import best_delay, divided_delay, initial_fit
 from planner.identification.least_squares import OPTIONS as FITTING
 from planner.identification.least_squares import Fit, least_squares
 from planner.identification.log import Log, pieces_of
@@ -26,8 +26,6 @@ class FitOptions:
     Attributes:
         search_tick: Ticks of the first search [s], as many whole periods as fit into it. Where
             to look for the best fit does not depend on it; a finer one only takes longer.
-        rival_loss: Fits on these ticks within this factor of the best loss may be the best on
-            ticks of the model.
         commanded_share: Top speed from which the search starts again where none was reached, as
             a share of the highest commanded speed.
         period_tick_saving: Share of the loss that ticks of a whole period have to save over
@@ -43,7 +41,6 @@ class FitOptions:
     """
 
     search_tick: float = 0.004
-    rival_loss: float = 1.1
     commanded_share: float = 0.7
     period_tick_saving: float = 0.005
     settled_errors: float = 2.0
@@ -84,9 +81,9 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
     stride = timing.period * max(1, int(OPTIONS.search_tick / timing.period * (1.0 + 1e-9)))
     coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
-    found = initial_fits(coarse)
+    found = initial_fit(coarse)
     fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
-    best = _multistart(fine, found, found[0].scale)
+    best = _multistart(fine, found.parameters, found.scale)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
     if settled or window > burn_in:
@@ -100,18 +97,18 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         rows = resampled(
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
-        simple = _multistart(rows, found, best.scale)
+        simple = _multistart(rows, found.parameters, best.scale)
         best = simple if simple.cost < (1.0 - OPTIONS.period_tick_saving) * best.cost else best
     return least_squares(best.grid, best.parameters, starts=best.starts)
 
 
-def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
-    """The best of several fits at one scale, begun at and beside those found on coarser ticks.
+def _multistart(grid: Grid, at: Parameters, scale: float) -> Fit:
+    """The best of several fits at one scale, begun at and beside what was found on coarser ticks.
 
-    Whole ticks put corners into the loss, and with them local optima. The fits begin at those found
-    and at divisions of the delay of the best; where the top speed then lies beyond every call, and
-    has no slope, at one that is called for; and where one tick of the window is given to the lag,
-    or taken from it.
+    Whole ticks put corners into the loss, and with them local optima. The fits begin at what was
+    found and at four divisions of its delay; where the top speed then lies above every commanded
+    speed, and has no slope, below the highest; and with one tick of the window given to the lag, or
+    taken from it.
     """
 
     def better(best: Fit, begins: Sequence[Parameters], starts: Array | None = None) -> Fit:
@@ -120,10 +117,8 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
             best = fit if fit.cost < (1.0 - CLEARLY) * best.cost else best
         return best
 
-    at = found[0].parameters
     best = least_squares(grid, at, scale=scale, effort=FITTING.search)
-    begins = [fit.parameters for fit in _rivals(found)]
-    best = better(best, [*begins, *divided_delay(at.whole_delay, v_max=at.v_max, offset=at.offset)])
+    best = better(best, divided_delay(at.whole_delay, v_max=at.v_max, offset=at.offset))
     at, shown = best.parameters, peak_command(best)
     if at.v_max > shown:
         best = better(best, [at._replace(v_max=OPTIONS.commanded_share * shown)], best.starts)
@@ -131,18 +126,6 @@ def _multistart(grid: Grid, found: Sequence[Fit], scale: float) -> Fit:
     moves = [(at.lag + way * tick, at.acceleration_time - way * tick) for way in (1.0, -1.0)]
     beside = [at._replace(lag=lag, acceleration_time=window) for lag, window in moves]
     return better(best, beside, best.starts)
-
-
-def _rivals(found: Sequence[Fit]) -> list[Fit]:
-    """The next best fit, if it is nearly as good as the best but not the same."""
-    for other in found[1:]:
-        if other.cost > OPTIONS.rival_loss * found[0].cost:
-            break
-        at, to = found[0].parameters, other.parameters
-        apart = max(abs(at.lag - to.lag), abs(at.acceleration_time - to.acceleration_time))
-        if apart > found[0].grid.tick / 2.0:
-            return [other]
-    return []
 
 
 def moving(grid: Grid) -> Grid:

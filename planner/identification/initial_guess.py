@@ -91,8 +91,8 @@ def divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Pa
     ]
 
 
-def initial_fits(grid: Grid) -> list[Fit]:
-    """Fits from several starts on a grid, promising ones followed to the end, best first."""
+def initial_fit(grid: Grid) -> Fit:
+    """The best fit from several starts on a grid, of which promising ones are followed."""
     delay, _ = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = top_speed(grid)
@@ -106,4 +106,4 @@ def initial_fits(grid: Grid) -> list[Fit]:
         least_squares(grid, fit.parameters, starts=fit.starts, scale=scale, effort=FITTING.search)
         for fit in kept[: OPTIONS.most_followed]
     ]
-    return sorted(ends, key=lambda fit: fit.cost)
+    return min(ends, key=lambda fit: fit.cost)
