@@ -70,9 +70,12 @@ def rounded_clip(radius: Any) -> Clip:
 def saturation(error: Any, *, gain: Any, v_max: Any, clip: Clip = clip) -> Any:
     """Speed that an error between request and angle calls for: f of Equation 2.
 
-    ``f(x) = clip(gain x, -v_max, v_max)``, with gain = v_max / theta_0. This is the one definition
-    of Equation 2; what differs between floats, arrays, CasADi expressions and rounded corners is
-    the function that clips.
+    ``f(x) = clip(gain x, -v_max, v_max)``, with gain = v_max / theta_0. All simulations use this
+    function; floats, arrays, CasADi expressions and rounded corners differ by the function that
+    clips. Where f stands in another form, that form has to change with it: its derivatives in
+    ``model/sensitivity.py``, ``identification/simulation.py`` and ``sensitivities.py``, its extreme
+    values in ``inversion/line_inverse.py`` and ``inversion/smoothing.py``, and the conditions of
+    ``inversion/bounds``.
 
     Args:
         error: Request plus offset minus angle [rad].

@@ -38,11 +38,11 @@ def simulate(
     cyclic: bool = True,
     start: float | None = None,
 ) -> Array:
-    """Angles of the joint under ``requests``: the exact model, which has the last word on a plan.
+    """Angles of the joint under ``requests``: the exact model, Equation 3, which judges every plan.
 
-    Cyclic, the answer is the steady cycle: the requests are repeated until the ends of a cycle
-    agree to 1e-12 rad, with the secant method on the angle between two cycles in place of mere
-    waiting. From rest, the requests before the first are taken to have been the first.
+    Cyclic, the answer is the steady cycle, whose ends agree to 1e-12 rad; it is found by the secant
+    method on the angle at which a cycle starts. From rest, the requests before the first are taken
+    to have been the first.
 
     Args:
         model: The joint.

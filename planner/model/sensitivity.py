@@ -127,15 +127,15 @@ class Periods:
         self._theta_0 = _repeated(theta_0[np.newaxis, np.newaxis, np.newaxis], shape)[0]
         self._offsets = np.array([model.offset for model in models])
 
-    def __call__(self, before: Array, windows: Array, smoothing: float) -> Response:
+    def __call__(self, before: Array, windows: Array, radius: float) -> Response:
         """The response to requests.
 
         Args:
             before: Angle before each sample [rad], shape (n, joints).
             windows: Requests that act before each sample, youngest first [rad], (width, n, joints).
-            smoothing: Radius of the saturation's corners [theta_0].
+            radius: Radius of the saturation's corners [theta_0].
         """
-        rounded = (max(smoothing, LEAST_RADIUS) * self._theta_0) ** 2
+        rounded = (max(radius, LEAST_RADIUS) * self._theta_0) ** 2
         reached = before
         for number, gains in enumerate(self._gains):
             errors = windows - (reached - self._offsets)
