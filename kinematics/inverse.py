@@ -27,7 +27,7 @@ UNMOVED = 1e-9
 """Movement of the foot per radian below this, to the length of the leg, is rounding."""
 
 TRIED = np.array([[0.3, -0.7, 1.1], [-1.3, 0.5, 0.8], [2.1, 1.7, -0.4], [0.9, -2.3, 2.6]])
-"""Poses in which a leg is looked at [rad], without a symmetry that could hide a movement."""
+"""Poses at which Jacobians are evaluated [rad], without a symmetry that could hide a movement."""
 
 
 class InverseSolution(NamedTuple):

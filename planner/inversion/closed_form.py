@@ -92,7 +92,7 @@ def invert_closed_form(
 def best_closed_form(problem: TrackingProblem, desired: Array) -> Array:
     """The requests of :func:`invert_closed_form`, by whichever rule does better [rad], (n, 1).
 
-    They are brought within the limits at last, as whoever has no other plan would do.
+    They are planned without limits and then clipped to them.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])

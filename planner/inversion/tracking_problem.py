@@ -195,14 +195,14 @@ class Errors(NamedTuple):
 
 
 class Goal(Protocol):
-    """Something that angles can miss, sample by sample."""
+    """What the angles should achieve at every sample: desired angles, or a foot's position."""
 
     def distances(self, angles: Array) -> Array:
-        """How far the angles (n, joints) miss it: (n,)."""
+        """Distance of the angles (n, joints) from the goal at every sample [rad], (n,)."""
         ...
 
     def errors(self, angles: Array) -> Errors:
-        """By which errors, whose lengths are the distances, and their derivatives."""
+        """The errors, whose lengths are the distances, and their derivatives by the angles."""
         ...
 
 
@@ -226,7 +226,8 @@ class FollowAngles:
 class Windows:
     """Which requests act before which samples, for joints of one reach.
 
-    What each request has at the samples has shape (width, n, joints), the youngest request first.
+    Quantities of a request at the samples on which it acts have shape (width, n, joints), the
+    youngest request first.
 
     Attributes:
         acting: Number of the j-th youngest request that acts before sample k, -1 for one before the
@@ -263,16 +264,16 @@ class Windows:
         return windows
 
     def spread(self, weights: Array) -> Array:
-        """Something of each request where the request acts, 0 before the first: (width, n, k)."""
+        """A quantity of each request, where the request acts; 0 before the first: (width, n, k)."""
         if not self.cyclic:
             weights = np.concatenate([weights, np.zeros((1, self.joints))])
         spread: Array = weights.take(self.acting, axis=0)  # -1 is the row of zeros
         return spread
 
     def gathered(self, entries: Array, combine: np.ufunc = np.add, nothing: float = 0.0) -> Array:
-        """The sum over all samples of what each request has there: (n, joints).
+        """The sum of each request's entries over all samples, (n, joints): the transpose of spread.
 
-        ``combine`` may put something else in the sum's place, and ``nothing`` what is its zero.
+        ``combine`` may take the place of the sum; ``nothing`` is then its neutral element.
         """
         flat = entries.reshape(-1, self.joints)
         if not self.cyclic:

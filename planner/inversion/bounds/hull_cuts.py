@@ -29,6 +29,10 @@ CUT_ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
 
 
+TRIED_REQUESTS = 300
+"""Requests, evenly spaced, of which the nearest is where a node branches [-]; any is valid."""
+
+
 @dataclass(frozen=True)
 class CutOptions:
     """When a cut is looked for no longer, and when it is added.
@@ -147,9 +151,9 @@ def separate(
 def nearest_request(
     contributions: Array, angles: Array, requests: RequestSet
 ) -> tuple[float, float]:
-    """The request of 300 whose contributions at these angles are nearest, and their distance."""
+    """The request whose contributions at these angles are nearest, and their distance."""
     ends = breakpoints(angles, requests)
-    tried = np.linspace(ends.min(), ends.max(), 300)
+    tried = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)
     distances = np.linalg.norm(
         contributions_of(tried, angles, requests.gain) - contributions, axis=1
     )
