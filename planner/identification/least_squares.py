@@ -127,10 +127,10 @@ def least_squares(
     effort: Effort = OPTIONS.full,
     enough: float = -math.inf,
 ) -> Fit:
-    """Fit the free parameters and the first angle of every run: Equation 15 of ``docs/math.md``.
+    """Fit the free parameters and the first angle of every run: (15) of ``docs/math.md``.
 
     SciPy's Gauss-Newton method in a trust region (More's form of Levenberg-Marquardt), with the
-    derivatives of Equation 16. Bounds are kept by projection: a coordinate beyond its bound acts
+    derivatives of (16). Bounds are kept by projection: a coordinate beyond its bound acts
     as if it were on it, and has no slope. SciPy's own methods for bounds, ``trf`` and ``dogbox``,
     stop where a corner of the loss meets a bound. The scale of the loss follows the residuals, from
     round to round, unless it is given.

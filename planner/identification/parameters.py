@@ -1,7 +1,7 @@
 """The parameters of a joint that a log can show, in one table: units, bounds, logarithms.
 
 A further parameter is a field of :class:`Parameters`, a row of :data:`COORDINATES` and a column of
-Equation 16 in ``sensitivities.py``.
+(16) of ``docs/math.md`` in ``sensitivities.py``.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def sensitivities(
     *,
     averaging: float = ASIDE,
 ) -> Sensitivities:
-    """Derivatives by the parameters and by the first angles: Equation 16 of ``docs/math.md``.
+    """Derivatives by the parameters and by the first angles: (16) of ``docs/math.md``.
 
     One forward recursion, written as a bidiagonal system.
 

@@ -105,32 +105,32 @@ def _joined(grid: Grid, chunks: _Chunks, starts: Array, guess: Array | None) -> 
     fresh = np.isin(chunks.before, grid.starts)
     if guess is None:
         nearest = np.minimum(np.searchsorted(grid.before, chunks.before), len(grid.before) - 1)
-        seams = np.where(fresh, states[chunks.before], grid.angles[nearest])
+        begins = np.where(fresh, states[chunks.before], grid.angles[nearest])
     else:
-        seams = np.where(fresh, states[chunks.before], guess[chunks.before])
-    largest = max(float(np.max(np.abs(grid.requests))), float(np.max(np.abs(seams))))
+        begins = np.where(fresh, states[chunks.before], guess[chunks.before])
+    largest = max(float(np.max(np.abs(grid.requests))), float(np.max(np.abs(begins))))
     tolerance = AGREED * max(1e-300, largest)
-    moving = np.arange(len(seams))
-    slopes = np.ones(len(seams))
-    for _ in range(len(seams) + 1):
-        angles = chunks.angles(moving, seams[moving])
+    moving = np.arange(len(begins))
+    slopes = np.ones(len(begins))
+    for _ in range(len(begins) + 1):
+        angles = chunks.angles(moving, begins[moving])
         states[chunks.states[:, moving]] = angles
-        meant = np.where(fresh, seams, np.append(0.0, states[chunks.last[:-1]]))
-        if np.max(np.abs(meant - seams)) <= tolerance:
+        meant = np.where(fresh, begins, np.append(0.0, states[chunks.last[:-1]]))
+        if np.max(np.abs(meant - begins)) <= tolerance:
             break
-        slopes[moving] = chunks.slopes(moving, seams[moving], angles)
-        moved = _moved(seams, meant, np.where(fresh, 0.0, np.append(0.0, slopes[:-1])))
-        moving = np.flatnonzero(moved != seams)
-        seams = moved
+        slopes[moving] = chunks.slopes(moving, begins[moving], angles)
+        moved = _moved(begins, meant, np.where(fresh, 0.0, np.append(0.0, slopes[:-1])))
+        moving = np.flatnonzero(moved != begins)
+        begins = moved
     return states[:-1]
 
 
-def _moved(seams: Array, meant: Array, slopes: Array) -> Array:
+def _moved(begins: Array, meant: Array, slopes: Array) -> Array:
     """Where the chunks should begin, each end following its beginning with its slope."""
     moved, change = [], 0.0
-    for seam, end, slope in zip(seams.tolist(), meant.tolist(), slopes.tolist(), strict=True):
+    for begin, end, slope in zip(begins.tolist(), meant.tolist(), slopes.tolist(), strict=True):
         now = end + slope * change
-        change = now - seam
+        change = now - begin
         moved.append(now)
     return np.array(moved)
 
