@@ -149,6 +149,7 @@ def _exact(model: JointModel, slope: Array) -> Array:
             break
         span = moved_high - moved_low
         share = np.where(span > 0.0, (target - moved_low) / np.where(span > 0.0, span, 1.0), 0.5)
+        # Every third time the interval is halved, in case the secant moves one end only.
         share = share if evaluation % 3 else np.full_like(share, 0.5)
         middle = low + np.clip(share, 0.0, 1.0) * (high - low)
         moved = _moved(model, slope, steps, middle)
