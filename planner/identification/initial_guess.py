@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from planner.identification.least_squares import OPTIONS as FITTING
@@ -13,31 +11,9 @@ from planner.identification.resampling import Grid
 from planner.identification.robust_loss import huber, rms
 from planner.trajectory import Array
 
-
-@dataclass(frozen=True, kw_only=True)
-class GuessOptions:
-    """Where the search starts, and which starts it follows to the end.
-
-    Attributes:
-        divisions: How a start divides the whole delay: lag and acceleration time as shares of
-            it, and gain times it. The window begins wide, since a narrow one sees only the
-            nearest change of a request.
-        promising_loss: Starts whose loss is within this factor of the best after a few steps
-            are followed.
-        most_followed: Starts that are followed at most.
-    """
-
-    divisions: tuple[tuple[float, float, float], ...] = (
-        (0.0, 1.0, 3.0),
-        (0.5, 0.7, 3.0),
-        (0.2, 0.5, 1.5),
-        (0.8, 0.4, 6.0),
-    )
-    promising_loss: float = 1.2
-    most_followed: int = 3
-
-
-OPTIONS = GuessOptions()
+DIVISIONS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
+"""How a start divides the whole delay: lag and acceleration time as shares of it, and gain times
+it. The window begins wide, since a narrow one sees only the nearest change of a request."""
 
 
 def best_delay(grid: Grid) -> tuple[float, float]:
@@ -87,23 +63,18 @@ def divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Pa
             acceleration_time=window * delay,
             offset=offset,
         )
-        for lag, window, share in OPTIONS.divisions
+        for lag, window, share in DIVISIONS
     ]
 
 
 def initial_fit(grid: Grid) -> Fit:
-    """The best fit from several starts on a grid, of which promising ones are followed."""
+    """The best fit on a grid: of several starts the one that is best after a few steps."""
     delay, _ = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = top_speed(grid)
     begins = divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
     quick = [least_squares(grid, begin, effort=FITTING.quick) for begin in begins]
     scale = min(fit.scale for fit in quick)
-    quick.sort(key=lambda fit: huber(fit.residuals, scale)[0])
-    best = huber(quick[0].residuals, scale)[0]
-    kept = [fit for fit in quick if huber(fit.residuals, scale)[0] <= OPTIONS.promising_loss * best]
-    ends = [
-        least_squares(grid, fit.parameters, starts=fit.starts, scale=scale, effort=FITTING.search)
-        for fit in kept[: OPTIONS.most_followed]
-    ]
-    return min(ends, key=lambda fit: fit.cost)
+    best = min(quick, key=lambda fit: huber(fit.residuals, scale)[0])
+    at, starts = best.parameters, best.starts
+    return least_squares(grid, at, starts=starts, scale=scale, effort=FITTING.search)
