@@ -1,26 +1,22 @@
-"""The quadratic programmes of the fitter.
-
-The values at given knots that are best within the slopes are a convex QP, solved by OSQP:
+"""The values at given knots that are best within the slopes: a convex QP.
 
     minimise  Σ_k w_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
-the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
-the bounds hold to the last digit.
-
-A step of :mod:`planner.approximation.sqp` is a dense QP of at most 32 variables, of which a fit
-solves hundreds: there SciPy's non-negative least squares takes 0.03 ms, where OSQP takes 0.2 to set
-up alone and stops at its tolerance.
+The Hessian is tridiagonal, closed to a ring for a cycle. For few knots the active bounds of nearby
+values are tried first, and accepted if the conditions of Karush, Kuhn and Tucker hold. Else OSQP
+says which bounds are active and what the values are to its tolerance; :func:`polished` makes them
+exact. :func:`within_slopes` makes the bounds hold to the last digit.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.approximation.least_squares import sums_by
 from planner.approximation.problem import (
@@ -53,9 +49,10 @@ class QpOptions:
         tube_iterations: The same with a bound on every sample, where another answer is at hand.
         ridge: Pull towards the previous values, relative to the Hessian, that makes values at knots
             without samples determinate.
-        dense: Values and active bounds up to which they are polished with dense matrices.
-        feasible: Violation of a dense QP's bounds, relative to the step, up to which it is solved.
-        most_damping: Damping beyond which a Hessian is given up.
+        dense: Values and bounds together up to which matrices are dense and the active-set method
+            is tried before OSQP. In 160 fits it needed one linear system in 158.
+        at_bound: Distance from a bound up to which the values handed over are at it.
+        active_sets: Most active sets that are tried; OSQP solves the rest.
     """
 
     tolerance: float = 1e-9
@@ -64,8 +61,8 @@ class QpOptions:
     tube_iterations: int = 5_000
     ridge: float = 1e-11
     dense: int = 64
-    feasible: float = 1e-9
-    most_damping: float = 1e12
+    at_bound: float = 1e-9
+    active_sets: int = 10
 
 
 QP = QpOptions()
@@ -76,10 +73,10 @@ class ValuesQP:
     """Minimise ½ yᵀPy + qᵀy subject to lower <= Ay <= upper.
 
     Attributes:
-        P: Hessian, sparse, shape (K, K).
+        P: Hessian, shape (K, K); like A an array if small, else sparse.
         q: Gradient at zero, shape (K,).
         A: Rise of every segment, the values that are required and, where errors are bounded, every
-            sample's angle, sparse, shape (S + p, K) or (S + p + n, K).
+            sample's angle, shape (S + p, K) or (S + p + n, K).
         lower: Least values of them.
         upper: Largest values of them.
     """
@@ -117,7 +114,8 @@ def solve_values(
         return feasible_values(problem, knots)
     near = feasible_values(problem, knots) if near is None else near
     qp = build_values_qp(problem, knots, near)
-    values = _solved(problem, qp, near)
+    exact = _by_active_set(qp, near) if isinstance(qp.A, np.ndarray) else None
+    values = _solved(problem, qp, near) if exact is None else exact
     if tube is None:
         return values
     tube_qp = build_values_qp(problem, knots, near, tube)
@@ -141,8 +139,6 @@ def build_values_qp(
         near: Values towards which undetermined ones are pulled, shape (K,).
         tube: Largest error at any sample, if that is bounded.
     """
-    from scipy import sparse
-
     size = knots.size
     start, end = segment_ends(size, cyclic=problem.cyclic)
     ends = problem.ends(knots)
@@ -160,41 +156,88 @@ def build_values_qp(
     diagonal = sums_by(s00, start, size) + sums_by(s11, end, size)
     ridge = QP.ridge * float(diagonal.max())
     every = np.arange(size)
-    P = sparse.csc_matrix(
-        (
-            np.concatenate([diagonal + ridge, s01, s01]),
-            (np.concatenate([every, start, end]), np.concatenate([every, end, start])),
-        ),
-        shape=(size, size),
-    )
     q = -sums_by(total(rest * problem.desired), start, size)
     q -= sums_by(total(share * problem.desired), end, size)
     row, ones = np.arange(start.size), np.ones(start.size)
-    A = sparse.csc_matrix(
-        (np.append(-ones, ones), (np.append(row, row), np.append(start, end))),
-        shape=(row.size, size),
-    )
+    entries, rows, columns = [-ones, ones], [row, row], [start, end]
     upper = problem.step * np.diff(ends)
     lower = -upper
-    _, pinned = fixed_variables(problem, knots)
-    if np.any(pinned):
-        A = sparse.vstack([A, sparse.eye(size, format="csr")[pinned]], format="csc")
+    pinned = np.flatnonzero(fixed_variables(problem, knots)[1])
+    if pinned.size:
+        entries.append(np.ones(pinned.size))
+        rows.append(upper.size + np.arange(pinned.size))
+        columns.append(pinned)
         pins = with_pins(problem, knots, near)[pinned]
         lower, upper = np.append(lower, pins), np.append(upper, pins)
     if tube is not None:
-        sample = np.arange(problem.samples)
-        places = np.append(sample, sample), np.append(start[segment], end[segment])
-        basis = sparse.csc_matrix((np.append(rest, share), places), shape=(problem.samples, size))
-        A = sparse.vstack([A, basis], format="csc")
+        sample = upper.size + np.arange(problem.samples)
+        entries += [rest, share]
+        rows += [sample, sample]
+        columns += [start[segment], end[segment]]
         lower = np.append(lower, problem.desired - tube)
         upper = np.append(upper, problem.desired + tube)
+    dense = size + upper.size <= QP.dense
+    curvatures = [diagonal + ridge, s01, s01]
     return ValuesQP(
-        P=P,
+        P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size), dense),
         q=q - ridge * near,
-        A=A,
+        A=_matrix(entries, rows, columns, (upper.size, size), dense),
         lower=lower,
         upper=upper,
     )
+
+
+def _matrix(
+    entries: Sequence[Array],
+    rows: Sequence[npt.NDArray[np.intp]],
+    columns: Sequence[npt.NDArray[np.intp]],
+    shape: tuple[int, int],
+    dense: bool,
+) -> Any:
+    """The matrix with these entries, those of one place added up."""
+    from scipy import sparse
+
+    data, row, column = np.concatenate(entries), np.concatenate(rows), np.concatenate(columns)
+    if dense:
+        return sums_by(data, row * shape[1] + column, shape[0] * shape[1]).reshape(shape)
+    return sparse.csc_matrix((data, (row, column)), shape=shape)
+
+
+def _by_active_set(qp: ValuesQP, near: Array) -> Array | None:
+    """The minimiser by the primal-dual active-set method, from the bounds that ``near`` is at.
+
+    Hintermüller, Ito and Kunisch, The primal-dual active set strategy as a semismooth Newton
+    method, 2003. A search hands over the curve of its last step, whose active bounds are those of
+    the answer or nearly so: one or two linear systems, 0.2 ms where OSQP takes 1.
+
+    Args:
+        qp: The QP, dense.
+        near: Values near the minimiser, shape (K,).
+
+    Returns:
+        Values that meet the conditions of Karush, Kuhn and Tucker, shape (K,); None where the set
+        did not settle.
+    """
+    equal = qp.lower == qp.upper
+    here = qp.A @ near
+    above, below = here >= qp.upper - QP.at_bound, here <= qp.lower + QP.at_bound
+    for _ in range(QP.active_sets):
+        active = above | below | equal
+        at = np.flatnonzero(active)
+        found = _with_active(qp, at, np.where(above, qp.upper, qp.lower)[at])
+        if found is None:
+            return None
+        values, pressure = found[0], np.zeros(qp.lower.size)
+        pressure[at] = found[1]
+        here = qp.A @ values
+        now_above = np.where(active, above & (pressure > 0.0), here > qp.upper + ROUNDING)
+        now_below = np.where(active, below & (pressure < 0.0), here < qp.lower - ROUNDING)
+        if np.array_equal(now_above | equal, above | equal) and np.array_equal(
+            now_below | equal, below | equal
+        ):
+            return values
+        above, below = now_above, now_below
+    return None
 
 
 def _solved(
@@ -210,12 +253,12 @@ def _solved(
     offset = np.full(near.size, centre)
     q = (qp.P @ offset + qp.q) / unit
     rows = qp.A @ offset
-    scale = float(max(qp.P.diagonal().max(), np.max(np.abs(q))))
+    scale = float(max(np.max(qp.P.diagonal()), np.max(np.abs(q))))
     solver = osqp.OSQP(algebra="builtin")
     solver.setup(
         sparse.triu(qp.P / scale, format="csc"),
         q / scale,
-        qp.A,
+        sparse.csc_matrix(qp.A),
         (qp.lower - rows) / unit,
         (qp.upper - rows) / unit,
         eps_abs=QP.tolerance,
@@ -256,24 +299,32 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
     nearer = np.where(multipliers > 0.0, qp.upper, qp.lower)
     active = np.flatnonzero((pressed & np.isfinite(nearer)) | (qp.lower == qp.upper))
-    target = nearer[active]
-    rows = qp.A[active, :]
-    solve = _kkt_solver(qp.P, rows)
-    if solve is None:
+    found = _with_active(qp, active, nearer[active])
+    if found is None:
         return values
-    exact = np.zeros(qp.q.size + active.size)
-    for _ in range(3):
-        y, u = exact[: qp.q.size], exact[qp.q.size :]
-        residual = np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y)
-        exact = exact + solve(residual)
-    better = exact[: qp.q.size]
+    better = found[0]
     if qp.excess(better) > max(qp.excess(values), 1e-12):
         return values
     return better
 
 
+def _with_active(
+    qp: ValuesQP, active: npt.NDArray[np.intp], target: Array
+) -> tuple[Array, Array] | None:
+    """The minimiser with some rows at a target each, and their multipliers; None if singular."""
+    rows, size = qp.A[active, :], qp.q.size
+    solve = _kkt_solver(qp.P, rows)
+    if solve is None:
+        return None
+    exact = np.zeros(size + active.size)
+    for _ in range(3):
+        y, u = exact[:size], exact[size:]
+        exact = exact + solve(np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y))
+    return exact[:size], exact[size:]
+
+
 def _kkt_solver(P: Any, rows: Any) -> Callable[[Array], Array] | None:
-    """Solver of [P Aᵀ; A 0] x = b, dense where that is faster; None if it is singular.
+    """Solver of [P Aᵀ; A 0] x = b, dense where P is; None if it is singular.
 
     A touch of regularisation for bounds that repeat one another; two refinements remove it.
     """
@@ -281,10 +332,10 @@ def _kkt_solver(P: Any, rows: Any) -> Callable[[Array], Array] | None:
     from scipy.sparse.linalg import splu
 
     size, count = P.shape[0], rows.shape[0]
-    if size + count <= QP.dense:
+    if isinstance(P, np.ndarray):
         system = np.zeros((size + count, size + count))
-        system[:size, :size] = P.toarray()
-        system[size:, :size] = rows.toarray()
+        system[:size, :size] = P
+        system[size:, :size] = rows
         system[:size, size:] = system[size:, :size].T
         system[size:, size:] = -1e-9 * np.eye(count)
         try:
@@ -337,7 +388,8 @@ def closest_values(problem: Problem, knots: Array) -> tuple[Array, tuple[int, in
     near = feasible_values(problem, knots)
     qp = build_values_qp(problem, knots, near, tube=0.0)
     n, size = problem.samples, knots.size
-    basis, others = qp.A[-n:], qp.A[:-n]
+    A: Any = sparse.csr_matrix(qp.A)
+    basis, others = A[-n:], A[:-n]
     both = sparse.vstack([basis, -basis, others, -others])
     allowance = np.append(-np.ones(2 * n), np.zeros(2 * others.shape[0]))  # the error, of samples
     rows = sparse.hstack([both, sparse.csr_array(allowance[:, np.newaxis])])
@@ -385,106 +437,3 @@ def within_slopes(
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
         shrunk = towards + shrink * offset
     return towards
-
-
-class DampedStep(NamedTuple):
-    """A step, and the damping with which it was found."""
-
-    step: Array | None  # (k,)
-    damping: float
-    predicted: float  # by how much the step should lower twice the programme
-
-
-def minimize_quadratic(hessian: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
-    """The p that minimises ½ pᵀHp + gᵀp among those with A p <= b.
-
-    With H = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the origin,
-    which one call of non-negative least squares finds (Lawson and Hanson, Solving Least Squares
-    Problems, 1974, Chapter 23).
-
-    Args:
-        hessian: H, shape (k, k).
-        gradient: g, shape (k,).
-        rows: A, shape (m, k).
-        bounds: b, shape (m,).
-
-    Returns:
-        p, shape (k,); None if H is not positive definite or no trustworthy answer was found.
-    """
-    inverse = _inverse_factor(hessian)
-    return None if inverse is None else _from_factor(inverse, gradient, rows, bounds)
-
-
-def minimize_damped(
-    hessian: Array, scale: Array, damping: float, gradient: Array, rows: Array, bounds: Array
-) -> DampedStep:
-    """:func:`minimize_quadratic` with as much damping on the diagonal as makes H definite.
-
-    Args:
-        hessian: H, shape (k, k).
-        scale: What a damping of one adds to its diagonal, shape (k,).
-        damping: The least damping.
-        gradient: g, shape (k,).
-        rows: A, shape (m, k).
-        bounds: b, shape (m,).
-
-    Returns:
-        The step, None where no trustworthy one was found.
-    """
-    diagonal = np.arange(scale.size)
-    while damping < QP.most_damping:
-        damped = hessian.copy()
-        damped[diagonal, diagonal] += damping * scale
-        inverse = _inverse_factor(damped)
-        if inverse is None:
-            damping *= 10.0
-            continue
-        step = _from_factor(inverse, gradient, rows, bounds)
-        if step is None:
-            break
-        predicted = -2.0 * float(gradient @ step) - float(step @ (damped @ step))
-        return DampedStep(step, damping, predicted)
-    return DampedStep(None, damping, 0.0)
-
-
-def _inverse_factor(hessian: Array) -> Array | None:
-    """L⁻¹ of H = LLᵀ, shape (k, k); None if H is not positive definite."""
-    from scipy.linalg import lapack
-
-    factor, failed = lapack.dpotrf(hessian, lower=1)
-    if failed:
-        return None
-    # The inverse, as LAPACK's triangular solves start threads that wait for each other even at this
-    # size, milliseconds on a busy machine.
-    inverse, failed = lapack.dtrtri(factor, lower=1)
-    return None if failed else np.asarray(inverse)
-
-
-def _from_factor(inverse: Array, gradient: Array, rows: Array, bounds: Array) -> Array | None:
-    """The minimiser, from the inverse of the Hessian's factor."""
-    from scipy.optimize import nnls
-
-    free = inverse @ gradient
-    normals = rows @ inverse.T
-    shortfall = -(bounds + normals @ free)  # of z = 0, as normals z <= bounds + normals free
-    worst = float(shortfall.max()) if shortfall.size else 0.0
-    if worst <= 0.0:
-        return np.asarray(-(free @ inverse))
-    scale = max(worst, -float(shortfall.min()))
-    system = np.empty((free.size + 1, shortfall.size))
-    np.negative(normals.T, out=system[:-1])
-    np.divide(shortfall, scale, out=system[-1])
-    target = np.zeros(free.size + 1)
-    target[-1] = 1.0
-    try:
-        multipliers, _ = nnls(system, target)
-    except RuntimeError:  # it did not end; the caller damps more and asks again
-        return None
-    residual = target - system @ multipliers
-    if residual[-1] <= 0.0:
-        return None
-    step = ((-scale / residual[-1]) * residual[:-1] - free) @ inverse
-    size = float((np.abs(rows) @ np.abs(step)).max())
-    if (rows @ step - bounds).max() > QP.feasible * max(size, 1e-300):
-        return None
-    return np.asarray(step)

@@ -3,7 +3,8 @@
 A step minimises the quadratic model of the squared error, damped as Levenberg and Marquardt do,
 within the bounds on slopes and lengths (Nocedal and Wright, Numerical Optimization, 2006, Chapter
 18). The bounds are linear in knots and values together, so every iterate keeps them. Curves of as
-many knots are evaluated together; each solves its own small QP.
+many knots are evaluated together. Each has a dense QP of at most 32 variables, of which a fit
+solves hundreds: non-negative least squares takes 0.03 ms, where OSQP takes 0.2 to set up alone.
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import lapack
+from scipy.optimize import nnls
 
 from planner.approximation.least_squares import Evaluation, constraint_rows, evaluate, slacks
 from planner.approximation.problem import (
@@ -23,7 +27,6 @@ from planner.approximation.problem import (
     feasible_values,
     fixed_variables,
 )
-from planner.approximation.qp import minimize_damped, minimize_quadratic
 from planner.trajectory import Array
 
 Mask = npt.NDArray[np.bool_]
@@ -42,6 +45,10 @@ class SqpOptions:
         window: Most knots that are moved together; of more, windows of so many are moved in turn.
             The dense QP of a step costs its cube.
         race: Evaluations after which all but the best few descents end.
+        ridge: Damping, relative to the largest curvature, that makes values at knots without
+            samples between them determinate.
+        feasible: Violation of a step's bounds, relative to the step, up to which it is solved.
+        most_damping: Damping beyond which a Hessian is given up.
     """
 
     damping: float = 1e-3
@@ -49,6 +56,9 @@ class SqpOptions:
     none: float = 1e-26
     window: int = 16
     race: int = 2
+    ridge: float = 1e-10
+    feasible: float = 1e-9
+    most_damping: float = 1e12
 
 
 SQP = SqpOptions()
@@ -70,22 +80,26 @@ def best_values(problem: Problem, several: Sequence[Array]) -> list[Candidate]:
     here = evaluate(
         problem, np.array(several), np.array([feasible_values(problem, t) for t in several])
     )
-    all_rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)
-    slopes = all_rows.shape[0] * 2 // 3
+    rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)
+    slopes = rows.shape[0] * 2 // 3
     slack = np.maximum(slacks(problem, here.knots, here.values)[:, :slopes], 0.0)
-    found = []
-    for m, knots in enumerate(several):
-        free = size + np.flatnonzero(~fixed_variables(problem, knots)[1])
-        values, error = here.values[m].copy(), float(here.errors[m])
-        if free.size:
-            hessian, gradient = here.hessians[m][np.ix_(free, free)], here.gradients[m, free]
-            ridge = 1e-10 * hessian.diagonal().max() * np.eye(free.size)
-            step = minimize_quadratic(hessian + ridge, gradient, all_rows[:slopes, free], slack[m])
-            if step is not None:
-                error += float((2.0 * gradient + hessian @ step) @ step)
-                values[free - size] += step
-        found.append(Candidate(knots, values, max(error, 0.0)))
-    return found
+    hessians = here.hessians[:, size:, size:]
+    largest = np.max(np.diagonal(hessians, axis1=1, axis2=2), axis=1, keepdims=True)
+    steps = minimize_damped(
+        hessians,
+        np.broadcast_to(largest, here.values.shape),
+        np.full(len(several), SQP.ridge),
+        here.gradients[:, size:],
+        rows[:slopes, size:],
+        slack,
+        np.array([~fixed_variables(problem, knots)[1] for knots in several]),
+    )
+    change = (2.0 * here.gradients[:, size:] + _products(hessians, steps.steps)) * steps.steps
+    errors = np.maximum(here.errors + np.sum(change, axis=1), 0.0)
+    return [
+        Candidate(*curve)
+        for curve in zip(several, here.values + steps.steps, errors.tolist(), strict=True)
+    ]
 
 
 def descend(
@@ -202,9 +216,6 @@ def _newton(
     count, size = knots.shape
     here = evaluate(problem, knots, values)
     rows = constraint_rows(size, problem.step, cyclic=problem.cyclic)
-    variables = [np.flatnonzero(each) for each in free]
-    own_rows = [rows[:, v] for v in variables]
-    cells = [(v[:, None], v[None, :]) for v in variables]
     none = SQP.none * float(problem.desired @ problem.desired)
     damping = np.full(count, SQP.damping)
     active = (here.errors > none) & np.any(free, axis=1)
@@ -216,20 +227,15 @@ def _newton(
             break
         scales = _scales(here.gauss_newton[going], size)
         slack = np.maximum(slacks(problem, here.knots[going], here.values[going]), 0.0)
-        moves = np.zeros((going.size, 2 * size))
-        solved, predicted = np.zeros(going.size, dtype=bool), np.zeros(going.size)
-        for g, m in enumerate(going.tolist()):
-            v = variables[m]
-            step, damping[m], predicted[g] = minimize_damped(
-                here.hessians[m][cells[m]],
-                scales[g, v],
-                float(damping[m]),
-                here.gradients[m, v],
-                own_rows[m],
-                slack[g],
-            )
-            if step is not None:
-                moves[g, v], solved[g] = step, True
+        moves, solved, damping[going], predicted = minimize_damped(
+            here.hessians[going],
+            scales,
+            damping[going],
+            here.gradients[going],
+            rows,
+            slack,
+            free[going],
+        )
         there = evaluate(
             problem, here.knots[going] + moves[:, :size], here.values[going] + moves[:, size:]
         )
@@ -253,3 +259,105 @@ def _scales(gauss_newton: Array, size: int) -> Array:
     own[:, :size] += 1e-2 * by_knot + 1e-12 * by_value
     own[:, size:] += 1e-6 * by_value
     return own
+
+
+class DampedSteps(NamedTuple):
+    """Steps of several curves, and the dampings with which they were found."""
+
+    steps: Array  # (m, k), zero where none was found
+    solved: Mask  # (m,)
+    damping: Array  # (m,)
+    predicted: Array  # by how much the steps should lower twice the programmes, (m,)
+
+
+def minimize_damped(
+    hessians: Array,
+    scales: Array,
+    damping: Array,
+    gradients: Array,
+    rows: Array,
+    bounds: Array,
+    free: Mask,
+) -> DampedSteps:
+    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b, for each of several QPs.
+
+    With H + λS = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the
+    origin, which one call of non-negative least squares finds (Lawson and Hanson, Solving Least
+    Squares Problems, 1974, Chapter 23).
+
+    Args:
+        hessians: H, shape (m, k, k).
+        scales: Diagonal of S, shape (m, k).
+        damping: λ, shape (m,), ten times as large as often as it takes to make the sum definite.
+        gradients: g, shape (m, k).
+        rows: A, shape (r, k), the same for all.
+        bounds: b >= 0, shape (m, r).
+        free: Which variables are sought, shape (m, k); the others stay zero.
+    """
+    count, size = scales.shape
+    diagonal = np.arange(size)
+    gradients = np.where(free, gradients, 0.0)
+    plain = hessians * (free[:, :, None] & free[:, None, :])
+    plain[:, diagonal, diagonal] += ~free
+    scales = scales * free
+    damped, damping = plain.copy(), damping.copy()
+    damped[:, diagonal, diagonal] += damping[:, None] * scales
+    inverses, solved = np.zeros_like(damped), np.ones(count, dtype=bool)
+    for m in range(count):
+        inverse = _inverse_factor(damped[m])
+        while inverse is None and damping[m] < SQP.most_damping:
+            damping[m] *= 10.0
+            damped[m, diagonal, diagonal] = plain[m, diagonal, diagonal] + damping[m] * scales[m]
+            inverse = _inverse_factor(damped[m])
+        solved[m] = inverse is not None
+        if inverse is not None:
+            inverses[m] = inverse
+    offsets = _products(inverses, gradients)
+    own_rows = rows * free[:, None, :]
+    normals = own_rows @ inverses.transpose(0, 2, 1)
+    shortfalls = -(bounds + _products(normals, offsets))  # of z = 0, as normals z <= -shortfalls
+    points = -offsets
+    for m in np.flatnonzero(solved & (np.max(shortfalls, axis=1) > 0.0)).tolist():
+        nearest = _nearest_to_origin(normals[m], shortfalls[m])
+        solved[m] = nearest is not None
+        if nearest is not None:
+            points[m] += nearest
+    steps = _products(inverses.transpose(0, 2, 1), points)
+    reach = np.max(_products(np.abs(own_rows), np.abs(steps)), axis=1)
+    excess = np.max(_products(own_rows, steps) - bounds, axis=1)
+    solved &= excess <= SQP.feasible * np.maximum(reach, 1e-300)
+    steps[~solved] = 0.0
+    predicted = -np.sum((2.0 * gradients + _products(damped, steps)) * steps, axis=1)
+    return DampedSteps(steps, solved, damping, predicted)
+
+
+def _products(matrices: Array, vectors: Array) -> Array:
+    """Every matrix times its vector."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+def _inverse_factor(hessian: Array) -> Array | None:
+    """L⁻¹ of H = LLᵀ, shape (k, k); None if H is not positive definite."""
+    factor, failed = lapack.dpotrf(hessian, lower=1)
+    if failed:
+        return None
+    # The inverse, as LAPACK's triangular solves start threads that wait for each other even at this
+    # size, milliseconds on a busy machine.
+    inverse, failed = lapack.dtrtri(factor, lower=1)
+    return None if failed else np.asarray(inverse)
+
+
+def _nearest_to_origin(normals: Array, shortfalls: Array) -> Array | None:
+    """The shortest z with N z <= -s; None if non-negative least squares did not end."""
+    scale = float(np.abs(shortfalls).max())
+    system = np.empty((normals.shape[1] + 1, shortfalls.size))
+    np.negative(normals.T, out=system[:-1])
+    np.divide(shortfalls, scale, out=system[-1])
+    target = np.zeros(system.shape[0])
+    target[-1] = 1.0
+    try:
+        multipliers, _ = nnls(system, target)
+    except RuntimeError:  # the caller damps more and asks again
+        return None
+    residual = target - system @ multipliers
+    return None if residual[-1] <= 0.0 else (-scale / residual[-1]) * residual[:-1]

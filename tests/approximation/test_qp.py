@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.approximation.problem import Problem, candidate
-from planner.approximation.qp import minimize_quadratic, solve_values, within_slopes
-from planner.approximation.sqp import best_values
+from planner.approximation.qp import solve_values, within_slopes
+from planner.approximation.sqp import best_values, minimize_damped
 
 
 def on_the_reference_of(problem, knots):
@@ -68,13 +68,21 @@ def test_values_within_their_limits_stay_as_they_are():
     assert np.array_equal(within_slopes(values, np.ones(2), cyclic=False), values)
 
 
+def undamped_step(hessian, gradient, rows, bounds):
+    """The step of one small QP, None where none was found."""
+    free = np.ones((1, gradient.size), dtype=bool)
+    arrays = (each[np.newaxis] for each in (hessian, 0.0 * gradient))
+    found = minimize_damped(*arrays, np.ones(1), gradient[None], rows, bounds[None], free)
+    return found.steps[0] if found.solved[0] else None
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
     rng = np.random.default_rng(seed)
     root, rows = rng.normal(size=(6, 6)), rng.normal(size=(9, 6))
     hessian, gradient = root @ root.T + 0.1 * np.eye(6), 3.0 * rng.normal(size=6)
     bounds = rng.uniform(0.0, 0.5, size=9) * (rng.random(9) < 0.7)
-    step = minimize_quadratic(hessian, gradient, rows, bounds)
+    step = undamped_step(hessian, gradient, rows, bounds)
     x = cp.Variable(6)
     cost = 0.5 * cp.quad_form(x, cp.psd_wrap(hessian)) + gradient @ x
     expected = cp.Problem(cp.Minimize(cost), [rows @ x <= bounds]).solve(solver="CLARABEL")
@@ -83,4 +91,4 @@ def test_the_small_qp_is_solved_like_an_independent_solver_does(seed):
 
 
 def test_a_hessian_that_is_not_convex_has_no_minimum():
-    assert minimize_quadratic(-np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1)) is None
+    assert undamped_step(-np.eye(2), np.ones(2), np.ones((1, 2)), np.ones(1)) is None
