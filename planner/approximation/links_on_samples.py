@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +60,7 @@ def fewest_links_on(
     found = _searched(gates, breaks, shortest, may_be, None)
     if found is None:
         return _searched(gates, breaks, shortest, may_be, [len(gates.places)] * len(gates.places))
-    limits = [found.fewest - 1 - left for left in _links_left(gates)]
+    limits = [found.fewest - 1 - left for left in links_left(gates)]
     return _searched(gates, breaks, shortest, may_be, limits) or found
 
 
@@ -81,6 +81,23 @@ def _searched(
         limits: Most segments up to each gate; None for one more than the first path to it has.
     """
     last = len(gates.places) - 1
+    for segments, found in _by_segments(gates, breaks, shortest, may_be, limits):
+        if last in found:
+            widest = max(found[last], key=lambda piece: piece.most - piece.least)
+            end = _Reached(last, widest.least, widest.most, [widest])
+            return _back(gates, end, segments)
+    return None
+
+
+def _by_segments(
+    gates: Gates,
+    breaks: Sequence[int],
+    shortest: float,
+    may_be: Sequence[bool],
+    limits: Sequence[int] | None,
+) -> Iterator[tuple[int, dict[int, list[_Piece]]]]:
+    """The gates reached with one segment, with two, and so on, and the values there."""
+    last = len(gates.places) - 1
     must = set(breaks)
     covered: list[list[tuple[float, float]]] = [[] for _ in range(last + 1)]
     most = [last + 1] * (last + 1) if limits is None else list(limits)
@@ -93,10 +110,7 @@ def _searched(
             for gate, low, high in _onward(gates, start, shortest, must, may_be):
                 if segments <= most[gate]:
                     found.setdefault(gate, []).append(_Piece(low, high, start))
-        if last in found:
-            widest = max(found[last], key=lambda piece: piece.most - piece.least)
-            end = _Reached(last, widest.least, widest.most, [widest])
-            return _back(gates, end, segments)
+        yield segments, found
         frontier = []
         for gate in sorted(found):
             if limits is None:
@@ -104,21 +118,51 @@ def _searched(
             for reached in _intervals(gate, found[gate]):
                 if _adds(covered[gate], reached.least, reached.most):
                     frontier.append(reached)
-    return None
 
 
-def _links_left(gates: Gates) -> list[int]:
+def path_within(
+    gates: Gates, breaks: Sequence[int], left: Sequence[int], count: int
+) -> Course | None:
+    """The path of fewest segments with knots at gates; None if it has more than ``count``.
+
+    Args:
+        gates: Gates that slopes within the bound can pass.
+        breaks: Numbers of the gates where there must be a knot, ends left out.
+        left: Lower bounds on the segments from every gate to the last one.
+        count: Most segments of the path.
+    """
+    limits = [count - number for number in left]
+    return _searched(gates, breaks, 0.0, [True] * len(limits), limits)
+
+
+def links_left_on(gates: Gates, breaks: Sequence[int]) -> list[int]:
+    """Least number of segments from every gate to the last one, knots at gates."""
+    size = len(gates.places)
+    behind, must = _reversed(gates), [size - 1 - k for k in breaks]
+    first: dict[int, int] = {0: 0}
+    for segments, found in _by_segments(behind, must, 0.0, [True] * size, [size] * size):
+        for gate in found:
+            first.setdefault(gate, segments)
+        if len(first) == size:
+            break
+    return [first.get(k, size) for k in range(size - 1, -1, -1)]
+
+
+def links_left(gates: Gates) -> list[int]:
     """Least number of segments from every gate to the last one, knots anywhere."""
     last = len(gates.places) - 1
-    behind = Gates(
-        [-place for place in gates.places[::-1]], gates.lower[::-1], gates.upper[::-1], gates.slope
-    )
+    behind = _reversed(gates)
     ends = []
     link = next_link(behind, 0, last)
     while isinstance(link, Link):
         ends.append(link.end)
         link = next_link(behind, link.touched, last, half=link.end, rising=link.rising)
     return [1 + bisect_left(ends, k) if k else 0 for k in range(last, -1, -1)]
+
+
+def _reversed(gates: Gates) -> Gates:
+    places = [-place for place in gates.places[::-1]]
+    return Gates(places, gates.lower[::-1], gates.upper[::-1], gates.slope)
 
 
 def _intervals(gate: int, pieces: list[_Piece]) -> list[_Reached]:
