@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +20,23 @@ from planner.model.joint import JointModel, checked_model
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag
 
-MORE_SEGMENTS = 2
-"""Segments that are tried beyond those that the approximation needs by itself."""
 
-WORTH_MORE = 0.995
-"""Tracking error, relative to that of fewer segments, that is worth more of them."""
+@dataclass(frozen=True, kw_only=True)
+class ClosedFormOptions:
+    """Which number of segments is taken where none is given.
+
+    Attributes:
+        more_segments: Segments tried beyond those that the approximation needs by itself [-]: the
+            joint rounds corners, so that more lines than the approximation needs may track better.
+        gain: Relative decrease of the tracking error from which on the larger number is taken [-];
+            below it, fewer lines are simpler and as good.
+    """
+
+    more_segments: int = 2
+    gain: float = 0.005
+
+
+OPTIONS = ClosedFormOptions()
 
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
@@ -108,7 +121,7 @@ def approximations(
     """The approximation, and where neither count nor knots are fixed one of two more segments."""
     v_max, tick = model.v_max, model.period
     curves = [fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=segments)]
-    more = curves[0].segments + MORE_SEGMENTS
+    more = curves[0].segments + OPTIONS.more_segments
     if refine and segments is None and more <= desired.size - (not cyclic):
         curves.append(fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=more))
     return curves
@@ -128,7 +141,7 @@ def inverted(
     curve, requests = _one_inverted(problem, curves[0], rule, refine)
     for other in curves[1:]:
         answer = _one_inverted(problem, other, rule, refine)
-        if problem.exact_error(answer[1]) < WORTH_MORE * problem.exact_error(requests):
+        if problem.exact_error(answer[1]) < (1.0 - OPTIONS.gain) * problem.exact_error(requests):
             curve, requests = answer
     return curve, requests
 

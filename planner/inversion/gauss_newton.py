@@ -87,6 +87,15 @@ class GaussNewtonOptions:
             and 0.02).
         active_set_rounds: How often a step is taken anew with the requests held that it would take
             beyond their limits (one: 0.000 and 0.01, and 3.4 where it does not saturate; six: 0).
+        negligible_prediction: A stage also ends when a step fails of which less than this share of
+            ``least_decrease`` was predicted [-]: damped more, the next one would gain even less.
+        least_weight: Least weight on an error where powers are summed, relative to that on an error
+            of one unit in a sum of squares [-]: with none the matrix of (12) could be singular.
+        largest_share: Error in units from which on a cost counts as this large [-]: its highest
+            power is still a number.
+        smoothing_curvature: Curvature that stands for that of the squared changes, which is 0 to 4
+            [-]: below the 4 of an upper bound, since steps are judged anyway and long ones save
+            some.
     """
 
     narrow: tuple[Stage, ...] = (
@@ -122,6 +131,10 @@ class GaussNewtonOptions:
     shortening: float = 0.4
     lengths: int = 4
     active_set_rounds: int = 3
+    negligible_prediction: float = 0.1
+    least_weight: float = 1e-6
+    largest_share: float = 1e4
+    smoothing_curvature: float = 3.0
 
 
 OPTIONS = GaussNewtonOptions()
@@ -175,6 +188,7 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
     multipliers, held = state.multipliers, state.held
     current = iterate(problem, state.requests, state.angles, stage, unit)
     penalty = OPTIONS.defect_penalty * float(current.cost.curvature.max())
+    negligible = OPTIONS.negligible_prediction * OPTIONS.least_decrease
     for _ in range(stage.steps):
         try:
             step, held = _step_within_limits(problem, current, damping, multipliers, held)
@@ -186,7 +200,7 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
         following, length = _line_search(problem, current, step, stage, unit, penalty)
         if following is None:
             damping *= OPTIONS.factor
-            if predicted_reduction < 0.1 * OPTIONS.least_decrease * merit:
+            if predicted_reduction < negligible * merit:
                 break
             continue
         after = merit_of(following, step, penalty)
@@ -308,13 +322,6 @@ def _damping(
     return Damping(even + problem.windows.gathered(bending), after)
 
 
-LEAST_WEIGHT = 1e-6
-"""Least weight on an error, relative to that on an error of one unit in a sum of squares."""
-
-LARGEST_SHARE = 1e4
-"""Error in units from which on a cost counts as this large: its highest power is still a number."""
-
-
 def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Quadratic:
     """The sum of ``unit^2 |error / unit|^power`` to second order in the angles: (13).
 
@@ -333,9 +340,9 @@ def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Qu
     else:
         lengths = np.linalg.norm(errors.values, axis=1)
         # Beyond this a power overflows; such a step is refused for its cost in any case.
-        share = np.minimum(lengths / unit, LARGEST_SHARE)
+        share = np.minimum(lengths / unit, OPTIONS.largest_share)
         value = unit**2 * float(np.sum(share**power))
-        weights = power / 2.0 * np.maximum(share ** (power - 2.0), LEAST_WEIGHT)
+        weights = power / 2.0 * np.maximum(share ** (power - 2.0), OPTIONS.least_weight)
         radial = gradient / np.maximum(lengths, np.finfo(np.float64).tiny)[:, np.newaxis]
         curvature += (power - 2.0) * radial[:, :, np.newaxis] * radial[:, np.newaxis]
         gradient = weights[:, np.newaxis] * gradient
@@ -343,11 +350,6 @@ def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Qu
     if ridge > 0.0:
         curvature = curvature + ridge * np.eye(curvature.shape[-1])
     return Quadratic(value, gradient, curvature)
-
-
-STIFFNESS = 3.0
-"""Curvature that stands for that of the squared changes, which is 0 to 4: below the 4 of an upper
-bound, since steps are judged anyway and long ones save some."""
 
 
 def changes(requests: Array, *, cyclic: bool) -> Array:
@@ -366,9 +368,9 @@ def smoothing_term(requests: Array, weight: float, *, cyclic: bool) -> Regularis
     """The regularisation that stands for ``weight`` times the squared changes of the requests.
 
     With the matrix N of differences, ``|N (R + d)|^2 = |N R|^2 + 2 d' N'N R + |N d|^2`` couples
-    neighbours, which would fill (12). Here ``STIFFNESS |d|^2`` takes the place of the last term:
-    each request is drawn towards the mean of its neighbours. Value and slope are those of the
-    squared changes.
+    neighbours, which would fill (12). Here ``c |d|^2``, c the option ``smoothing_curvature``, takes
+    the place of the last term: each request is drawn towards the mean of its neighbours. Value and
+    slope are those of the squared changes.
     """
     steps = changes(requests, cyclic=cyclic)
     slope = np.zeros_like(requests)  # N'N R
@@ -378,6 +380,7 @@ def smoothing_term(requests: Array, weight: float, *, cyclic: bool) -> Regularis
     else:
         slope[:-1] -= steps
         slope[1:] += steps
-    away = slope / STIFFNESS
-    constant = float(np.vdot(steps, steps)) - STIFFNESS * float(np.vdot(away, away))
-    return Regularisation(weight * STIFFNESS, away, weight * constant)
+    curvature = OPTIONS.smoothing_curvature
+    away = slope / curvature
+    constant = float(np.vdot(steps, steps)) - curvature * float(np.vdot(away, away))
+    return Regularisation(weight * curvature, away, weight * constant)

@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.inversion.gauss_newton import (
-    LEAST_WEIGHT,
-    STIFFNESS,
-    changes,
-    power_cost,
-    smoothing_term,
-)
+from planner.inversion.gauss_newton import OPTIONS, changes, power_cost, smoothing_term
 from planner.inversion.kkt_step import cost_of
 from planner.inversion.smoothing import squared_changes
 from planner.inversion.tracking_problem import Errors
@@ -73,8 +67,9 @@ def test_steps_under_the_smoothing_term_alone_take_the_changes_away(cyclic):
     np.testing.assert_allclose(requests, np.tile(mean, (12, 1)), rtol=0.0, atol=1e-6)
 
 
-def test_the_stiffness_is_enough_for_steps_to_converge():
-    assert 4.0 / 2.0 < STIFFNESS <= 4.0  # half of the largest curvature of squared changes, or more
+def test_the_smoothing_curvature_is_enough_for_steps_to_converge():
+    largest = 4.0  # of the squared changes; half of it or more lets steps converge
+    assert largest / 2.0 < OPTIONS.smoothing_curvature <= largest
 
 
 class Lines:
@@ -175,5 +170,5 @@ def test_an_error_of_nothing_still_has_a_curvature_and_no_gradient(power):
     errors = Errors(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, -0.4]]), jacobians)
     cost = power_cost(errors, power=power, unit=0.5, ridge=0.0)
     np.testing.assert_array_equal(cost.gradient[0], 0.0)
-    least = power / 2.0 * LEAST_WEIGHT * jacobians[0].T @ jacobians[0]
+    least = power / 2.0 * OPTIONS.least_weight * jacobians[0].T @ jacobians[0]
     np.testing.assert_allclose(cost.curvature[0], least, rtol=ROUNDING)

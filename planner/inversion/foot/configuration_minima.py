@@ -7,6 +7,7 @@ All samples are searched at once, a block of them at a time.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -16,19 +17,32 @@ import numpy.typing as npt
 from kinematics.chain import Chain
 from planner.trajectory import Array
 
-WIDEST_CELL = np.radians(15.0)
-"""Width of the first cells [rad], where the foot's path over one is bent by a few per cent; wider
-where there would be too many."""
 
-SAMPLES_AT_ONCE = 64
-"""Samples in a block: as many as a few thousand first cells each leave room for."""
+@dataclass(frozen=True, kw_only=True)
+class ConfigurationSearchOptions:
+    """How finely the angles are cut, and how much is searched at a time.
 
-MOST_CELLS = 400_000
-"""Cells that a block may be about to have open; beyond it their bounds stand as they are. So many
-are seen only where angles far apart are equally good, and take some 100 MB."""
+    Attributes:
+        widest_cell: Width of the first cells [rad], where the foot's path over one is bent by a few
+            per cent; wider where there would be too many.
+        widening: Factor of that width where there are too many first cells [-].
+        samples_at_once: Samples in a block: as many as a few thousand first cells each leave room
+            for.
+        most_cells: Cells that a block may be about to have open [-]; beyond it their bounds stand
+            as they are. So many are seen only where angles far apart are equally good, and take
+            some 100 MB.
+        most_halvings: Times that a cell is halved [-]: cells are then 1e-12 of the first ones wide,
+            as small as rounding.
+    """
 
-MOST_HALVINGS = 40
-"""Cells are then 1e-12 of the first ones wide: as small as rounding."""
+    widest_cell: float = float(np.radians(15.0))
+    widening: float = 1.5
+    samples_at_once: int = 64
+    most_cells: int = 400_000
+    most_halvings: int = 40
+
+
+OPTIONS = ConfigurationSearchOptions()
 
 HESSIAN_RIDGE = 1e-9
 """Curvature added so that a Hessian can be inverted [relative]; its share is subtracted again. The
@@ -105,8 +119,8 @@ def minima(
             tolerance,
         )
         for part in (
-            slice(first, first + SAMPLES_AT_ONCE)
-            for first in range(0, len(weights), SAMPLES_AT_ONCE)
+            slice(first, first + OPTIONS.samples_at_once)
+            for first in range(0, len(weights), OPTIONS.samples_at_once)
         )
     ]
     proved, angles = (np.concatenate(column) for column in zip(*blocks, strict=True))
@@ -121,7 +135,7 @@ def _block(
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
-    for _ in range(MOST_HALVINGS):
+    for _ in range(OPTIONS.most_halvings):
         positions, jacobians = distance.errors(centres)
         errors = positions - target[owner]
         values = weights[owner] * np.sum(errors**2, axis=1) + np.sum(
@@ -140,7 +154,7 @@ def _block(
         is_open = ~(bounds >= least[owner] - tolerance)
         proved = least - tolerance
         np.minimum.at(proved, owner[is_open], bounds[is_open])
-        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > MOST_CELLS:
+        if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > OPTIONS.most_cells:
             break
         half = half / 2.0
         owner = np.repeat(owner[is_open], len(halves))
@@ -155,10 +169,10 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     The samples' boxes are cut alike.
     """
     width = distance.upper - distance.lower
-    widest = WIDEST_CELL
-    while len(width) * np.prod(np.ceil(np.max(width, axis=0) / widest) + 1.0) > MOST_CELLS:
-        widest *= 1.5
-    count = np.maximum(np.ceil(np.max(width, axis=0) / widest), 1.0).astype(int)
+    across, widest = np.max(width, axis=0), OPTIONS.widest_cell
+    while len(width) * np.prod(np.ceil(across / widest) + 1.0) > OPTIONS.most_cells:
+        widest *= OPTIONS.widening
+    count = np.maximum(np.ceil(across / widest), 1.0).astype(int)
     half = width / count / 2.0
     odd = np.stack(
         np.meshgrid(*(2.0 * np.arange(number) + 1.0 for number in count), indexing="ij"), axis=-1

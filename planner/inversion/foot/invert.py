@@ -28,12 +28,11 @@ from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import as_flag, as_reals, freeze, shown
 
-RIDGE = 1e-4
-"""Curvature added to that of the squared errors, where a joint that does not move the foot has none
-[-]; errors are in radians of a typical joint."""
-
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
+
+STATIONARY = 1e-9
+"""Range of the angles of a joint that does not move [rad]: rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,18 +49,18 @@ class FootOptions:
         unseen: Rise of the error that is accepted where it lets a joint rest, in radians of a
             typical joint's turn: a thousandth of a degree, a tenth of what is left where joints can
             follow.
+        ridge: Curvature added to that of the squared errors, where a joint that does not move the
+            foot has none [-]; errors are in radians of a typical joint.
     """
 
     stages: tuple[Stage, ...] = (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *SEARCH.narrow)
     steps: int = 16
     smoothing_rounds: int = 3
     unseen: float = 2e-5
+    ridge: float = 1e-4
 
 
 OPTIONS = FootOptions()
-
-STATIONARY = 1e-9
-"""Range of the angles of a joint that does not move [rad]."""
 
 
 class FollowFoot:
@@ -194,7 +193,7 @@ def _problem(
         norm=norm,
         limits=limits,
         start=None if cyclic else nearest[0].copy(),
-        ridge=RIDGE,
+        ridge=OPTIONS.ridge,
     )
 
 

@@ -16,7 +16,7 @@ from planner.gait import reference_walk
 from planner.inversion.bounds.reachable_set import reachable_set
 from planner.inversion.foot.bound import FootBoundOptions, foot_bound, within_reach
 from planner.inversion.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
-from planner.inversion.foot.configuration_minima import MOST_CELLS, Distance, _first_cells, minima
+from planner.inversion.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
 from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -172,7 +172,7 @@ def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
     assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
     wide = Distance(WALK.leg.chain, lower * 0.0, upper * 9.0, WALK.desired_foot[:20], np.ones(3))
     owner, _, _ = _first_cells(wide)
-    assert len(owner) <= MOST_CELLS
+    assert len(owner) <= OPTIONS.most_cells
 
 
 def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
