@@ -24,7 +24,7 @@ WRONG = {
     "a misspelt key": (
         JOINTS + '[plan]\nmethd = "optimal"\n',
         "line 4: unknown key 'plan.methd' (did you mean 'method'?); keys of [plan]: method, "
-        "cyclic, norm, weights, segments, rule",
+        "cyclic, norm, solver, weights, segments, rule",
     ),
     "a key of another table": (
         JOINTS + "weights = [1, 1, 1]\n",

@@ -137,7 +137,6 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "level": "envelope",
             "start": None,
             "time_limit": 1.0,
-            "proof": "search",
         },
     ),
     "lower_bound": (
@@ -149,7 +148,6 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "level": "slope",
             "start": None,
             "time_limit": 1.0,
-            "proof": "search",
         },
     ),
     "closed_form_requests": (
@@ -229,6 +227,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             **JOINT,
             "desired": ANGLES,
             "limits": (-1.0, 1.0),
+            "solver": "gauss-newton",
             "norm": "rms",
             "start": None,
             "tolerance": 0.5,
