@@ -244,9 +244,6 @@ def _solved(
     problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = QP.iterations
 ) -> Array:
     """OSQP's answer, polished and checked."""
-    import osqp
-    from scipy import sparse
-
     # In z with y = centre + unit z, as all rises are tiny where v is.
     centre = float(np.mean(near))
     unit = min(1.0, problem.step * problem.samples)
@@ -254,21 +251,14 @@ def _solved(
     q = (qp.P @ offset + qp.q) / unit
     rows = qp.A @ offset
     scale = float(max(np.max(qp.P.diagonal()), np.max(np.abs(q))))
-    solver = osqp.OSQP(algebra="builtin")
-    solver.setup(
-        sparse.triu(qp.P / scale, format="csc"),
-        q / scale,
-        sparse.csc_matrix(qp.A),
-        (qp.lower - rows) / unit,
-        (qp.upper - rows) / unit,
-        eps_abs=QP.tolerance,
-        eps_rel=QP.tolerance,
-        max_iter=iterations,
-        polishing=False,  # OSQP's own prints when no bound is active
-        verbose=False,
+    scaled = ValuesQP(
+        P=qp.P / scale,
+        q=q / scale,
+        A=qp.A,
+        lower=(qp.lower - rows) / unit,
+        upper=(qp.upper - rows) / unit,
     )
-    solver.warm_start(x=(near - centre) / unit)
-    result = solver.solve(raise_error=False)
+    result = run_osqp(scaled, (near - centre) / unit, iterations=iterations)
     values = centre + unit * np.asarray(result.x, dtype=np.float64)
     status = str(result.info.status)
     logging.getLogger(__name__).debug(
@@ -283,6 +273,35 @@ def _solved(
     if qp.excess(values) > QP.trusted:
         raise SolverFailed("values at the knots, OSQP", status, violation=qp.excess(values))
     return values
+
+
+def run_osqp(qp: ValuesQP, near: Array | None = None, *, iterations: int) -> Any:
+    """What OSQP returns for a QP: ``x``, the multipliers ``y`` and ``info``.
+
+    Args:
+        qp: The QP, scaled to entries of size one.
+        near: Where it starts, shape (K,); None for zero.
+        iterations: Most iterations.
+    """
+    import osqp
+    from scipy import sparse
+
+    solver = osqp.OSQP(algebra="builtin")
+    solver.setup(
+        sparse.triu(qp.P, format="csc"),
+        qp.q,
+        sparse.csc_matrix(qp.A),
+        qp.lower,
+        qp.upper,
+        eps_abs=QP.tolerance,
+        eps_rel=QP.tolerance,
+        max_iter=iterations,
+        polishing=False,  # OSQP's own prints when no bound is active
+        verbose=False,
+    )
+    if near is not None:
+        solver.warm_start(x=near)
+    return solver.solve(raise_error=False)
 
 
 def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:

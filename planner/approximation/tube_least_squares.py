@@ -24,7 +24,7 @@ from planner.approximation.problem import (
     fixed_variables,
     required_knots,
 )
-from planner.approximation.qp import ValuesQP, polished
+from planner.approximation.qp import ValuesQP, polished, run_osqp
 from planner.trajectory import Array
 
 
@@ -43,7 +43,6 @@ class TubeOptions:
         window: Lines that one QP moves at once; 50: +0.02 and +5.6 %; 200: +0.05 and +2.0 %.
         batch: Samples that are summed at once, a matter of memory.
         margin: Share of the bounds that the QP leaves to its own tolerance; no effect.
-        tolerance: OSQP's tolerances, relative and absolute, in units of the largest error.
         iterations: OSQP's iterations; what it has then is taken if it is within the bounds; no
             effect.
     """
@@ -54,7 +53,6 @@ class TubeOptions:
     window: int = 100
     batch: int = 200_000
     margin: float = 1e-7
-    tolerance: float = 1e-9
     iterations: int = 4000
 
 
@@ -340,25 +338,9 @@ def _solved(
     problem: Problem, window: _Window, deal: _Deal, bound: float, options: TubeOptions
 ) -> tuple[Array, Array] | None:
     """Levels and slopes of the best lines; None if OSQP finds none."""
-    import osqp
-    from scipy import sparse
-
     qp = _line_qp(problem, window, deal, bound, 1.0 - options.margin)
     size = deal.level.size
-    solver = osqp.OSQP(algebra="builtin")
-    solver.setup(
-        sparse.triu(qp.P, format="csc"),
-        qp.q,
-        qp.A,
-        qp.lower,
-        qp.upper,
-        eps_abs=options.tolerance,
-        eps_rel=options.tolerance,
-        max_iter=options.iterations,
-        polishing=False,
-        verbose=False,
-    )
-    result = solver.solve(raise_error=False)
+    result = run_osqp(qp, iterations=options.iterations)
     change = np.asarray(result.x, dtype=np.float64)
     if not np.all(np.isfinite(change)):
         return None
