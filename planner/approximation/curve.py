@@ -186,6 +186,33 @@ class PiecewiseLinear:
         return segment, since_first - starts[segment]
 
 
+def lines_in_force(
+    first: npt.NDArray[np.intp], samples: int, *, cyclic: bool
+) -> npt.NDArray[np.intp]:
+    """Which line counts at every sample.
+
+    Args:
+        first: Sample from which on each line counts, of a cycle any turn, not decreasing and no
+            further than a cycle apart, shape (m, s).
+        samples: Number of samples n.
+        cyclic: Whether the last line of a cycle counts until the first begins anew.
+
+    Returns:
+        Numbers of lines, shape (m, n). Where several begin at once, the last of them counts.
+    """
+    count, size = first.shape
+    turn, place = np.divmod(first, samples) if cyclic else (None, np.clip(first, 0, samples))
+    row = (samples + 1) * np.arange(count)[:, np.newaxis]
+    begun = np.bincount((row + place).ravel(), minlength=count * (samples + 1))
+    line = np.cumsum(begun.reshape(count, samples + 1)[:, :samples], axis=1)
+    if turn is None:
+        # The first line is in force even before it begins.
+        return np.maximum(line - 1, 0)
+    # Lines of an earlier turn begin at the end of this one, after all others.
+    earlier = np.count_nonzero(turn == turn[:, :1], axis=1)[:, np.newaxis]
+    return np.asarray((line - 1 + earlier) % size)
+
+
 def _reals(name: str, values: Any) -> Array:
     """The values as a new array, or an error."""
     try:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve_batch import lines_in_force
+from planner.approximation.curve import lines_in_force
 from planner.approximation.problem import Problem, segment_ends
 from planner.trajectory import Array
 

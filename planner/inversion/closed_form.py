@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.curve_batch import CurveStack, lines_in_force
+from planner.approximation.curve import PiecewiseLinear, lines_in_force
+from planner.approximation.curve_batch import CurveStack
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput
 from planner.inversion.line_inverse import AT_TOP_SPEED, RULES, Rule, check_rule, offsets_of
