@@ -30,6 +30,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.dynamic_programming import CHAINS, ChainProposals, lattice_chain
 from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.problem import (
+    BARELY_SHORT,
     Candidate,
     Problem,
     candidate,
@@ -309,10 +310,10 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     knots[row, which] += moves
     values = np.tile(curve.values, (which.size, 1))
     values[row, which] = along(knots[row, which])
+    ends = np.column_stack([knots, knots[:, 0] + problem.samples]) if problem.cyclic else knots
+    allowed = np.min(np.diff(ends, axis=1), axis=1) >= problem.shortest - BARELY_SHORT
     return [
-        Candidate(k, v, curve.error)
-        for k, v in zip(knots, values, strict=True)
-        if problem.long_enough(k)
+        Candidate(k, v, curve.error) for k, v in zip(knots[allowed], values[allowed], strict=True)
     ]
 
 
