@@ -38,14 +38,15 @@ class SqpOptions:
     """Tuning of the descent.
 
     Attributes:
-        damping: Of the first step, relative to the curvature of each variable. 5e-4 and 2e-3: the
-            mean error of 640 fits changes by less than 0.01 %.
+        damping: Of the first step, relative to the curvature of each variable. 160 fits, mean
+            error: 5e-4: 0.02 % more; 2e-3: 0.01 % less, at as many evaluations.
         progress: Relative decrease of the squared error below which a descent ends. It decides
             between one step more or less of a method that converges quadratically.
         none: Squared error, relative to the sum of squares of the samples, that counts as none.
         window: Most knots that are moved together; of more, windows of so many are moved in turn.
             The dense QP of a step costs its cube.
-        race: Evaluations after which all but the best few descents end.
+        race: Evaluations after which all but the best few descents end. 160 fits, mean error: 1:
+            0.005 % more; 3: 0.016 % less for about a tenth more time at 12 segments.
         ridge: Damping, relative to the largest curvature, that makes values at knots without
             samples between them determinate.
         feasible: Violation of a step's bounds, relative to the step, up to which it is solved.
