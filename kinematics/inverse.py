@@ -134,8 +134,8 @@ def _check(chain: Chain, closed_form: ClosedForm | None, unreachable: str) -> No
         )
     if unreachable == "clamp" and closed_form is None:
         raise UnsupportedLeg(
-            "unreachable='clamp' needs a leg with a closed form, whose arguments it clamps; this "
-            "leg's neighbouring axes neither intersect nor are parallel: use 'nearest'"
+            "unreachable='clamp' needs a leg with a closed form, whose arguments it clamps, and "
+            "this leg has none: use 'nearest'"
         )
 
 

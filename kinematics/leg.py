@@ -224,7 +224,9 @@ def _pose(near: Mapping[str, float], names: tuple[str, ...], limits: Limits) -> 
                 f"near: joint {name!r} is not on the leg; its joints: {', '.join(names)}"
             )
         if not abs(angle) <= FARTHEST:
-            raise InvalidInput(f"near: joint {name!r} at {angle!r}, expected an angle [rad]")
+            raise InvalidInput(
+                f"near: joint {name!r} at {angle!r}, expected an angle within ±{FARTHEST:g} rad"
+            )
         pose[names.index(name)] = angle
     return read_only(pose)
 

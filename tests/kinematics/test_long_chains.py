@@ -175,7 +175,7 @@ def test_a_pose_names_joints_of_the_leg(arm):
     np.testing.assert_array_equal(leg.near, [0.0, 0.0, 0.7])
     with pytest.raises(InvalidInput, match="near: joint 'joint_4' is not on the leg"):
         Leg.from_urdf(arm, **ends, near={"joint_4": 0.7})
-    with pytest.raises(InvalidInput, match="near: joint 'joint_3' at nan"):
+    with pytest.raises(InvalidInput, match="near: joint 'joint_3' at nan, expected an angle"):
         Leg.from_urdf(arm, **ends, near={"joint_3": float("nan")})
 
 
