@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 
@@ -116,7 +117,7 @@ def transcribed_requests(
     point, solved, status = programme.initial, False, ""
     for radius in options.radii:
         answer = solve(x0=point, p=radius, **programme.bounds)
-        status, iterations = solve.stats()["return_status"], solve.stats()["iter_count"]
+        status, iterations = _status(solve.stats()), solve.stats()["iter_count"]
         found = np.asarray(answer["x"], dtype=np.float64).ravel()
         outcome = f"{solver}, corners of {radius:g} theta_0: {status} after {iterations} iterations"
         if not solve.stats()["success"] or not np.all(np.isfinite(found)):
@@ -131,10 +132,18 @@ def transcribed_requests(
         if error < least:
             best, least = requests, error
     if not solved:
-        raise SolverFailed(f"inversion by {solver}", str(status))
+        raise SolverFailed(f"inversion by {solver}", status)
     if not math.isfinite(least):
         raise SolverFailed(f"inversion by {solver}", "no requests lead to a steady cycle")
     return best
+
+
+def _status(stats: Mapping[str, Any]) -> str:
+    """How a solver says that it ended, in words: fatrop has numbers for it."""
+    status = stats["return_status"]
+    if isinstance(status, str):
+        return status
+    return "solved" if stats["success"] else f"not solved ({status})"
 
 
 class _Scaled(NamedTuple):
