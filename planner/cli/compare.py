@@ -47,7 +47,7 @@ PAGE = "report.html"
     type=click.Choice(["slope", "envelope", "exact"]),
     default="envelope",
     show_default=True,
-    help="Sharpest bound to compute; 'exact' takes seconds.",
+    help="Sharpest bound to compute; 'exact' takes seconds to a minute.",
 )
 @limits_option
 @click.option("--figure", metavar="FILE", help="Write the picture; .png or .svg.")
