@@ -71,12 +71,19 @@ class TrackingProblem:
 
     def within(self, limits: tuple[Array, Array]) -> TrackingProblem:
         """The same problem with other limits."""
+        return self._changed(limits, self.norm)
+
+    def with_norm(self, norm: Norm) -> TrackingProblem:
+        """The same problem, with another error that counts."""
+        return self._changed((self.lower, self.upper), norm)
+
+    def _changed(self, limits: tuple[Array, Array], norm: Norm) -> TrackingProblem:
         return TrackingProblem(
             self.models,
             self.goal,
             self.resting,
             cyclic=self.cyclic,
-            norm=self.norm,
+            norm=norm,
             limits=limits,
             start=self.start,
             ridge=self.ridge,

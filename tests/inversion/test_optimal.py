@@ -70,6 +70,16 @@ def test_the_largest_error_on_the_reference_walk_comes_within_three_percent_of_i
     assert plan.max_error < invert_optimal(ERS210A, joint.desired, limits=joint.limits).max_error
 
 
+@pytest.mark.parametrize(("samples", "degrees"), [(88, 30.0), (120, 23.0), (60, 23.0), (40, 11.5)])
+def test_where_the_joint_can_follow_the_largest_error_is_that_of_the_mean_square_or_less(
+    samples, degrees
+):
+    desired = math.radians(degrees) * np.sin(2.0 * np.pi * np.arange(samples) / samples)
+    largest = invert_optimal(ERS210A, desired, norm="max").max_error
+    assert largest <= invert_optimal(ERS210A, desired).max_error + 1e-6
+    assert math.degrees(largest) < 0.005
+
+
 @pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
 @pytest.mark.parametrize("seed", [0, 1, 3, 5])
