@@ -13,7 +13,7 @@ from made_up_robots import Joint, X, Y, Z, made_up_leg, reference_leg, urdf_text
 
 from kinematics import InvalidInput, Leg, Limits, SingularLeg, UnsupportedLeg
 from kinematics.branches import choose, jumps
-from kinematics.dexterity import ENOUGH, dexterity, standing_pose
+from kinematics.dexterity import LEAST_DEXTERITY, dexterity, standing_pose
 from kinematics.scene import Scene
 
 ROUNDING = 1e-12
@@ -219,7 +219,7 @@ def test_the_standing_pose_is_dexterous_and_within_the_limits(scale, ratio, tmp_
     tried = np.random.default_rng(1).uniform(*leg.limits, (2000, 3))
     degree = 0.03  # the pose is rounded to a degree
     best = dexterity(leg.chain, tried).max()
-    assert dexterity(leg.chain, pose[None])[0] >= (ENOUGH - degree) * best * 0.98
+    assert dexterity(leg.chain, pose[None])[0] >= (LEAST_DEXTERITY - degree) * best * 0.98
     assert leg.foot_positions(pose[None])[0, 2] < -0.5 * (0.2 * scale + 0.2 * ratio) * 0.5
 
 
