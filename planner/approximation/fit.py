@@ -9,7 +9,7 @@ means stand for them while knots are sought; beyond 32 segments, knots come from
 One segment more is hardly ever worse: of 480 pairs at n = 88 one was, by 0.08 %. The same samples
 shifted, mirrored, reversed or scaled give the same curve.
 
-Time: O(n) up to 32 segments, O(n log n) beyond; memory O(n). At n = 88, 15 to 25 ms for 2 to 12
+Time: O(n) up to 32 segments, O(n log n) beyond; memory O(n). At n = 88, 10 to 50 ms for 2 to 12
 segments; 50 ms in the median and 100 at most where the number is chosen too, over twelve
 trajectories of a robot's legs.
 

@@ -4,7 +4,8 @@ A step minimises the quadratic model of the squared error, damped as Levenberg a
 within the bounds on slopes and lengths (Nocedal and Wright, Numerical Optimization, 2006, Chapter
 18). The bounds are linear in knots and values together, so every iterate keeps them. Curves of as
 many knots are evaluated together. Each has a dense QP of at most 32 variables, of which a fit
-solves hundreds: non-negative least squares takes 0.03 ms, where OSQP takes 0.2 to set up alone.
+solves 100 to 600: non-negative least squares takes 0.02 ms for 4 and 12 variables and 0.05 for 24,
+OSQP 0.35, 0.36 and 0.5.
 """
 
 from __future__ import annotations
