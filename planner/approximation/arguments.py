@@ -20,7 +20,7 @@ Ends = tuple[float | None, float | None]
 SMALLEST = 1e-30
 """A speed, a time or an error below this is a mistake: nothing is as exact."""
 
-ROUNDING = 1e-13
+ARGUMENT_ROUNDING = 1e-13
 """Relative excess of a slope between two pins over v_max that is left to rounding."""
 
 KNOT_UNIT = 2.0**32
@@ -257,7 +257,7 @@ def _check_slopes(arguments: Arguments) -> None:
         places, angles = _around(arguments, places), np.append(angles, angles[0])
     slopes = np.diff(angles) / (np.diff(places) * arguments.tick)
     k = int(np.argmax(np.abs(slopes)))
-    if abs(slopes[k]) > arguments.v_max * (1.0 + ROUNDING):
+    if abs(slopes[k]) > arguments.v_max * (1.0 + ARGUMENT_ROUNDING):
         n = arguments.desired.size
         raise Infeasible(
             f"required angles {angles[k]:.6g} rad at sample {places[k]:g} and {angles[k + 1]:.6g} "

@@ -50,7 +50,7 @@ from planner.trajectory import Array, as_trajectory
 SLOPE_TOLERANCE = 1e-12
 """Relative excess over v_max that rounding may leave on a returned slope."""
 
-ROUNDING = 1e-14
+ERROR_ROUNDING = 1e-14
 """Error, relative to the largest sample, that rounding may leave between a curve and its bound."""
 
 
@@ -179,7 +179,7 @@ def _certified(
     excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
     if not excess <= SLOPE_TOLERANCE:
         raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
-    rounding = ROUNDING * float(np.max(np.abs(fit.desired)))
+    rounding = ERROR_ROUNDING * float(np.max(np.abs(fit.desired)))
     for name, error, bound in (
         ("largest", fit.max_error, arguments.max_error),
         ("rms", fit.rms, arguments.max_rms),

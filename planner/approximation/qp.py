@@ -34,7 +34,7 @@ from planner.trajectory import Array
 BARELY = 1e-9
 """Relative distance from a bound on the error that rounding cannot cross."""
 
-ROUNDING = 1e-13
+LIMIT_ROUNDING = 1e-13
 """Relative excess over a limit that is left to rounding."""
 
 
@@ -230,8 +230,8 @@ def _by_active_set(qp: ValuesQP, near: Array) -> Array | None:
         values, pressure = found[0], np.zeros(qp.lower.size)
         pressure[at] = found[1]
         here = qp.A @ values
-        now_above = np.where(active, above & (pressure > 0.0), here > qp.upper + ROUNDING)
-        now_below = np.where(active, below & (pressure < 0.0), here < qp.lower - ROUNDING)
+        now_above = np.where(active, above & (pressure > 0.0), here > qp.upper + LIMIT_ROUNDING)
+        now_below = np.where(active, below & (pressure < 0.0), here < qp.lower - LIMIT_ROUNDING)
         if np.array_equal(now_above | equal, above | equal) and np.array_equal(
             now_below | equal, below | equal
         ):
@@ -451,7 +451,7 @@ def within_slopes(
     for attempt in range(64):
         ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
         excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
-        if excess <= 1.0 + ROUNDING:
+        if excess <= 1.0 + LIMIT_ROUNDING:
             return shrunk
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
         shrunk = towards + shrink * offset

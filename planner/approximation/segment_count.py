@@ -14,7 +14,7 @@ from planner.approximation.problem import Candidate
 from planner.exceptions import Infeasible
 from planner.trajectory import Array
 
-ROUNDING = 1e-24
+SQUARE_ROUNDING = 1e-24
 """Mean squared error of samples of size one that is left to rounding."""
 
 
@@ -99,7 +99,7 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
             f"max_rms and v_max: got {bound * unit:.6g} rad, but with slopes within ±v_max no "
             f"curve comes closer than {ideal * unit:.6g} rad rms; allow that much or a larger v_max"
         )
-    enough = n * (bound * (1.0 + BARELY)) ** 2 + ROUNDING * n
+    enough = n * (bound * (1.0 + BARELY)) ** 2 + SQUARE_ROUNDING * n
     if most is None and search.exact is not None and search.exact.error <= enough:
         return search.exact
     last = search.most if most is None else min(most, search.most)

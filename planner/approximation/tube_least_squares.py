@@ -58,7 +58,7 @@ class TubeOptions:
 
 OPTIONS = TubeOptions()
 
-ROUNDING = 5e-10
+TUBE_ROUNDING = 5e-10
 """Relative excess over the largest error, and 1e-3 of it over a slope, that counts as none."""
 
 
@@ -308,8 +308,8 @@ def _moved(
     now = np.interp(index, x, y) - desired
     if not np.sum(weights * now**2) < np.sum(weights * before**2):
         return None
-    steepest = problem.step * (1.0 + 1e-3 * ROUNDING)
-    if np.max(np.abs(now)) > bound * (1.0 + ROUNDING) or np.any(
+    steepest = problem.step * (1.0 + 1e-3 * TUBE_ROUNDING)
+    if np.max(np.abs(now)) > bound * (1.0 + TUBE_ROUNDING) or np.any(
         np.abs(np.diff(y)) > steepest * np.diff(x)
     ):
         return None
