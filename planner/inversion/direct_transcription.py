@@ -32,7 +32,7 @@ from planner.exceptions import SolverFailed
 from planner.inversion.arguments import Norm
 from planner.inversion.gauss_newton import State
 from planner.inversion.tracking_problem import TrackingProblem
-from planner.model.joint import JointModel, acting, reach
+from planner.model.joint import JointModel, acting, request_ages
 from planner.model.symbolic import period
 from planner.trajectory import Array
 
@@ -100,7 +100,7 @@ def transcribed_requests(
     """
     import casadi
 
-    if not problem.cyclic and len(desired) <= problem.reach.youngest + 1:
+    if not problem.cyclic and len(desired) <= problem.ages.youngest + 1:
         return begin.requests  # none of the requests that may be chosen acts before the end
     options = options or TranscriptionOptions()
     unit = problem.models[0].theta_0
@@ -206,7 +206,7 @@ def _transcribed(problem: _Scaled) -> _Programme:
     step = _step(problem.model)
     earlier = angles[-1] if problem.start is None else problem.start
     before = casadi.vertcat(earlier, angles[:-1])
-    sent = np.maximum(acting(reach(problem.model), samples, cyclic=cyclic), 0).tolist()
+    sent = np.maximum(acting(request_ages(problem.model), samples, cyclic=cyclic), 0).tolist()
     reached = [step(before[k], requests[sent[k]], radius) for k in range(samples)]
     dynamics = angles - casadi.vertcat(*reached)
 
@@ -251,7 +251,7 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
     import casadi
 
     samples, cyclic = len(problem.desired), problem.start is None
-    at = reach(problem.model)
+    at = request_ages(problem.model)
     numbers = acting(at, samples, cyclic=cyclic)
     held = problem.first[np.maximum(numbers, 0)]  # (n, width)
     begins = np.roll(problem.ideal, 1)
@@ -329,6 +329,6 @@ def _step(model: JointModel) -> Any:
     import casadi
 
     angle, radius = casadi.SX.sym("M"), casadi.SX.sym("e")
-    requests = casadi.SX.sym("R", reach(model).width)
+    requests = casadi.SX.sym("R", request_ages(model).width)
     after = period(model, angle, requests, radius=radius)
     return casadi.Function("step", [angle, requests, radius], [after])

@@ -144,7 +144,7 @@ class SchurBand:
         """Find the place of every entry once."""
         self.windows = windows
         self.joints = windows.joints
-        self.width = windows.reach.width
+        self.width = windows.ages.width
         every = np.arange(windows.samples)
         if windows.cyclic:  # 0, n-1, 1, n-2, ...
             self.position = np.where(

@@ -28,7 +28,7 @@ from planner.inversion.gauss_newton import State, minimise
 from planner.inversion.line_inverse import interpolated_offset
 from planner.inversion.result import Inversion
 from planner.inversion.smoothing import smoothed
-from planner.inversion.tracking_problem import TrackingProblem, in_reach, track
+from planner.inversion.tracking_problem import TrackingProblem, track, within_attainable_range
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
@@ -155,7 +155,7 @@ def search(problem: TrackingProblem, desired: Array, guess: State) -> Array:
         found, _ = minimise(problem.with_norm("rms"), guess, narrow)
         answers.append((found, problem.exact_error(found.requests, found.angles[-1])))
     bar = near + OPTIONS.negligible * model.theta_0
-    short = len(desired) <= 2 * problem.reach.oldest
+    short = len(desired) <= 2 * problem.ages.oldest
     if answers[-1][1] > bar:
         if short or model.v_max_per_tick > model.theta_0:
             starts += [guess._replace(requests=requests) for requests in _early_and_late(problem)]
@@ -185,7 +185,7 @@ def initial_guess(problem: TrackingProblem, desired: Array) -> State:
     count, cyclic = len(desired), problem.cyclic
     ideal = slope_bounded(desired, model.v_max * model.period, cyclic=cyclic)
     if problem.start is not None:
-        ideal = in_reach(model, ideal, float(problem.start[0]))
+        ideal = within_attainable_range(model, ideal, float(problem.start[0]))
     steps = np.diff(ideal, append=ideal[:1]) if cyclic else np.diff(ideal)
     steps = np.clip(steps, -model.v_max * model.period, model.v_max * model.period)
     samples = np.arange(count)

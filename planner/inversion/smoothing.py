@@ -191,6 +191,6 @@ def room_of_saturated(
 
 def neighbours(problem: TrackingProblem) -> Indices:
     """For each request those around it, as many as act on a joint at once: (2 half + 1, n)."""
-    half, count = max(problem.reach.width // 2, 1), len(problem.resting)
+    half, count = max(problem.ages.width // 2, 1), len(problem.resting)
     around = np.arange(count) + np.arange(-half, half + 1)[:, np.newaxis]
     return around % count if problem.cyclic else around.clip(0, count - 1)

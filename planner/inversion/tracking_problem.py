@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import Limits, Norm
-from planner.model.joint import JointModel, Reach, acting, reach
+from planner.model.joint import JointModel, RequestAges, acting, request_ages
 from planner.model.response import steady_cycle
-from planner.model.sensitivity import Response, periods, reach_of
+from planner.model.sensitivity import Response, periods, request_ages_of_all
 from planner.model.symbolic import exact_run
 from planner.trajectory import Array
 
@@ -90,14 +90,14 @@ class TrackingProblem:
         )
 
     @cached_property
-    def reach(self) -> Reach:
-        """The requests that act on any of the joints between two samples."""
-        return reach_of(self.models)
+    def ages(self) -> RequestAges:
+        """The ages of the requests that act on any of the joints between two samples."""
+        return request_ages_of_all(self.models)
 
     @cached_property
     def windows(self) -> Windows:
         """Where requests act."""
-        return windows_of(self.reach, *self.resting.shape, cyclic=self.cyclic)
+        return windows_of(self.ages, *self.resting.shape, cyclic=self.cyclic)
 
     def admissible(self, requests: Array) -> Array:
         """The nearest requests within the limits, from rest with those that hold the start."""
@@ -127,8 +127,8 @@ class TrackingProblem:
         boundary = self.resting[-1] + self.offsets if boundary is None else boundary
         answer = np.empty_like(requests)
         for joint, model in enumerate(self.models):
-            own = reach(model)
-            first = own.youngest - self.reach.youngest
+            own = request_ages(model)
+            first = own.youngest - self.ages.youngest
             acting = np.ascontiguousarray(windows[first : first + own.width, :, joint].T)
             angles = self._run(model, acting, float(boundary[joint]), joint)
             if angles is None:
@@ -186,9 +186,9 @@ def track(
     )
 
 
-def in_reach(model: JointModel, angles: Array, start: float) -> Array:
-    """The angles, brought to where a joint that rests at the start can be by then [rad], (n,)."""
-    resting = reach(model).youngest + 1  # samples before the second request acts
+def within_attainable_range(model: JointModel, angles: Array, start: float) -> Array:
+    """Angles, clipped to what a joint that rests at the start can attain by then [rad], (n,)."""
+    resting = request_ages(model).youngest + 1  # samples before the second request acts
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
     farthest = model.v_max * model.period * moving
     return np.clip(angles, start - farthest, start + farthest)
@@ -231,7 +231,7 @@ class FollowAngles:
 
 
 class Windows:
-    """Which requests act before which samples, for joints of one reach.
+    """Which requests act before which samples, for joints on which requests of these ages act.
 
     Quantities of a request at the samples on which it acts have shape (width, n, joints), the
     youngest request first.
@@ -243,19 +243,19 @@ class Windows:
             comes before the first: nothing of it is kept there.
     """
 
-    def __init__(self, reach: Reach, samples: int, joints: int, *, cyclic: bool) -> None:
+    def __init__(self, ages: RequestAges, samples: int, joints: int, *, cyclic: bool) -> None:
         """Work out the indices once."""
-        self.reach = reach
+        self.ages = ages
         self.samples = samples
         self.joints = joints
         self.cyclic = cyclic
         every = np.arange(samples)
-        self.acting = np.ascontiguousarray(acting(reach, samples, cyclic=cyclic).T)
+        self.acting = np.ascontiguousarray(acting(ages, samples, cyclic=cyclic).T)
         self._of_first = np.maximum(self.acting, 0)  # before the first request it was the first
-        ages = np.arange(reach.width)[:, np.newaxis]
-        answering = self.wrap(every + reach.youngest + ages)
+        place = np.arange(ages.width)[:, np.newaxis]  # from the youngest on
+        answering = self.wrap(every + ages.youngest + place)
         self._answers = np.where(
-            answering < 0, reach.width * samples, ages * samples + answering
+            answering < 0, ages.width * samples, place * samples + answering
         )  # where each request's entries are, among those of all; behind them where nowhere
         self.before, self.after = np.roll(every, 1), np.roll(every, -1)
 
@@ -290,6 +290,6 @@ class Windows:
 
 
 @lru_cache(maxsize=32)
-def windows_of(reach: Reach, samples: int, joints: int, *, cyclic: bool) -> Windows:
-    """The windows for this reach and size: worked out at the first call, then kept."""
-    return Windows(reach, samples, joints, cyclic=cyclic)
+def windows_of(ages: RequestAges, samples: int, joints: int, *, cyclic: bool) -> Windows:
+    """The windows for these ages and this size: worked out at the first call, then kept."""
+    return Windows(ages, samples, joints, cyclic=cyclic)

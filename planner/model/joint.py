@@ -201,8 +201,8 @@ class JointModel:
         return Window(first, weights)
 
 
-class Reach(NamedTuple):
-    """Which requests act between two samples: those ``youngest`` to ``oldest`` requests back."""
+class RequestAges(NamedTuple):
+    """Ages of the requests that act between two samples: ``youngest`` to ``oldest`` [requests]."""
 
     youngest: int
     oldest: int
@@ -213,27 +213,27 @@ class Reach(NamedTuple):
         return self.oldest - self.youngest + 1
 
 
-def reach(model: JointModel) -> Reach:
-    """The requests that act on the joint between samples k-1 and k, as ages from k."""
+def request_ages(model: JointModel) -> RequestAges:
+    """The ages, counted back from sample k, of the requests that act between samples k-1 and k."""
     ticks = np.arange(1 - model.hold, 1)  # relative to the tick of sample k
     youngest = (int(ticks[-1]) - model.window.first) // model.hold
     oldest = (int(ticks[0]) - model.window.last) // model.hold
-    return Reach(-youngest, -oldest)
+    return RequestAges(-youngest, -oldest)
 
 
-def acting(reach: Reach, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
+def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
     """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
 
     From rest -1 stands for the requests before the first, which the first one stands in for.
     """
-    ages = reach.youngest + np.arange(reach.width)
-    numbers = np.arange(samples)[:, np.newaxis] - ages
+    each = ages.youngest + np.arange(ages.width)
+    numbers = np.arange(samples)[:, np.newaxis] - each
     return numbers % samples if cyclic else np.maximum(numbers, -1)
 
 
 def weights_by_tick(model: JointModel) -> Array:
-    """How much each request of the reach counts at each tick of a period: (hold, width)."""
-    at = reach(model)
+    """How much each request that acts counts at each tick of a period: (hold, width)."""
+    at = request_ages(model)
     weights = np.zeros((model.hold, at.width))
     for number, tick in enumerate(range(1 - model.hold, 1)):
         for j, weight in enumerate(model.window.weights):

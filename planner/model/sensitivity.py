@@ -16,7 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
-from planner.model.joint import JointModel, Reach, acting, checked_model, reach, weights_by_tick
+from planner.model.joint import (
+    JointModel,
+    RequestAges,
+    acting,
+    checked_model,
+    request_ages,
+    weights_by_tick,
+)
 from planner.model.response import simulate
 from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze
@@ -55,7 +62,7 @@ def sensitivities(
     requests = as_trajectory(requests, name="requests")
     n = len(requests)
     angles = simulate(model, requests, cyclic=cyclic, start=start)
-    numbers = np.maximum(acting(reach(model), n, cyclic=cyclic), 0)
+    numbers = np.maximum(acting(request_ages(model), n, cyclic=cyclic), 0)
     windows = requests[numbers.T, np.newaxis]
     response = periods((model,), n)(np.roll(angles, 1)[:, np.newaxis], windows, 0.0)
     by_angle, by_request = response.by_angle[:, 0], response.by_request[:, :, 0].T
@@ -111,16 +118,16 @@ class Periods:
 
     def __init__(self, models: Sequence[JointModel], samples: int) -> None:
         """Work out which request counts how much at each tick of a period."""
-        self.reach = reach_of(models)
+        self.ages = request_ages_of_all(models)
         ticks = max(model.hold for model in models)
-        weights = np.zeros((ticks, self.reach.width, len(models)))
+        weights = np.zeros((ticks, self.ages.width, len(models)))
         for joint, model in enumerate(models):
-            own = reach(model)
-            first = own.youngest - self.reach.youngest
+            own = request_ages(model)
+            first = own.youngest - self.ages.youngest
             weights[: model.hold, first : first + own.width, joint] = weights_by_tick(model)
         theta_0 = np.array([model.theta_0 for model in models])
         speeds = np.array([model.v_max_per_tick for model in models])
-        shape = (self.reach.width, samples, len(models))
+        shape = (self.ages.width, samples, len(models))
         # Spelled out for every sample, so that no array below is stretched to fit another.
         self._gains = _repeated(weights[:, :, np.newaxis] * speeds / (2.0 * theta_0), shape)
         self._corners = _repeated(np.stack([theta_0, -theta_0])[:, np.newaxis, np.newaxis], shape)
@@ -186,10 +193,10 @@ def _repeated(array: Array, shape: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(np.broadcast_to(array, (len(array), *shape)))
 
 
-def reach_of(models: Sequence[JointModel]) -> Reach:
-    """The requests that act on any of the joints between two samples."""
-    reaches = [reach(model) for model in models]
-    return Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+def request_ages_of_all(models: Sequence[JointModel]) -> RequestAges:
+    """The ages of the requests that act on any of the joints between two samples."""
+    ages = [request_ages(model) for model in models]
+    return RequestAges(min(r.youngest for r in ages), max(r.oldest for r in ages))
 
 
 @lru_cache(maxsize=32)

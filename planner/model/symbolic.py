@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.model.joint import JointModel, reach, rounded_clip, weights_by_tick
+from planner.model.joint import JointModel, request_ages, rounded_clip, weights_by_tick
 from planner.model.response import advance
 from planner.trajectory import Array
 
@@ -19,7 +19,7 @@ def period(model: JointModel, angle: Any, requests: Any, *, radius: Any = None) 
     Args:
         model: The joint.
         angle: Angle at the sample before [rad], a CasADi expression.
-        requests: The requests of the model's :func:`planner.model.joint.reach`, youngest first
+        requests: Those of the ages :func:`planner.model.joint.request_ages`, youngest first
             [rad], a CasADi expression of that many entries.
         radius: Radius of the rounded corners of Equation 2 [rad]; None for the exact model.
 
@@ -55,7 +55,7 @@ class ExactRun:
         """Let CasADi write the run."""
         import casadi
 
-        width = reach(model).width
+        width = request_ages(model).width
         angle, requests = casadi.SX.sym("angle"), casadi.SX.sym("requests", width)
         one = casadi.Function("period", [angle, requests], [period(model, angle, requests)])
         self._one_at_a_time = Lock()  # the buffers below belong to the instance
@@ -74,7 +74,7 @@ class ExactRun:
         Args:
             start: Angle before the first sample [rad].
             windows: Requests that act before each sample, youngest first [rad], shape
-                (samples, width of the reach).
+                (samples, width of the request ages).
         """
         with self._one_at_a_time:
             self._start[0] = start

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, kkt_step, schur_band
 from planner.inversion.tracking_problem import Windows, windows_of
-from planner.model.joint import Reach, reach
+from planner.model.joint import RequestAges, request_ages
 from planner.model.sensitivity import Response
 from planner.trajectory import Array
 from tests.instances import random_model
@@ -26,7 +26,7 @@ ROUNDING = 1e-11
 class Problem:
     """One random step, its arguments by name."""
 
-    reach: Reach
+    ages: RequestAges
     windows: Windows
     response: Response
     cost: Quadratic
@@ -57,16 +57,16 @@ class Problem:
 
 
 def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
-    """A step for joints of different reaches: zeros where a joint does not feel a request."""
+    """A step for joints of different request ages: zeros where a joint does not feel a request."""
     models = [
         random_model(rng, whole=bool(rng.integers(2)), hold=1 + (hold - 1) * (joint == 0))
         for joint in range(joints)
     ]
-    reaches = [reach(model) for model in models]
-    union = Reach(min(r.youngest for r in reaches), max(r.oldest for r in reaches))
+    ages = [request_ages(model) for model in models]
+    union = RequestAges(min(r.youngest for r in ages), max(r.oldest for r in ages))
     by_angle = rng.uniform(-0.2, 1.0, size=(samples, joints))
     by_request = np.zeros((union.width, samples, joints))
-    for joint, own in enumerate(reaches):
+    for joint, own in enumerate(ages):
         felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
         by_request[felt, :, joint] = rng.uniform(0.0, 1.0 / own.width, (own.width, samples))
     free = rng.random((samples, joints)) < 0.8
@@ -77,7 +77,7 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
     roots = rng.normal(size=(samples, joints, joints))
     definite = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(joints)
     return Problem(
-        reach=union,
+        ages=union,
         windows=Windows(union, samples, joints, cyclic=cyclic),
         response=Response(np.empty(0), by_angle, by_request, np.empty(0)),
         cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
@@ -208,8 +208,8 @@ def test_joints_that_the_cost_does_not_couple_are_solved_one_by_one():
         only = slice(joint, joint + 1)
         response, cost, term = problem.response, problem.cost, problem.regularisation
         alone = Problem(
-            reach=problem.reach,
-            windows=Windows(problem.reach, 25, 1, cyclic=True),
+            ages=problem.ages,
+            windows=Windows(problem.ages, 25, 1, cyclic=True),
             response=response._replace(
                 by_angle=response.by_angle[:, only], by_request=response.by_request[..., only]
             ),
@@ -231,7 +231,7 @@ def test_a_cost_that_curves_downward_is_refused():
 
 @pytest.mark.parametrize("joints", [1, 3])
 def test_the_band_of_a_cycle_is_no_wider_than_twice_that_from_rest(joints):
-    at = reach(random_model(np.random.default_rng(1)))
+    at = request_ages(random_model(np.random.default_rng(1)))
     assert at.width > 2
     straight = schur_band(Windows(at, 500, joints, cyclic=False)).bandwidth
     assert straight == (at.width - 1) * joints
@@ -241,7 +241,10 @@ def test_the_band_of_a_cycle_is_no_wider_than_twice_that_from_rest(joints):
         < 2 * at.width * joints
     )
     # Angles follow one another even where only one request acts.
-    assert schur_band(Windows(Reach(3, 3), 500, joints, cyclic=False)).bandwidth == 2 * joints - 1
+    assert (
+        schur_band(Windows(RequestAges(3, 3), 500, joints, cyclic=False)).bandwidth
+        == 2 * joints - 1
+    )
 
 
 @pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
@@ -261,16 +264,16 @@ def test_what_is_gathered_is_the_transpose_of_what_is_felt(samples, cyclic):
 
 def test_windows_hold_the_requests_that_act_youngest_first():
     requests = np.arange(12.0).reshape(6, 2)
-    cycle = Windows(Reach(1, 3), 6, 2, cyclic=True).of(requests)
+    cycle = Windows(RequestAges(1, 3), 6, 2, cyclic=True).of(requests)
     np.testing.assert_array_equal(cycle[:, 0, 0], requests[[5, 4, 3], 0])
     np.testing.assert_array_equal(cycle[:, 4, 1], requests[[3, 2, 1], 1])
-    resting = Windows(Reach(1, 3), 6, 2, cyclic=False).of(requests)
+    resting = Windows(RequestAges(1, 3), 6, 2, cyclic=False).of(requests)
     np.testing.assert_array_equal(resting[:, 1, 0], requests[[0, 0, 0], 0])
     np.testing.assert_array_equal(resting[:, 4, 1], requests[[3, 2, 1], 1])
 
 
 def test_windows_and_their_band_are_worked_out_once():
-    windows = windows_of(Reach(2, 5), 30, 3, cyclic=True)
-    assert windows is windows_of(Reach(2, 5), 30, 3, cyclic=True)
-    assert windows is not windows_of(Reach(2, 5), 30, 3, cyclic=False)
+    windows = windows_of(RequestAges(2, 5), 30, 3, cyclic=True)
+    assert windows is windows_of(RequestAges(2, 5), 30, 3, cyclic=True)
+    assert windows is not windows_of(RequestAges(2, 5), 30, 3, cyclic=False)
     assert schur_band(windows) is schur_band(windows)

@@ -27,7 +27,7 @@ class Nothing:
 
 
 def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
-    """Joints of different reach, sag and tick, but of one period, and requests for them."""
+    """Joints of different lag, sag and tick, but of one period, and requests for them."""
     rng = np.random.default_rng([seed, joints, hold, cyclic])
     models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
     models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel, reach
+from planner.model.joint import JointModel, request_ages
 from planner.model.response import simulate
-from planner.model.sensitivity import Periods, periods, reach_of, sensitivities
+from planner.model.sensitivity import Periods, periods, request_ages_of_all, sensitivities
 from planner.model.symbolic import period
 from tests.instances import TICK, random_model, random_model_outside_equation_13
 
@@ -36,11 +36,11 @@ HELD = pytest.mark.parametrize("hold", [1, 2, 3])
 
 
 def stacked(seed, *, joints=3, samples=9, hold=1):
-    """Joints of different reach, sag and tick, but of one period, and angles and requests."""
+    """Joints of different lag, sag and tick, but of one period, and angles and requests."""
     rng = np.random.default_rng([seed, hold])
     models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
     models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
-    shape = (reach_of(models).width, samples, joints)
+    shape = (request_ages_of_all(models).width, samples, joints)
     errors = rng.uniform(-1.5, 1.5, shape) * [model.theta_0 for model in models]
     before = rng.uniform(-1.0, 1.0, (samples, joints))
     return models, before, before + errors - [model.offset for model in models]
@@ -49,7 +49,7 @@ def stacked(seed, *, joints=3, samples=9, hold=1):
 def symbolic_period(model):
     """The period and its derivatives, written by CasADi, of angle, requests and radius."""
     angle, radius = casadi.SX.sym("angle"), casadi.SX.sym("radius")
-    requests = casadi.SX.sym("requests", reach(model).width)
+    requests = casadi.SX.sym("requests", request_ages(model).width)
     after = period(model, angle, requests, radius=radius)
     slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
     return casadi.Function("period", [angle, requests, radius], [after, *slopes])
@@ -61,7 +61,7 @@ def test_every_period_and_its_derivatives_are_those_that_casadi_writes(smoothing
     models, before, windows = stacked(1, hold=hold)
     together = Periods(models, len(before))(before, windows, smoothing)
     for joint, model in enumerate(models):
-        own, union = reach(model), reach_of(models)
+        own, union = request_ages(model), request_ages_of_all(models)
         felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
         written = symbolic_period(model)
         for k in range(len(before)):
@@ -78,13 +78,13 @@ def test_every_period_and_its_derivatives_are_those_that_casadi_writes(smoothing
 
 
 @HELD
-def test_requests_beyond_a_joints_own_reach_do_not_move_it(hold):
+def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it(hold):
     models, before, windows = stacked(2, hold=hold)
     response = Periods(models, len(before))(before, windows, 0.1)
-    reaches = [reach(model) for model in models]
-    assert len(set(reaches)) > 1
-    ages = reach_of(models).youngest + np.arange(len(windows))
-    for joint, own in enumerate(reaches):
+    each = [request_ages(model) for model in models]
+    assert len(set(each)) > 1
+    ages = request_ages_of_all(models).youngest + np.arange(len(windows))
+    for joint, own in enumerate(each):
         beyond = (ages < own.youngest) | (ages > own.oldest)
         assert np.all(response.by_request[beyond, :, joint] == 0.0)
         assert np.all(response.bending[beyond, :, joint] == 0.0)
@@ -93,7 +93,7 @@ def test_requests_beyond_a_joints_own_reach_do_not_move_it(hold):
 def test_the_bending_is_the_slope_of_the_slopes():
     models, before, windows = stacked(3)
     models[0] = ERS210A  # the bending by requests that are held is an estimate
-    windows = windows[: reach_of(models).width]
+    windows = windows[: request_ages_of_all(models).width]
     every = Periods(models, len(before))
     response = every(before, windows, 0.3)
     for j in range(len(windows)):

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.model.joint import JointModel, acting, reach, rounded_clip
+from planner.model.joint import JointModel, acting, request_ages, rounded_clip
 from planner.model.response import advance, run_columns, simulate
 from planner.model.symbolic import ExactRun, exact_run, period
 from tests.independent import equation_3
@@ -57,7 +57,7 @@ def test_the_compiled_run_is_the_simulation(samples, cyclic, hold):
 
 @given(models(), st.integers(0, 2**32 - 1))
 def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
-    at = reach(model)
+    at = request_ages(model)
     rng = np.random.default_rng(seed)
     # Small errors leave every term of the window unsaturated, so that each of them counts.
     windows = rng.uniform(-0.01, 0.01, size=(1, at.width)) * model.theta_0 - model.offset
@@ -96,7 +96,7 @@ def test_one_definition_agrees_for_floats_arrays_and_casadi(radius, model, angle
 @given(models(), trajectories(least=4), st.integers(1, 5))
 def test_runs_side_by_side_are_the_runs_one_by_one(model, requests, columns):
     one = replace(model, hold=1)
-    numbers = np.maximum(acting(reach(one), len(requests), cyclic=False), 0)
+    numbers = np.maximum(acting(request_ages(one), len(requests), cyclic=False), 0)
     targets = np.stack([requests[numbers] * (c + 1.0) for c in range(columns)], axis=-1)
     weights = np.broadcast_to(one.window.weights[:, np.newaxis], targets.shape)
     starts = np.arange(float(columns))
@@ -110,15 +110,15 @@ def test_runs_side_by_side_are_the_runs_one_by_one(model, requests, columns):
         np.testing.assert_allclose(together[:, c], alone, rtol=0.0, atol=1e-12)
 
 
-def test_the_reach_of_the_ers210a_is_its_window():
-    assert tuple(reach(JointModel.ers210a())) == (5, 10)
+def test_the_request_ages_of_the_ers210a_are_its_window():
+    assert tuple(request_ages(JointModel.ers210a())) == (5, 10)
 
 
 @pytest.mark.parametrize(
     ("hold", "lag", "acceleration", "expected"),
     [(1, 0, 1, (1, 1)), (4, 0, 1, (1, 1)), (4, 3, 1, (1, 2)), (2, 3, 4, (2, 4)), (3, 2, 3, (1, 3))],
 )
-def test_the_reach_of_held_requests_is_counted_in_requests(hold, lag, acceleration, expected):
+def test_the_ages_of_held_requests_are_counted_in_requests(hold, lag, acceleration, expected):
     model = JointModel(
         v_max=1.0,
         theta_0=0.1,
@@ -133,15 +133,22 @@ def test_the_reach_of_held_requests_is_counted_in_requests(hold, lag, accelerati
         for back in range(1 - hold, 1)
         for age in range(lag + 1, lag + acceleration + 1)
     }
-    assert tuple(reach(model)) == expected
+    assert tuple(request_ages(model)) == expected
     assert (min(felt), max(felt)) == expected
 
 
 def test_from_rest_minus_one_stands_for_the_requests_before_the_first():
-    numbers = acting(reach(JointModel.ers210a()), 7, cyclic=False)
+    numbers = acting(request_ages(JointModel.ers210a()), 7, cyclic=False)
     assert numbers[0].tolist() == [-1] * 6
     assert numbers[6].tolist() == [1, 0, -1, -1, -1, -1]
-    assert acting(reach(JointModel.ers210a()), 7, cyclic=True)[0].tolist() == [2, 1, 0, 6, 5, 4]
+    assert acting(request_ages(JointModel.ers210a()), 7, cyclic=True)[0].tolist() == [
+        2,
+        1,
+        0,
+        6,
+        5,
+        4,
+    ]
 
 
 def test_a_run_keeps_its_angles_when_the_next_one_comes():
@@ -171,4 +178,4 @@ def test_many_threads_get_what_one_thread_gets():
 
 def windows_of(model, requests, *, cyclic):
     """The requests that act before each sample, youngest first."""
-    return requests[np.maximum(acting(reach(model), len(requests), cyclic=cyclic), 0)]
+    return requests[np.maximum(acting(request_ages(model), len(requests), cyclic=cyclic), 0)]
