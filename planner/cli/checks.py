@@ -24,7 +24,7 @@ def check_bound(joint: str, inversion: Inversion) -> None:
     """
     import numpy as np
 
-    error = inversion.rms if inversion.norm == "rms" else inversion.max_error
+    error = inversion.error
     if error < inversion.lower_bound - ROUNDING:
         raise click.ClickException(
             f"{joint}: an error of {np.degrees(error):.6g} deg is below its own lower bound of "

@@ -11,6 +11,7 @@ import click
 if TYPE_CHECKING:
     from planner.cli.planning import Plan
     from planner.cli.wanted import Wanted
+    from planner.inversion.arguments import Norm
 
 Command = Callable[..., Any]
 
@@ -58,7 +59,9 @@ def misses(choices: Mapping[str, Any], wanted: Wanted, plan: Plan) -> list[str]:
     """Which tolerances the plan misses, in its norm, and by how much; none where it keeps all."""
     import numpy as np
 
-    norm = choices["norm"] or "rms"
+    from planner.inversion.error_norm import error_norm
+
+    norm: Norm = choices["norm"] or "rms"
     found = []
     if choices["tolerance_deg"] is not None:
         for joint, inversion in plan.inversions.items():
@@ -70,7 +73,7 @@ def misses(choices: Mapping[str, Any], wanted: Wanted, plan: Plan) -> list[str]:
                 )
     if choices["tolerance_cm"] is not None:
         distances = 100.0 * plan.foot_distances(wanted)
-        error = float(np.max(distances) if norm == "max" else np.sqrt(np.mean(distances**2)))
+        error = error_norm(distances, norm)
         if error > choices["tolerance_cm"]:
             found.append(
                 f"the foot is off by {error:.4g} cm ({norm}), expected at most "

@@ -33,6 +33,7 @@ from planner.evaluation.differences import Difference, difference
 from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.certify import Certificate, certify
+from planner.inversion.error_norm import relative_gap
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
@@ -92,10 +93,7 @@ class JointComparison:
 
     def gap(self, method: str) -> float:
         """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
-        error = self.plans[method].error
-        if self.bound > 0.0:
-            return error / self.bound - 1.0
-        return math.inf if error > 0.0 else 0.0
+        return relative_gap(self.plans[method].error, self.bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, angles in degrees."""

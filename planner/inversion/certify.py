@@ -13,6 +13,7 @@ from planner.inversion.arguments import Norm, check_norm, positive
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
+from planner.inversion.error_norm import error_norm
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel, checked_model
 from planner.model.response import checked_start
@@ -121,5 +122,4 @@ def planned_error(problem: BoundProblem) -> float:
         return invert_optimal(model, desired, cyclic=cyclic, norm=norm, start=start).error
     except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
         angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
-        errors = np.abs(angles - desired)
-        return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
+        return error_norm(angles - desired, norm)

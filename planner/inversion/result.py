@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -13,6 +12,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.arguments import Norm, Solver
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
+from planner.inversion.error_norm import error_norm, relative_gap
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
@@ -67,17 +67,17 @@ class Inversion:
     @property
     def rms(self) -> float:
         """Root mean square of the errors [rad]."""
-        return float(np.sqrt(np.mean(self.errors**2)))
+        return error_norm(self.errors, "rms")
 
     @property
     def max_error(self) -> float:
         """Largest error [rad]."""
-        return float(np.max(np.abs(self.errors)))
+        return error_norm(self.errors, "max")
 
     @property
     def error(self) -> float:
         """The error in the plan's norm [rad]."""
-        return self.rms if self.norm == "rms" else self.max_error
+        return error_norm(self.errors, self.norm)
 
     @cached_property
     def lower_bound(self) -> float:
@@ -88,9 +88,7 @@ class Inversion:
     @property
     def gap(self) -> float:
         """Relative distance from the lower bound; inf where only the bound is zero."""
-        if self.lower_bound > 0.0:
-            return self.error / self.lower_bound - 1.0
-        return math.inf if self.error > 0.0 else 0.0
+        return relative_gap(self.error, self.lower_bound)
 
     @property
     def within_tolerance(self) -> bool:

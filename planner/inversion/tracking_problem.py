@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import Limits, Norm
+from planner.inversion.error_norm import error_norm
 from planner.model.joint import JointModel, RequestAges, acting, request_ages
 from planner.model.response import steady_cycle
 from planner.model.sensitivity import Response, periods, request_ages_of_all
@@ -108,8 +109,7 @@ class TrackingProblem:
 
     def error(self, angles: Array) -> float:
         """The error of the angles in the norm that counts."""
-        distances = self.goal.distances(angles)
-        return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
+        return error_norm(self.goal.distances(angles), self.norm)
 
     def exact_error(self, requests: Array, boundary: Array | None = None) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""

@@ -22,6 +22,7 @@ import numpy as np
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm
 from planner.inversion.bounds.reachable_set import reachable_set
+from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bundle_method import (
     Column,
     LagrangianRelaxation,
@@ -111,7 +112,7 @@ def foot_bound(
     """
     roots = np.sqrt(weights / np.max(weights))
     errors = np.linalg.norm((leg.foot_positions(angles) - desired) * roots, axis=1)
-    known = float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
+    known = error_norm(errors, norm)
     if known <= ATTAINED * leg.chain.size:
         return 0.0
     lower, upper = within_reach(models, limits, len(desired), start=start)

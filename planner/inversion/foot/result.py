@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm
+from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.foot.bound import foot_bound
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -72,19 +72,19 @@ class FootInversion:
     @property
     def rms(self) -> float:
         """Root mean square of the distances [m]."""
-        return float(np.sqrt(np.mean(self.distances**2)))
+        return error_norm(self.distances, "rms")
 
     @property
     def max_error(self) -> float:
         """Largest distance [m]."""
-        return float(np.max(self.distances))
+        return error_norm(self.distances, "max")
 
     @property
     def error(self) -> float:
         """What was minimised [m]: in the plan's norm, the axes weighted, the heaviest by 1."""
         roots = np.sqrt(self.weights / np.max(self.weights))
         distances = np.linalg.norm((self.foot - self.wanted) * roots, axis=1)
-        return float(np.max(distances) if self.norm == "max" else np.sqrt(np.mean(distances**2)))
+        return error_norm(distances, self.norm)
 
     @cached_property
     def lower_bound(self) -> float:
@@ -108,9 +108,7 @@ class FootInversion:
     @property
     def gap(self) -> float:
         """Relative distance of the error from the lower bound; inf where only the bound is 0."""
-        if self.lower_bound > 0.0:
-            return self.error / self.lower_bound - 1.0
-        return math.inf if self.error > 0.0 else 0.0
+        return relative_gap(self.error, self.lower_bound)
 
     @property
     def largest_step(self) -> float:
