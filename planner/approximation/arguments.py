@@ -279,6 +279,12 @@ def _check_lengths(arguments: Arguments) -> None:
         places = np.array([0.0, n])
     apart = np.diff(places)
     k = int(np.argmin(apart))
+    if apart.size == 1 and length < shortest - BARELY_SHORT:
+        raise Infeasible(
+            f"shortest: got {shortest:g} samples, but the whole "
+            f"{'cycle' if arguments.cyclic else 'path'} is {length:g} samples long; allow shorter "
+            "segments"
+        )
     if apart[k] < shortest - BARELY_SHORT:
         raise Infeasible(
             f"required knots at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} "
@@ -301,7 +307,8 @@ def _check_lengths(arguments: Arguments) -> None:
             f"segments = {segments} and {arguments.required.size} required knots: they make at "
             f"least {fewest} segments; ask for more or leave some away"
         )
-    if arguments.cyclic and most < 2 and bool(np.ptp(arguments.desired)):
+    constant = 2.0 * (arguments.max_error or 0.0) >= float(np.ptp(arguments.desired))
+    if arguments.cyclic and most < 2 and not constant:
         raise Infeasible(
             f"shortest = {shortest:g} and a cycle of {n} samples: there is room for one segment, "
             "and a closed curve that moves needs two; allow shorter ones"

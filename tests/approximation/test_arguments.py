@@ -256,3 +256,16 @@ def test_a_constant_takes_every_requirement(cyclic):
     assert (fit.segments, fit.max_error) == (4, 0.0)
     assert 7.5 in fit.knots
     check(fit, 1.0, 2.0)
+
+
+def test_a_cycle_with_room_for_one_segment_may_be_a_constant():
+    fit = fit_pwl([0.0, 0.02, 0.01], v_max=5.0, tick=0.008, max_error=0.0101, shortest=2.0)
+    assert fit.slopes.tolist() == [0.0]
+    with pytest.raises(Infeasible, match="moves needs two"):
+        fit_pwl([0.0, 0.02, 0.01], v_max=5.0, tick=0.008, max_error=0.0099, shortest=2.0)
+
+
+@pytest.mark.parametrize(("cyclic", "length"), [(True, "cycle is 60"), (False, "path is 59")])
+def test_a_shortest_segment_longer_than_all_samples_is_refused_with_their_length(cyclic, length):
+    with pytest.raises(Infeasible, match=f"shortest: got 100 samples, but the whole {length}"):
+        fit_pwl(SINE, v_max=50.0, tick=0.008, cyclic=cyclic, segments=3, shortest=100.0)
