@@ -16,9 +16,10 @@ import click
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
-from planner.cli.manner import add_to, coloured
 from planner.cli.names_of_files import complete_names_of_files
 from planner.cli.say import complain, detail, warn
+from planner.cli.verbosity import coloured
+from planner.cli.verbosity_options import add_verbosity
 from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
 
 COMMANDS = (
@@ -72,7 +73,7 @@ class Commands(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
-        add_to(command)
+        add_verbosity(command)
         complete_names_of_files(command)
         return command
 
@@ -180,7 +181,7 @@ def _terminate(*_: object) -> NoReturn:
     sys.exit(TERMINATED)
 
 
-add_to(cli)
+add_verbosity(cli)
 
 
 def _complain(message: str, status: int) -> int:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import click
 
-from planner.cli.manner import manner
+from planner.cli.verbosity import coloured, verbosity
 
 BAR = 24
 """Characters of the bar."""
@@ -50,9 +50,9 @@ class Progress:
         self._expected = (
             dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
         )
-        self._verbose = manner() == "verbose"
+        self._verbose = verbosity() == "verbose"
         watched = sys.stderr is not None and sys.stderr.isatty()
-        self._watched = watched and manner() != "quiet"
+        self._watched = watched and verbosity() != "quiet"
         self._doing = ""
         self._done: list[str] = []
         self._time = clock
@@ -124,8 +124,6 @@ class Progress:
         if self._doing:
             self._done.append(self._doing)
             if self._verbose:
-                from planner.cli.say import detail
-
                 detail(f"{self._doing}: {now - self._step_began:.3g} s")
         self._doing = ""
         self._step_began = now
@@ -139,6 +137,19 @@ class Progress:
         while not self._ended.wait(BEAT):
             if self._doing and Progress.shown is self:
                 self._draw()
+
+
+def detail(message: str) -> None:
+    """Say on standard error what only ``--verbose`` asks for."""
+    if verbosity() == "verbose":
+        print_line(click.style(f"request-planner: {message}", dim=True))
+
+
+def print_line(text: str) -> None:
+    """A line on standard error, where no progress is shown meanwhile."""
+    if Progress.shown is not None:
+        Progress.shown.erase()
+    click.echo(text, err=True, color=coloured())
 
 
 def _spent(seconds: float) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from planner.cli.manner import coloured, manner
-from planner.cli.progress import Progress
+from planner.cli.progress import Progress, detail, print_line
+from planner.cli.verbosity import verbosity
 from planner.exceptions import PlannerError, printable
 
 __all__ = [
@@ -42,40 +42,27 @@ def to_json(content: Mapping[str, Any]) -> str:
 
 def summarise(text: str) -> None:
     """Print a summary on standard error, out of the way of the data; the first line stands out."""
-    if manner() == "quiet":
+    if verbosity() == "quiet":
         return
     first, newline, rest = text.partition("\n")
-    _say(click.style(first, bold=True) + newline + rest)
+    print_line(click.style(first, bold=True) + newline + rest)
 
 
 def complain(message: str) -> None:
     """Say in one line on standard error why there is no answer, or none to be trusted."""
     line = printable(" ".join(message.split()))
-    _say(f"{click.style('request-planner:', fg='red', bold=True)} {line}")
+    print_line(f"{click.style('request-planner:', fg='red', bold=True)} {line}")
 
 
 def warn(message: str) -> None:
     """Say in one line on standard error what to beware of."""
-    _say(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
+    print_line(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
 
 
 def remark(message: str) -> None:
     """Say in one line on standard error what is good to know."""
-    if manner() != "quiet":
-        _say(f"request-planner: {message}")
-
-
-def detail(message: str) -> None:
-    """Say on standard error what only ``--verbose`` asks for."""
-    if manner() == "verbose":
-        _say(click.style(f"request-planner: {message}", dim=True))
-
-
-def _say(text: str) -> None:
-    """A line on standard error, where no progress is shown meanwhile."""
-    if Progress.shown is not None:
-        Progress.shown.erase()
-    click.echo(text, err=True, color=coloured())
+    if verbosity() != "quiet":
+        print_line(f"request-planner: {message}")
 
 
 @contextmanager
