@@ -115,7 +115,7 @@ def foot_bound(
     known = error_norm(errors, norm)
     if known <= ATTAINED * leg.chain.size:
         return 0.0
-    lower, upper = within_reach(models, limits, len(desired), start=start)
+    lower, upper = attainable_angles(models, limits, len(desired), start=start)
     distance = Distance(leg.chain, lower, upper, desired, roots / known)
     starts: list[float | None] = (
         [None] * len(models) if start is None else [float(angle) for angle in start]
@@ -239,7 +239,7 @@ def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node
     )
 
 
-def within_reach(
+def attainable_angles(
     models: Sequence[JointModel],
     limits: tuple[Array, Array],
     samples: int,

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
 from planner.inversion.bounds.reachable_set import reachable_set
-from planner.inversion.foot.bound import FootBoundOptions, foot_bound, within_reach
+from planner.inversion.foot.bound import FootBoundOptions, attainable_angles, foot_bound
 from planner.inversion.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
 from planner.inversion.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
 from planner.inversion.foot.invert import invert_foot
@@ -80,7 +80,7 @@ def error_of(plan, requests):
 
 def task_of(plan):
     """The relaxation behind a plan's bound, in units of its error."""
-    lower, upper = within_reach(plan.models, plan.limits, len(plan.wanted), start=plan.start)
+    lower, upper = attainable_angles(plan.models, plan.limits, len(plan.wanted), start=plan.start)
     roots = np.sqrt(plan.weights / np.max(plan.weights))
     starts = [None] * 3 if plan.start is None else plan.start
     sets = [
@@ -166,7 +166,7 @@ def test_no_plan_that_is_planted_is_below_it():
 
 
 def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
-    lower, upper = within_reach(
+    lower, upper = attainable_angles(
         [ERS210A] * 3, (np.full(3, -100.0), np.full(3, 100.0)), 20, start=None
     )
     assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
@@ -278,7 +278,7 @@ def cycles(seed, limits):
 def test_a_cycle_stays_within_reach(seed):
     limits = (-0.3, 0.4)
     for model, angles in cycles(seed, limits):
-        lower, upper = within_reach([model], np.array(limits)[:, np.newaxis], 40, start=None)
+        lower, upper = attainable_angles([model], np.array(limits)[:, np.newaxis], 40, start=None)
         assert np.all(angles >= lower[:, 0] - ROUNDING)
         assert np.all(angles <= upper[:, 0] + ROUNDING)
 
@@ -291,7 +291,7 @@ def test_a_joint_that_rests_first_stays_within_reach(seed):
     requests[0] = 0.1 - model.offset
     angles = simulate(model, requests, cyclic=False, start=0.1)
     limits = np.array([[-0.3], [0.4]])
-    lower, upper = within_reach([model], limits, 40, start=np.array([0.1]))
+    lower, upper = attainable_angles([model], limits, 40, start=np.array([0.1]))
     assert np.all(angles >= lower[:, 0] - ROUNDING)
     assert np.all(angles <= upper[:, 0] + ROUNDING)
 
@@ -299,7 +299,7 @@ def test_a_joint_that_rests_first_stays_within_reach(seed):
 @pytest.mark.parametrize("limits", [(-np.inf, np.inf), (-0.3, np.inf), (-np.inf, 20.0)])
 def test_without_limits_a_cycle_is_within_reach_but_for_whole_turns(limits):
     for model, angles in cycles(0, (5.0, 19.0)):
-        box = within_reach([model], np.array(limits)[:, np.newaxis], 40, start=None)
+        box = attainable_angles([model], np.array(limits)[:, np.newaxis], 40, start=None)
         lower, upper = (edges[0, 0] for edges in box)
         turns = 2.0 * np.pi * np.arange(-5, 6)
         fits = (np.min(angles) + turns >= lower) & (np.max(angles) + turns <= upper)
