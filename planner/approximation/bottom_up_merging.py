@@ -41,7 +41,7 @@ class MergedKnots:
         self._grid = (self._grid - self._first).astype(np.intp)
         turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
         weights = np.resize(np.roll(problem.weights, -self._first), last + 1)
-        self._price = _LinePrice(turned, weights, problem.step)
+        self._cost = _LineCost(turned, weights, problem.step)
         fixed = nearest_samples(problem.required) - self._first
         stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
         stays[[0, -1]] = True
@@ -60,13 +60,13 @@ class MergedKnots:
     def _merge(self, stays: list[bool]) -> list[int]:
         """Samples in the order in which they cease to be knots."""
         grid = [int(k) for k in self._grid]
-        price, last = self._price, len(grid) - 1
+        cost, last = self._cost, len(grid) - 1
         before = list(range(-1, last))
         after = list(range(1, last + 2))
-        own = [price(grid[k], grid[k + 1]) for k in range(last)]  # of the segment from k on
+        own = [cost(grid[k], grid[k + 1]) for k in range(last)]  # of the segment from k on
 
         def loss(knot: int) -> float:
-            joined = price(grid[before[knot]], grid[after[knot]])
+            joined = cost(grid[before[knot]], grid[after[knot]])
             return joined - own[before[knot]] - own[knot]
 
         version = [0] * (last + 1)
@@ -80,7 +80,7 @@ class MergedKnots:
             removed.append(grid[knot])
             version[knot] = -1
             left, right = before[knot], after[knot]
-            own[left] = price(grid[left], grid[right])
+            own[left] = cost(grid[left], grid[right])
             after[left], before[right] = right, left
             for neighbour in (left, right):
                 if not stays[neighbour]:
@@ -89,7 +89,7 @@ class MergedKnots:
         return removed
 
 
-class _LinePrice:
+class _LineCost:
     """Squared error of the best line within the slopes through the samples from i to j."""
 
     def __init__(self, desired: Array, weights: Array, step: float) -> None:

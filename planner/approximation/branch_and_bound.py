@@ -1,4 +1,4 @@
-"""Branch and bound: the proved optimum with knots on samples (docs/math.md, Equation 5b)."""
+"""Branch and bound: the proved optimum with knots on samples ((5b) of docs/math.md)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What more segments buy: the error for every number of them, and what no number can beat."""
+"""Segments against error: the error for every number of segments, and a lower bound."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Knots by dynamic programming: the cheapest chain of segments between the nodes of a grid.
 
-A segment from one sample to another has a price that needs no other segment, so the cheapest chain
+A segment from one sample to another has a cost that needs no other segment, so the cheapest chain
 of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
-segments using dynamic programming, 1961; docs/math.md, Equation 5a). Three prices are used, as they
+segments using dynamic programming, 1961; (5a) of docs/math.md). Three costs are used, as they
 fail on different data:
 
 - `chord`: the segment joins two points of the ideal sequence; within the slopes and continuous at
@@ -10,7 +10,7 @@ fail on different data:
 - `line`: the segment is the best line with a slope within the bounds through its own samples of the
   ideal; indifferent to noise, but the lines need not meet;
 - of a lattice, :func:`lattice_chain`: at each node a few angles around the ideal may be taken, and
-  a segment between two of these states has its exact squared error as its price, infinite if it is
+  a segment between two of these states has its exact squared error as its cost, infinite if it is
   too steep. So the cheapest chain is continuous, within the slopes, and best of all on the lattice.
 """
 
@@ -34,9 +34,9 @@ from planner.approximation.problem import (
 from planner.trajectory import Array
 
 Nodes = npt.NDArray[np.intp]
-Price = Literal["chord", "line"]
+CostKind = Literal["chord", "line"]
 Kind = TypeVar("Kind", bound=np.generic)
-PRICES: tuple[Price, ...] = ("chord", "line")
+COST_KINDS: tuple[CostKind, ...] = ("chord", "line")
 
 
 class Lattice(NamedTuple):
@@ -51,7 +51,7 @@ class ChainOptions:
     """Tuning of the grids.
 
     Attributes:
-        nodes: Most nodes of a grid without angles: prices take this number squared.
+        nodes: Most nodes of a grid without angles: costs take this number squared.
         anchors: Places of a cycle at which chains begin and end; the sharpest corner is one of
             them. 12 instead of 6: 0.001 % less error in the mean for a tenth more time.
         lattices: Few nodes with many angles and more with fewer, as they fail on different data;
@@ -75,7 +75,7 @@ class ChainProposals:
     """Knots of any number of segments, by chord and by line; one more costs O(m²) for m nodes."""
 
     def __init__(self, problem: Problem, ideal: Array) -> None:
-        """Price all segments between nodes.
+        """Work out the costs of all segments between nodes.
 
         Args:
             problem: What to approximate; a cycle begins where a knot is likely.
@@ -102,7 +102,7 @@ class ChainProposals:
         self._all_nodes = nodes
         self._tables = {}
         self._costs = {}
-        self._came_from: dict[Price, list[Nodes]] = {}
+        self._came_from: dict[CostKind, list[Nodes]] = {}
         # Sums, taken at the nodes once: of a path's segments by end and start, of a cycle's by end
         # and place of the start among as many nodes before it, as they recur.
         totals = [each.take(nodes, axis=-1) for each in running(np.array(sides[:2]), sides[2])]
@@ -117,29 +117,29 @@ class ChainProposals:
         ended = [each[..., ends, None] for each in totals]
         sums = between(start, begun, ended)
         possible = segment_allowed(problem, start, end)
-        for price in PRICES:
-            table = _segment_prices(sides[1], sums, start, end, step=problem.step, price=price)
+        for kind in COST_KINDS:
+            table = _segment_costs(sides[1], sums, start, end, step=problem.step, kind=kind)
             table[~possible] = np.inf
             # By end and start, as the least of a row is found faster than that of a column.
-            self._tables[price] = _begun_at(table, self._starts) if problem.cyclic else table[None]
+            self._tables[kind] = _begun_at(table, self._starts) if problem.cyclic else table[None]
             costs = np.full((self._starts.size, count + 1), np.inf)
             costs[:, 0] = 0.0
-            self._costs[price] = [costs]
-            self._came_from[price] = []
+            self._costs[kind] = [costs]
+            self._came_from[kind] = []
         self._cyclic = problem.cyclic
 
     def __call__(self, segments: int) -> list[Array]:
-        """The cheapest chain of ``segments`` for each price and anchor; none beyond the grid."""
+        """The cheapest chain of ``segments`` by cost and anchor; none beyond the grid."""
         proposals: dict[bytes, Array] = {}
         if segments >= self.nodes.size:
             return []
-        for price in PRICES:
-            self._extend(price, segments)
-            totals = self._costs[price][segments][:, -1]
+        for kind in COST_KINDS:
+            self._extend(kind, segments)
+            totals = self._costs[kind][segments][:, -1]
             for anchor in np.argsort(totals, kind="stable"):
                 if not np.isfinite(totals[anchor]):
                     break
-                chain = self._chain(price, segments, int(anchor))
+                chain = self._chain(kind, segments, int(anchor))
                 key = np.sort(chain % self.nodes[-1] if self._cyclic else chain).tobytes()
                 if key not in proposals:
                     knots = with_required(self._problem, chain.astype(np.float64))
@@ -154,19 +154,19 @@ class ChainProposals:
         self._extend("chord", segments)
         return float(np.min(self._costs["chord"][segments][:, -1]))
 
-    def _extend(self, price: Price, segments: int) -> None:
+    def _extend(self, kind: CostKind, segments: int) -> None:
         """Make the costs and the ways of up to ``segments`` segments known."""
-        table, costs, came_from = self._tables[price], self._costs[price], self._came_from[price]
+        table, costs, came_from = self._tables[kind], self._costs[kind], self._came_from[kind]
         while len(came_from) < segments:
             through = costs[-1][:, None, :] + table
             best = np.argmin(through, axis=2)
             costs.append(np.take_along_axis(through, best[:, :, None], axis=2)[:, :, 0])
             came_from.append(best)
 
-    def _chain(self, price: Price, segments: int, anchor: int) -> Nodes:
+    def _chain(self, kind: CostKind, segments: int, anchor: int) -> Nodes:
         """The samples on the way, in order; of a cycle without its end."""
         chain = [self.nodes.size - 1]
-        for level in reversed(self._came_from[price][:segments]):
+        for level in reversed(self._came_from[kind][:segments]):
             chain.append(int(level[anchor, chain[-1]]))
         way: Nodes = self._all_nodes[int(self._starts[anchor]) + np.array(chain[::-1])]
         return way[:-1] if self._cyclic else way
@@ -178,15 +178,15 @@ def _windows(along: npt.NDArray[Kind], count: int) -> npt.NDArray[Kind]:
 
 
 def _begun_at(table: Array, starts: Nodes) -> Array:
-    """Prices in a cycle cut at these nodes.
+    """Costs in a cycle cut at these nodes.
 
     Args:
-        table: Price by end and place of the start among the nodes from a turn before to the end,
+        table: Cost by end and place of the start among the nodes from a turn before to the end,
             shape (m, m + 1), infinite for the last.
         starts: Nodes at which the cycle begins, shape (a,).
 
     Returns:
-        Prices by end and start, each counted from the cut, shape (a, m + 1, m + 1).
+        Costs by end and start, each counted from the cut, shape (a, m + 1, m + 1).
     """
     count = table.shape[0]
     width = 2 * count
@@ -237,7 +237,7 @@ def lattice_chain(
                 states[-1, 0] = pin
     desired = np.resize(np.roll(problem.desired, -first), last + 1)
     weights = np.resize(np.roll(problem.weights, -first), last + 1)
-    table = _state_prices(desired, weights, states, nodes, problem.step)
+    table = _state_costs(desired, weights, states, nodes, problem.step)
     possible = segment_allowed(problem, nodes[:, None] + first, nodes[None, :] + first)
     table.transpose(0, 2, 1, 3)[~possible] = np.inf
     at_start = weights[0] * (states[0] - desired[0]) ** 2
@@ -270,9 +270,7 @@ def _cheapest(table: Array, at_start: Array, segments: int) -> Nodes | None:
     return path
 
 
-def _state_prices(
-    desired: Array, weights: Array, states: Array, nodes: Nodes, step: float
-) -> Array:
+def _state_costs(desired: Array, weights: Array, states: Array, nodes: Nodes, step: float) -> Array:
     """Squared error of a segment between any two states, shape (m, g, m, g)."""
     start, end = nodes[:, None], nodes[None, :]
     sums = moments(desired, weights, start, end)
@@ -285,25 +283,25 @@ def _state_prices(
     by_start = (sums.w0 - 2.0 * k1 + k2)[:, None, :] * a * a - 2.0 * (sums.d0 - d1)[:, None, :] * a
     by_end = k2[:, :, None] * b * b - 2.0 * d1[:, :, None] * b
     cross = (2.0 * (k1 - k2))[:, None, :] * a
-    price = cross[:, :, :, None] * states[None, None, :, :]
-    price += (by_start + sums.d2[:, None, :])[:, :, :, None]
-    price += by_end[:, None, :, :]
+    cost = cross[:, :, :, None] * states[None, None, :, :]
+    cost += (by_start + sums.d2[:, None, :])[:, :, :, None]
+    cost += by_end[:, None, :, :]
     rise = np.abs(states[None, None, :, :] - states[:, :, None, None])
     reach = np.where(end > start, step * length * (1.0 + 1e-9), -1.0)
-    price[rise > reach[:, None, :, None]] = np.inf
-    price[~usable] = np.inf
-    price[:, :, ~usable] = np.inf
-    return np.asarray(price)
+    cost[rise > reach[:, None, :, None]] = np.inf
+    cost[~usable] = np.inf
+    cost[:, :, ~usable] = np.inf
+    return np.asarray(cost)
 
 
-def _segment_prices(
+def _segment_costs(
     ideal: Array,
     sums: Moments,
     start: Nodes,
     end: Nodes,
     *,
     step: float,
-    price: Price,
+    kind: CostKind,
 ) -> Array:
     """Squared errors of segments, each over the samples after its start.
 
@@ -313,15 +311,15 @@ def _segment_prices(
         start: Samples where the segments start, of any shape.
         end: Samples where they end, of the same shape.
         step: Largest change per sample.
-        price: Which price, see the module.
+        kind: Which cost, see the module.
 
     Returns:
-        Prices, of the same shape, infinite where a segment does not end after its start.
+        Costs, of the same shape, infinite where a segment does not end after its start.
     """
-    which = 0 if price == "chord" else 1
+    which = 0 if kind == "chord" else 1
     w0, w1, w2 = sums.w0, sums.w1, sums.w2
     d0, d1, d2 = sums.d0[which], sums.d1[which], sums.d2[which]
-    if price == "chord":
+    if kind == "chord":
         a = ideal[start]
         m = (ideal[end] - a) / np.maximum(end - start, 1)
         error = w0 * a * a + 2.0 * a * m * w1 + m * m * w2

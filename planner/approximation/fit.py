@@ -1,6 +1,6 @@
 """Automated piecewise-linear approximation with bounded slopes: paper, Section 4.1.
 
-The values at the knots are those of least squares, a convex QP (docs/math.md, Equation 5). The
+The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The
 knots are sought, not proved best (:mod:`planner.approximation.knot_search`): dynamic programming on
 grids proposes them, sequential quadratic programming moves knots and values together, and then
 single knots are moved across samples. Where the squared error is within 0.2 % of that of the ideal,
@@ -110,7 +110,7 @@ def fit_pwl(
     """Approximate ``desired`` by few straight lines that a joint of speed ``v_max`` can follow.
 
     The curve is continuous, closed if ``cyclic``, and every slope is within ±v_max. What it costs
-    and how its knots are found is told above, in the module: O(n log n) at most, unless ``exact``.
+    and how its knots are found stand at the top of the module: O(n log n), unless ``exact``.
 
     Args:
         desired: Angles [rad], shape (n,), n >= 3.

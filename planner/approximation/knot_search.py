@@ -36,8 +36,8 @@ from planner.approximation.problem import (
     candidate,
     even_knots,
     feasible_values,
-    fewest_segments,
     fixed_variables,
+    least_count,
     most_segments,
     required_knots,
 )
@@ -122,7 +122,7 @@ class KnotSearch:
         self.problem = self.form.of_problem(coarse)
         self.ideal = to_resolution(self.form.apply(ideal))
         self.given = self.form.of_problem(given)
-        self.fewest = fewest_segments(self.problem)
+        self.fewest = least_count(self.problem)
         self.most = most_segments(self.problem)
         self.ideal_error = float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
         self._found: dict[int, Candidate] = {}

@@ -1,8 +1,8 @@
 """Lagrangian relaxation: a lower bound on every curve with knots on samples.
 
 Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
-Lagrange multiplier p on their difference: a segment from i to j costs the squared error of its
-samples, plus p_j times its end, less p_i times its start (docs/math.md, Equation 5b). Where the
+Lagrange multiplier pi on their difference: a segment from i to j costs the squared error of its
+samples, plus pi_j times its end, less pi_i times its start ((5b) of docs/math.md). Where the
 segments meet, these terms cancel; so for any multipliers the cheapest chain is a lower bound, and
 the better the multipliers the higher it is. The line of least cost between two knots has a closed
 form, as centre and slope are independent of each other.
@@ -88,9 +88,11 @@ class Relaxation:
         places = np.searchsorted(self.nodes, np.mod(fixed, n) if problem.cyclic else fixed)
         self.pins[places] = problem.pins
 
-    def prices(self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], p: Array, q: Array) -> Array:
-        """Least costs of segments from ``i`` to ``j``, whose ends have the multipliers p and q."""
-        rise, tilt, slope = self._lines(i, j, p, q)
+    def costs(
+        self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], pi_i: Array, pi_j: Array
+    ) -> Array:
+        """Least costs of segments from ``i`` to ``j``, whose ends have these multipliers: (5b)."""
+        rise, tilt, slope = self._lines(i, j, pi_i, pi_j)
         error = self.error[i, j] + rise * self.mean[i, j] - rise * rise / (4.0 * self.w0[i, j])
         error += self.sxx[i, j] * (slope - self.slope[i, j]) ** 2 + tilt * slope
         return np.asarray(error)
@@ -117,19 +119,21 @@ class Relaxation:
             return np.asarray(away == 0, dtype=np.float64)
         return np.asarray(np.maximum(0.0, 1.0 - away / width))
 
-    def ends(self, i: int, j: int, p: float, q: float) -> tuple[float, float]:
+    def ends(self, i: int, j: int, pi_i: float, pi_j: float) -> tuple[float, float]:
         """Values of the cheapest line at ``i`` and ``j``."""
-        rise, _, slope = self._lines(i, j, p, q)
+        rise, _, slope = self._lines(i, j, pi_i, pi_j)
         middle = self.mean[i, j] - rise / (2.0 * self.w0[i, j])
         start = middle - slope * self.centre[i, j]
         return float(start), float(start + slope * self.length[i, j])
 
-    def _lines(self, i: object, j: object, p: object, q: object) -> tuple[Array, Array, Array]:
+    def _lines(
+        self, i: object, j: object, pi_i: object, pi_j: object
+    ) -> tuple[Array, Array, Array]:
         """What the multipliers add to centre and slope, and the best slope."""
         at: tuple[object, object] = (i, j)
         centre = self.centre[at]  # type: ignore[index]
-        rise = q - p  # type: ignore[operator]
-        tilt = q * self.length[at] - rise * centre  # type: ignore[operator, index]
+        rise = pi_j - pi_i  # type: ignore[operator]
+        tilt = pi_j * self.length[at] - rise * centre  # type: ignore[operator, index]
         slope = self.slope[at] - tilt / (2.0 * self.sxx[at])  # type: ignore[index]
         return rise, tilt, np.minimum(np.maximum(slope, -self.step), self.step)
 
@@ -144,7 +148,7 @@ class Relaxation:
             steps.append((last, 0, self.nodes.size))
         for t, u, turn in steps:
             i, j = levels[t][:, None], levels[u][None, :]
-            table = self.prices(i, j + turn, out[t, i], into[u, j])
+            table = self.costs(i, j + turn, out[t, i], into[u, j])
             tables.append(table + pin[j] * (out[u, j] - into[u, j]))
         if not self.cyclic:
             tables[0] = tables[0] + pin[0] * (out[0, 0] - into[0, 0])

@@ -65,7 +65,7 @@ def within_largest_error(
             f"attainable is {attainable * unit:.6g} rad; allow that much or a larger v_max"
         )
     widest = max(bound, attainable) * (1.0 + TIE) + ROUNDING
-    course = fewest_segments(problem, widest)
+    course = fewest_segment_curve(problem, widest)
     if course is None:
         raise Infeasible(
             f"max_error and shortest: got {bound * unit:.6g} rad, but no curve found with segments "
@@ -82,13 +82,13 @@ def within_largest_error(
     tight, halvings = course, HALVINGS if problem.samples <= MANY_SAMPLES else FEWER_HALVINGS
     low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + ROUNDING, widest
     if spare > low:
-        other = fewest_segments(problem, spare)
+        other = fewest_segment_curve(problem, spare)
         if other is not None and _segments(problem, other) == count:
             tight, high = other, spare
     if not problem.on_samples and problem.shortest <= 1.0:
         for _ in range(halvings):
             middle = 0.5 * (low + high)
-            other = fewest_segments(problem, middle)
+            other = fewest_segment_curve(problem, middle)
             if other is not None and _segments(problem, other) == count:
                 tight, high = other, middle
             else:
@@ -112,7 +112,7 @@ def _by_pins(problem: Problem) -> float:
     return float(np.max(apart - problem.step * away, initial=0.0))
 
 
-def fewest_segments(problem: Problem, bound: float) -> Course | None:
+def fewest_segment_curve(problem: Problem, bound: float) -> Course | None:
     """The curve of fewest segments within a largest error that is found, with a lower bound.
 
     With knots anywhere, a sample or more apart, see :func:`minimum_link`. With knots on samples it

@@ -21,7 +21,7 @@ SAME_PLACE = 1e-6
 """Distance [samples] at which a knot counts as one that is required."""
 
 BARELY_SHORT = 1e-9
-"""Lack of length [samples] that is left to rounding."""
+"""By how much a segment may be shorter than the shortest one [samples]: rounding."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class Problem:
     on_samples: bool = False
 
     def __post_init__(self) -> None:
-        """Weigh all samples alike unless told otherwise."""
+        """Weigh all samples alike where no weights are given."""
         if self.weights is None:
             object.__setattr__(self, "weights", np.ones(self.desired.size))
 
@@ -224,7 +224,7 @@ def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
     return places, most
 
 
-def fewest_segments(problem: Problem) -> int:
+def least_count(problem: Problem) -> int:
     """Least number of segments of a curve that is not a constant."""
     return max(2 if problem.cyclic else 1, segment_capacity(problem)[1].size)
 

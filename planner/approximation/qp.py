@@ -47,8 +47,8 @@ class QpOptions:
         trusted: Excess over a limit up to which an answer of OSQP is repaired.
         iterations: Most iterations of OSQP.
         tube_iterations: The same with a bound on every sample, where another answer is at hand.
-        ridge: Pull towards the previous values, relative to the Hessian, that makes values at knots
-            without samples determinate.
+        ridge: Weight of the regularisation towards the previous values, relative to the Hessian,
+            that makes values at knots without samples determinate.
         dense: Values and bounds together up to which matrices are dense and the active-set method
             is tried before OSQP. In 160 fits it needed one linear system in 158.
         at_bound: Distance from a bound up to which the values handed over are at it.
@@ -101,7 +101,7 @@ def solve_values(
     Args:
         problem: What to approximate; samples of size one or less.
         knots: Knots, shape (K,).
-        near: Values from which OSQP starts and to which undetermined ones are pulled, shape (K,).
+        near: Values from which OSQP starts, and those of the regularisation, shape (K,).
         tube: Largest error at any sample; ``near`` keeps it.
 
     Returns:
@@ -131,12 +131,12 @@ def solve_values(
 def build_values_qp(
     problem: Problem, knots: Array, near: Array, tube: float | None = None
 ) -> ValuesQP:
-    """The QP in the values at ``knots``, with a tiny pull towards ``near``.
+    """The QP in the values at ``knots``, with a slight regularisation towards ``near``.
 
     Args:
         problem: What to approximate.
         knots: Knots, shape (K,).
-        near: Values towards which undetermined ones are pulled, shape (K,).
+        near: Values of the regularisation, which undetermined ones take, shape (K,).
         tube: Largest error at any sample, if that is bounded.
     """
     size = knots.size

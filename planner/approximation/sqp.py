@@ -87,7 +87,7 @@ def best_values(problem: Problem, several: Sequence[Array]) -> list[Candidate]:
     slack = np.maximum(slacks(problem, here.knots, here.values)[:, :slopes], 0.0)
     hessians = here.hessians[:, size:, size:]
     largest = np.max(np.diagonal(hessians, axis1=1, axis2=2), axis=1, keepdims=True)
-    steps = minimize_damped(
+    steps = minimise_damped(
         hessians,
         np.broadcast_to(largest, here.values.shape),
         np.full(len(several), SQP.ridge),
@@ -238,7 +238,7 @@ def _newton(
             break
         scales = _scales(here.gauss_newton[going], size)
         slack = np.maximum(slacks(problem, here.knots[going], here.values[going]), 0.0)
-        moves, solved, damping[going], predicted = minimize_damped(
+        moves, solved, damping[going], predicted = minimise_damped(
             here.hessians[going],
             scales,
             damping[going],
@@ -281,7 +281,7 @@ class DampedSteps(NamedTuple):
     predicted: Array  # by how much the steps should lower twice the programmes, (m,)
 
 
-def minimize_damped(
+def minimise_damped(
     hessians: Array,
     scales: Array,
     damping: Array,

@@ -167,9 +167,9 @@ def _best_places(
         y[:, 2:] + np.minimum(right.most, steepest) * b,
     )
     by_left, by_right = left.s2 / a**2, right.s2 / b**2
-    pull = by_left * y[:, :1] + by_right * y[:, 2:] + left.s1 / a + right.s1 / b
+    linear = by_left * y[:, :1] + by_right * y[:, 2:] + left.s1 / a + right.s1 / b
     curvature = np.maximum(by_left + by_right, 1e-300)
-    value = np.minimum(np.maximum(pull / curvature, lowest), highest)
+    value = np.minimum(np.maximum(linear / curvature, lowest), highest)
     rise, fall = (value - y[:, :1]) / a, (value - y[:, 2:]) / b
     cost = left.s2 * rise**2 - 2.0 * left.s1 * rise + left.s0
     cost += right.s2 * fall**2 - 2.0 * right.s1 * fall + right.s0

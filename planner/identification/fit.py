@@ -136,7 +136,7 @@ def moving(grid: Grid) -> Grid:
         )
     if np.ptp(grid.requests) <= LEAST_MOTION:
         raise InvalidInput(
-            "the requests never change in this log: record one in which the joint is told to move"
+            "the requests never change in this log: record one in which they move the joint"
         )
     if np.ptp(grid.angles) <= LEAST_MOTION:
         raise InvalidInput(
@@ -183,7 +183,7 @@ def commanded_speed(
 def with_observed_speed(fit: Fit) -> Fit:
     """The fit with a top speed no higher than anything the log called for.
 
-    Beyond that every top speed predicts the same; this one promises the least.
+    Beyond that every top speed predicts the same; this one is the lowest.
     """
     shown = peak_command(fit)
     if fit.parameters.v_max <= shown:

@@ -51,7 +51,7 @@ class LeastSquaresOptions:
         first_step: Share of the residuals that the first step may explain, parameter by parameter:
             longer steps jump to delays a cycle away. On a pure sine the fit ends in a local optimum
             at 0.1 and at 0.4; from 1 on the recording of a servo under load is fitted 8 % worse.
-        quick: Tells a promising start from a poor one.
+        quick: Tells a good start from a poor one.
         search: To a loss that is right to a thousandth, which tells one local optimum from another.
         profile: Tells whether a value is refuted, from a fit with a value close by.
         full: To the optimum: parameters to a millionth of their standard deviations.

@@ -32,7 +32,7 @@ class Alternative:
     """A simpler description of the joint, fitted to the same rows.
 
     Attributes:
-        name: "raw" (the joint is where it was told to be), "delay" or "first_order".
+        name: "raw" (the joint is where it was requested to be), "delay" or "first_order".
         rms: Error over all rows that were used [rad].
         held_out_rms: Error on the rows held out, by its fit to the others [rad]; None where none
             were held out.

@@ -30,7 +30,7 @@ class VerdictOptions:
     Attributes:
         refused: A model that misses more is refused. Recordings of joints that the model is
             meant for leave 0.02 to 0.23, those of an overloaded one 0.23 to 1.
-        suspect: From this error on the user is told what may be the reason.
+        suspect: From this error on a possible reason is reported.
         poor: Error from which a model has to prove its worth beside a mere delay.
         no_better: It then has to come below this share of the error of the delay.
         simpler_wins: A simpler description that predicts held-out rows better by this factor is

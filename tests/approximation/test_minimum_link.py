@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.largest_error import fewest_segments, minimum_link
+from planner.approximation.largest_error import fewest_segment_curve, minimum_link
 from planner.approximation.problem import Problem
 from planner.approximation.slope_projection import attainable_error
 from planner.exceptions import Infeasible
@@ -163,7 +163,7 @@ def test_a_cycle_with_knots_on_samples_is_within_one_segment_of_its_lower_bound(
             step = steepness / samples
             bound = attainable_error(desired, step, cyclic=True) * (1.0 + 1e-9) + share
             problem = Problem(desired=desired, step=step, cyclic=True, on_samples=True)
-            course = fewest_segments(problem, bound)
+            course = fewest_segment_curve(problem, bound)
             assert minimum_link(problem, bound).fewest <= course.fewest
             assert course.fewest <= count(course, cyclic=True) <= course.fewest + 1
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.qp import solve_values, within_slopes
-from planner.approximation.sqp import best_values, minimize_damped
+from planner.approximation.sqp import best_values, minimise_damped
 
 
 def on_the_reference_of(problem, knots):
@@ -72,7 +72,7 @@ def undamped_step(hessian, gradient, rows, bounds):
     """The step of one small QP, None where none was found."""
     free = np.ones((1, gradient.size), dtype=bool)
     arrays = (each[np.newaxis] for each in (hessian, 0.0 * gradient))
-    found = minimize_damped(*arrays, np.ones(1), gradient[None], rows, bounds[None], free)
+    found = minimise_damped(*arrays, np.ones(1), gradient[None], rows, bounds[None], free)
     return found.steps[0] if found.solved[0] else None
 
 

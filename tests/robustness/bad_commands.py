@@ -290,7 +290,7 @@ BAD = {
     ),
     "a log that never moves": (
         ["identify", "-q", "still.csv"],
-        "the requests never change in this log: record one in which the joint is told to move",
+        "the requests never change in this log: record one in which they move the joint",
     ),
     "a log with a time twice": (
         ["identify", "repeated.csv"],
