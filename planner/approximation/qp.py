@@ -2,10 +2,9 @@
 
     minimise  Σ_k w_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
-The Hessian is tridiagonal, closed to a ring for a cycle. For few knots the active bounds of nearby
-values are tried first, and accepted if the conditions of Karush, Kuhn and Tucker hold. Else OSQP
-says which bounds are active and what the values are to its tolerance; :func:`polished` makes them
-exact. :func:`within_slopes` makes the bounds hold to the last digit.
+The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
+the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
+the bounds hold to the last digit.
 """
 
 from __future__ import annotations
@@ -49,10 +48,7 @@ class QpOptions:
         tube_iterations: The same with a bound on every sample, where another answer is at hand.
         ridge: Weight of the regularisation towards the previous values, relative to the Hessian,
             that makes values at knots without samples determinate.
-        dense: Values and bounds together up to which matrices are dense and the active-set method
-            is tried before OSQP. In 160 fits it needed one linear system in 158.
-        at_bound: Distance from a bound up to which the values handed over are at it.
-        active_sets: Most active sets that are tried; OSQP solves the rest.
+        dense: Values and bounds together up to which polishing takes dense matrices.
     """
 
     tolerance: float = 1e-9
@@ -61,8 +57,6 @@ class QpOptions:
     tube_iterations: int = 5_000
     ridge: float = 1e-11
     dense: int = 64
-    at_bound: float = 1e-9
-    active_sets: int = 10
 
 
 QP = QpOptions()
@@ -114,8 +108,7 @@ def solve_values(
         return feasible_values(problem, knots)
     near = feasible_values(problem, knots) if near is None else near
     qp = build_values_qp(problem, knots, near)
-    exact = _by_active_set(qp, near) if isinstance(qp.A, np.ndarray) else None
-    values = _solved(problem, qp, near) if exact is None else exact
+    values = _solved(problem, qp, near)
     if tube is None:
         return values
     tube_qp = build_values_qp(problem, knots, near, tube)
@@ -203,43 +196,6 @@ def _matrix(
     return sparse.csc_matrix((data, (row, column)), shape=shape)
 
 
-def _by_active_set(qp: ValuesQP, near: Array) -> Array | None:
-    """The minimiser by the primal-dual active-set method, from the bounds that ``near`` is at.
-
-    Hintermüller, Ito and Kunisch, The primal-dual active set strategy as a semismooth Newton
-    method, 2003. A search hands over the curve of its last step, whose active bounds are those of
-    the answer or nearly so: one or two linear systems, 0.2 ms where OSQP takes 1.
-
-    Args:
-        qp: The QP, dense.
-        near: Values near the minimiser, shape (K,).
-
-    Returns:
-        Values that meet the conditions of Karush, Kuhn and Tucker, shape (K,); None where the set
-        did not settle.
-    """
-    equal = qp.lower == qp.upper
-    here = qp.A @ near
-    above, below = here >= qp.upper - QP.at_bound, here <= qp.lower + QP.at_bound
-    for _ in range(QP.active_sets):
-        active = above | below | equal
-        at = np.flatnonzero(active)
-        found = _with_active(qp, at, np.where(above, qp.upper, qp.lower)[at])
-        if found is None:
-            return None
-        values, pressure = found[0], np.zeros(qp.lower.size)
-        pressure[at] = found[1]
-        here = qp.A @ values
-        now_above = np.where(active, above & (pressure > 0.0), here > qp.upper + LIMIT_ROUNDING)
-        now_below = np.where(active, below & (pressure < 0.0), here < qp.lower - LIMIT_ROUNDING)
-        if np.array_equal(now_above | equal, above | equal) and np.array_equal(
-            now_below | equal, below | equal
-        ):
-            return values
-        above, below = now_above, now_below
-    return None
-
-
 def _solved(
     problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = QP.iterations
 ) -> Array:
@@ -318,19 +274,16 @@ def polished(qp: ValuesQP, values: Array, multipliers: Array) -> Array:
     pressed = np.abs(multipliers) > 1e-9 * np.max(np.abs(multipliers), initial=0.0)
     nearer = np.where(multipliers > 0.0, qp.upper, qp.lower)
     active = np.flatnonzero((pressed & np.isfinite(nearer)) | (qp.lower == qp.upper))
-    found = _with_active(qp, active, nearer[active])
-    if found is None:
+    better = _with_active(qp, active, nearer[active])
+    if better is None:
         return values
-    better = found[0]
     if qp.excess(better) > max(qp.excess(values), 1e-12):
         return values
     return better
 
 
-def _with_active(
-    qp: ValuesQP, active: npt.NDArray[np.intp], target: Array
-) -> tuple[Array, Array] | None:
-    """The minimiser with some rows at a target each, and their multipliers; None if singular."""
+def _with_active(qp: ValuesQP, active: npt.NDArray[np.intp], target: Array) -> Array | None:
+    """The minimiser with some rows at a target each; None if singular."""
     rows, size = qp.A[active, :], qp.q.size
     solve = _kkt_solver(qp.P, rows)
     if solve is None:
@@ -339,7 +292,7 @@ def _with_active(
     for _ in range(3):
         y, u = exact[:size], exact[size:]
         exact = exact + solve(np.append(-qp.q - qp.P @ y - rows.T @ u, target - rows @ y))
-    return exact[:size], exact[size:]
+    return exact[:size]
 
 
 def _kkt_solver(P: Any, rows: Any) -> Callable[[Array], Array] | None:
