@@ -4,17 +4,18 @@ Direct transcription: all angles M and all requests R are unknowns, and the mode
 them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010, ch. 4;
 ``docs/math.md``, section 6). With D the desired angles, c the offset and theta_0 the unit of angle:
 
-    minimise    sum_k (M_k - D_k)^2 + rho sum_k (R_k - D_k + c)^2          norm "rms"
-                n s^2 + rho sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= s     norm "max"
-    subject to  M_k = F_e(M_(k-1), R_(k-y), ..., R_(k-o))                  Equation 3
+    minimise    sum_k (M_k - D_k)^2 + alpha sum_k (R_k - D_k + c)^2        norm "rms"
+                n r^2 + alpha sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= r   norm "max"
+    subject to  M_k = F(M_(k-1), R_(k-first), ..., R_(k-last))             Equation 3
                 lower <= R_k <= upper
                 M_(-1) = M_(n-1),  R_(-j) = R_(n-j)                        cyclic
                 M_(-1) = start,    R_(-j) = R_0 = start - c                from rest
 
-F_e is one request period of the joint, the corners of Equation 2 rounded with radius e. The
-programme is solved for smaller and smaller e, each time from the answer before. With sharp corners
-both solvers fail, or report success at two or three times the error; therefore every answer is
-judged by the exact model, and the best one is kept.
+F is one request period of the joint, with the corners of Equation 2 rounded, and first and last are
+the ages of the requests that act. The programme is solved for smaller and smaller radii of the
+corners, each time from the answer before. With sharp corners both solvers fail, or report success
+at two or three times the error; therefore every answer is judged by the exact model, and the best
+one is kept.
 """
 
 from __future__ import annotations
@@ -60,10 +61,10 @@ class TranscriptionOptions:
     "gauss-newton" on average, 0.2 % at worst; the figures below are changes of this excess.
 
     Attributes:
-        radii: Radii e of the rounded corners [theta_0], a programme each. Of the first three, half
+        radii: Radii of the rounded corners [theta_0], a programme each. Of the first three, half
             gives 0.06 % on average and 0.7 % at worst, twice 0.2 and 1.2 %. The fourth wins 0.01 %,
             and 0.3 % in the norm "max", for half as much time again.
-        weight: Weight rho on the distance of the requests from those that rest at the desired
+        weight: Weight alpha on the distance of the requests from those that rest at the desired
             angles. At half of it the average is 0.04 %, at twice 0.06 %; at a tenth and at ten
             times the worst is 0.7 and 1.4 %.
         iterations: Most iterations for each radius. At half of them the answers are the same, but
@@ -245,7 +246,7 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
     The lag is a pure shift, so stage k chooses the youngest request u_k that acts on sample k, and
     its state x_k is the angle before it and the other requests that act. What couples stages that
     are not neighbours is carried along as z_k: for a cycle the first state, where the last stage
-    has to end; for the norm "max" the largest error s. From rest the first stage is that of the
+    has to end; for the norm "max" the largest error r. From rest the first stage is that of the
     first request that may be chosen.
     """
     import casadi
@@ -325,7 +326,7 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
 
 
 def _step(model: JointModel) -> Any:
-    """F_e as a CasADi function of the angle before, the requests that act, and the radius."""
+    """F as a CasADi function of the angle before, the requests that act, and the radius."""
     import casadi
 
     angle, radius = casadi.SX.sym("M"), casadi.SX.sym("e")

@@ -36,7 +36,7 @@ class Stage(NamedTuple):
 
     Attributes:
         radius: Radius of the saturation's corners [theta_0].
-        weight: Weight of the regularisation, rho of (10), relative to that of the squared errors.
+        weight: Weight of the regularisation, alpha of (10), relative to that of the squared errors.
         power: The errors' exponent in the cost.
         steps: Steps at most: the next stage carries on where this one stops.
         smoothing: Whether the regularisation is the sum of the squared changes from one request to

@@ -1,15 +1,15 @@
 """One Gauss-Newton step of the optimised inversion, at a cost in proportion to the length.
 
 Angles and requests are unknowns both; that each angle follows from the one before it and from the
-requests is a condition, linearised to ``B dM = H dR + delta`` (B bidiagonal, H banded, delta the
+requests is a condition, linearised to ``B dM = H dR + defects`` (B bidiagonal, H banded;
 defects of the dynamics, as in multiple shooting). The step solves (11) of ``docs/math.md``,
 
-    minimise  2 g' dM + dM' (K + E) dM + rho |R + dR - R0|^2 + dR' Delta dR   subject to the above
+    minimise  2 g' dM + dM' (K + E) dM + alpha |R + dR - R*|^2 + dR' Delta dR   subject to the above
 
 over the free requests, where g and K are gradient and curvature of the cost, sample by sample, and
 Delta and E are diagonal, Levenberg-Marquardt terms. Of its KKT system the multipliers lambda are
 found first: one unknown per sample and joint, and the banded positive definite Schur complement
-``B (K + E)^-1 B' + H Q^-1 H'`` with ``Q = rho + Delta`` (12). A cycle is folded, first sample
+``B (K + E)^-1 B' + H Q^-1 H'`` with ``Q = alpha + Delta`` (12). A cycle is folded, first sample
 beside last, so that its matrix is banded too.
 """
 
@@ -81,7 +81,7 @@ def kkt_step(
         response: Derivatives at the current angles and requests.
         cost: The cost of the angles.
         regularisation: The cost of the requests.
-        defects: delta, by how much the angles fall short of where the periods lead, (n, joints).
+        defects: By how much the angles fall short of where the periods lead, (n, joints).
         damping: The Levenberg-Marquardt terms.
         free: Requests that may change, shape (n, joints).
 

@@ -28,7 +28,7 @@ class TrackingProblem:
     Attributes:
         models: The joints, whose requests are sent together.
         goal: What they should do.
-        resting: Requests that would hold the desired angles, R_0 of (10) [rad], (n, joints).
+        resting: Requests that would hold the desired angles, R* of (10) [rad], (n, joints).
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
         lower, upper: Limits on the requests [rad], shape (joints,).

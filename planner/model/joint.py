@@ -54,7 +54,7 @@ def clip(value: Any, low: Any, high: Any) -> Any:
 
 
 def rounded_clip(radius: Any) -> Clip:
-    """A clip with corners rounded by ``radius`` e: each ``|x|`` of it becomes sqrt(x^2 + e^2).
+    """A clip with corners of this radius: each ``|x|`` of it becomes sqrt(x^2 + radius^2).
 
     Nothing but operators: for floats, arrays and CasADi expressions.
     """
