@@ -16,9 +16,12 @@ language = "en"
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
     "mathml",
     "equations",
     "commands",
+    "charts",
+    "gallery",
     "docstrings",
     "notebook",
 ]
@@ -27,7 +30,17 @@ exclude_patterns = ["_site"]
 nitpicky = True
 nitpick_ignore_regex = [
     ("py:class", r"numpy\..*"),  # not of this project, and not to be had without a network
-    ("py:(mod|func|data|class)", r"(kinematics\.|SHIPPED|collections).*"),  # no public name
+    (
+        "py:class",
+        r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver"
+        r"|Models|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
+        r"|planner\.robot\.follow\.Planning|planner\.retiming\.(Impossible|SpeedErrors)",
+    ),  # the same, or aliases, or parts of an answer that its own docstring describes
+    (
+        "py:(mod|func|data|class)",
+        r"(kinematics\.|planner$|SHIPPED|collections).*",
+    ),  # no public name
+    ("py:(func|class)", r"planner\.(model|files|evaluation)\..*|speed_law"),
 ]
 
 html_theme = "furo"
@@ -58,5 +71,8 @@ myst_heading_anchors = 3
 autodoc_default_options = {"members": True, "inherited-members": "Exception, tuple"}
 autodoc_preserve_defaults = True
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {"npt.ArrayLike": "ArrayLike", "Array": "Array"}
+python_maximum_signature_line_length = 80
 add_module_names = False

@@ -2,7 +2,7 @@
 
     python examples/how_good.py
 
-Writes how_good.svg, the error for every number of lines above the bound that no requests can beat.
+Writes how_good.svg, the error for every number of lines above the lower bound.
 """
 
 from __future__ import annotations
@@ -15,22 +15,24 @@ import planner
 
 def main() -> None:
     """Plan the rotator of the reference walk with more and more lines, and bound it."""
-    joint, wanted = planner.JointModel.ers210a(), planner.reference_walk().desired[:, 0]
-    optimal = planner.invert_optimal(joint, wanted)
-    bounds = {level: planner.certify(joint, wanted, level=level) for level in ("slope", "envelope")}
+    joint, desired = planner.JointModel.ers210a(), planner.reference_walk().desired[:, 0]
+    optimal = planner.invert_optimal(joint, desired)
+    bounds = {
+        level: planner.certify(joint, desired, level=level) for level in ("slope", "envelope")
+    }
     print(f"optimised: {np.degrees(optimal.rms):.3f} deg rms")
     for level, certificate in bounds.items():
         share = 100.0 * (optimal.rms / certificate.bound - 1.0)
-        print(f"no plan below ({level}): {np.degrees(certificate.bound):.3f}, {share:.2f} % away")
+        print(f"lower bound ({level}): {np.degrees(certificate.bound):.3f}, {share:.2f} % away")
 
     counts = range(2, 11)
     errors = {
         "closed form, as in the paper": [
-            planner.invert_closed_form(joint, wanted, segments=lines, refine=False).rms
+            planner.invert_closed_form(joint, desired, segments=lines, refine=False).rms
             for lines in counts
         ],
         "closed form, knots refined": [
-            planner.invert_closed_form(joint, wanted, segments=lines).rms for lines in counts
+            planner.invert_closed_form(joint, desired, segments=lines).rms for lines in counts
         ],
     }
     figure, axes = plt.subplots(figsize=(7.5, 3.4), layout="constrained")

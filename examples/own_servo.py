@@ -1,9 +1,9 @@
 """From a servo's log to requests that it follows.
 
-    python examples/own_servo.py                 # a servo made up here stands in for yours
+    python examples/own_servo.py                 # a simulated servo in place of yours
     python examples/own_servo.py my_log.csv      # columns t_s, requested_deg, actual_deg
 
-Writes requests.csv, to be played, and own_servo.svg, wanted against direct and planned angles.
+Writes requests.csv, to be played, and own_servo.svg, desired against direct and planned angles.
 """
 
 from __future__ import annotations
@@ -29,20 +29,22 @@ def recorded() -> planner.Log:
     )
 
 
-def wanted_motion(period: float) -> np.ndarray:
+def desired_motion(period: float) -> np.ndarray:
     """One second of a sweep back and forth, quicker at times than the servo can [rad]."""
     phase = 2.0 * np.pi * np.arange(round(1.0 / period)) * period
     return np.radians(40.0 * np.sin(phase) + 10.0 * np.sin(3.0 * phase))
 
 
-def draw(wanted: np.ndarray, direct: np.ndarray, plan: planner.Inversion) -> None:
-    """Wanted against direct and planned angles, and the requests."""
-    times = plan.model.period * np.arange(len(wanted))
+def draw(desired: np.ndarray, direct: np.ndarray, plan: planner.Inversion) -> None:
+    """Draw desired, direct and planned angles, and the requests."""
+    times = plan.model.period * np.arange(len(desired))
     figure, axes = plt.subplots(figsize=(7.5, 3.6), layout="constrained")
     axes.plot(times, np.degrees(plan.requests), color="#d18b00", label="requested, as planned")
-    axes.plot(times, np.degrees(direct), color="#c8501a", label="the wanted angles requested")
+    axes.plot(
+        times, np.degrees(direct), color="#c8501a", label="direct: the desired angles requested"
+    )
     axes.plot(times, np.degrees(plan.predicted), color="#0067a8", lw=2.4, label="planned")
-    axes.plot(times, np.degrees(wanted), "--", color="#15181c", label="wanted")
+    axes.plot(times, np.degrees(desired), "--", color="#15181c", label="desired")
     axes.set(xlabel="time [s]", ylabel="angle [deg]")
     axes.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside upper center", ncols=2, frameon=False)
@@ -61,18 +63,18 @@ def main() -> None:
     if not found.accepted:
         raise SystemExit("the model does not describe this servo: do not plan with it")
 
-    wanted = wanted_motion(found.model.period)
+    desired = desired_motion(found.model.period)
     limits = (np.radians(-60.0), np.radians(60.0))
-    plan = planner.invert_optimal(found.model, wanted, limits=limits)
-    direct = planner.simulate(found.model, wanted)
-    missed = np.degrees(np.sqrt(np.mean((direct - wanted) ** 2)))
-    print(f"requesting the wanted angles: {missed:.2f} deg rms")
+    plan = planner.invert_optimal(found.model, desired, limits=limits)
+    direct = planner.simulate(found.model, desired)
+    missed = np.degrees(np.sqrt(np.mean((direct - desired) ** 2)))
+    print(f"requesting the desired angles: {missed:.2f} deg rms")
     print(f"planned: {np.degrees(plan.rms):.2f}, at most {100 * plan.gap:.1f} % above the optimum")
 
-    times = found.model.period * np.arange(len(wanted))
+    times = found.model.period * np.arange(len(desired))
     table = np.column_stack([times, np.degrees(plan.requests)])
     np.savetxt("requests.csv", table, delimiter=",", header="t_s,servo_deg", comments="")
-    draw(wanted, direct, plan)
+    draw(desired, direct, plan)
 
 
 if __name__ == "__main__":

@@ -11,14 +11,14 @@ import planner
 
 
 class Servos:
-    """Yours; this one only remembers what it was told."""
+    """Yours; this one only keeps what it was sent."""
 
     def __init__(self) -> None:
-        self.told: list[np.ndarray] = []
+        self.sent: list[np.ndarray] = []
 
     def send(self, requests: np.ndarray) -> None:
         """One row of requests, one for each joint [rad]."""
-        self.told.append(requests)
+        self.sent.append(requests)
 
     def angles(self) -> list[float]:
         """Where the joints are [rad]."""
@@ -42,7 +42,7 @@ def main() -> None:
         on_stop=servos.relax,
     )
     print(report)
-    print(f"{len(servos.told)} rows of requests were sent")
+    print(f"{len(servos.sent)} rows of requests were sent")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A walking leg: its foot where it is wanted, requested directly, joint by joint, and as a whole.
+"""A walking leg: the desired path of its foot, requested directly, joint by joint, and as a whole.
 
     python examples/walking_leg.py
 
@@ -25,7 +25,7 @@ def main() -> None:
     whole = planner.invert_foot(joint, walk.leg, walk.desired_foot)
     direct = np.column_stack([planner.simulate(joint, angles) for angles in columns])
     paths = {
-        "wanted": walk.desired_foot,
+        "desired": walk.desired_foot,
         "direct": walk.leg.foot_positions(direct),
         "joint by joint": walk.leg.foot_positions(np.column_stack([p.predicted for p in each])),
         "all at once": whole.foot,
@@ -34,7 +34,7 @@ def main() -> None:
     colours = {"direct": "#c8501a", "joint by joint": "#00805f", "all at once": "#b3126b"}
     for name, path in paths.items():
         far = 100.0 * np.linalg.norm(path - walk.desired_foot, axis=1)
-        if name != "wanted":
+        if name != "desired":
             print(f"{name}: {np.sqrt(np.mean(far**2)):.2f} cm rms, {far.max():.2f} at most")
         around = 100.0 * np.vstack([path, path[:1]])  # [cm]
         style = {"color": colours[name]} if name in colours else {"color": "#15181c", "ls": "--"}

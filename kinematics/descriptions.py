@@ -21,6 +21,10 @@ def urdf_path(name: str) -> Path:
 
     Raises:
         UnknownDescription: No such file is shipped.
+
+    Example:
+        >>> urdf_path("ers210a.urdf").name
+        'ers210a.urdf'
     """
     if not isinstance(name, str):
         raise InvalidInput(f"name: got {type(name).__name__}, expected one of {', '.join(SHIPPED)}")

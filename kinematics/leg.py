@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -14,9 +14,10 @@ import numpy.typing as npt
 from kinematics.branches import jumps
 from kinematics.chain import Array, Chain, Indices, read_only
 from kinematics.closed_form import ClosedForm, find_closed_form
-from kinematics.exceptions import InvalidInput, InvalidPath
+from kinematics.exceptions import InvalidInput, InvalidPath, UnsupportedLeg
 from kinematics.inverse import InverseSolution, Unreachable, solve_inverse
 from kinematics.limits import Limits
+from kinematics.load import GRAVITY, Masses, central_differences, checked_period
 from kinematics.read_urdf import read_chain
 
 FARTHEST = 1e6
@@ -39,6 +40,7 @@ class Leg:
         chain: Their constants, checked against Pinocchio.
         speeds: Their top speeds by the URDF [rad/s], NaN where it has none, shape (k,); or None.
         near: A pose [rad] near which paths start, shape (k,); None to start deep inside the limits.
+        masses: What the joints carry; None where the leg was not read from a URDF.
     """
 
     base: str
@@ -48,6 +50,7 @@ class Leg:
     chain: Chain
     speeds: Array | None = None
     near: Array | None = None
+    masses: Masses | None = None
 
     @classmethod
     def from_urdf(
@@ -79,9 +82,10 @@ class Leg:
                 is neither revolute nor continuous, or one that mimics another.
             InvalidInput: A joint cannot be held like that, or is not on the leg.
         """
-        chain, names, limits, speeds = read_chain(path, base=base, foot=foot, locked=locked)
+        found = read_chain(path, base=base, foot=foot, locked=locked)
+        chain, names, limits, speeds, masses = found
         pose = None if near is None else _pose(near, names, limits)
-        return cls(base, foot, names, limits, chain, speeds, pose)
+        return cls(base, foot, names, limits, chain, speeds, pose, masses)
 
     @cached_property
     def closed_form(self) -> ClosedForm | None:
@@ -135,6 +139,52 @@ class Leg:
             InvalidPath: ``angles`` is not a finite array of shape (n, k).
         """
         return read_only(self.chain.jacobians(self._angles(angles)))
+
+    def load_torques(
+        self,
+        angles: npt.ArrayLike,
+        *,
+        dynamics: bool = False,
+        period: float | None = None,
+        cyclic: bool = True,
+        gravity: Sequence[float] = GRAVITY,
+    ) -> Array:
+        """Torques that the robot's own links put on the joints: ``load`` of :mod:`planner`.
+
+        The torque tau on a joint acts in the direction of positive angles: it is minus what the
+        servo has to supply to hold the pose, or with ``dynamics`` to follow the path,
+
+        ``tau = -(M(q) a + C(q, v) v + g(q))``,
+
+        by Pinocchio's recursive Newton-Euler algorithm, with v and a by central differences along
+        the path. Everything counts that the joints carry, also links beyond the foot and beside the
+        leg. The robot's root link stands still, and joints that are not the leg's rest where they
+        are locked or else at 0.
+
+        Args:
+            angles: Joint angles q [rad], shape (n, k); limits are not enforced.
+            dynamics: Whether speeds v and accelerations a count, or gravity alone.
+            period: Time between samples [s]; needed with ``dynamics``.
+            cyclic: With ``dynamics``: whether the path repeats for ever, or rests before its first
+                and after its last sample.
+            gravity: Acceleration of falling bodies in the frame of the root link [m/s^2]; by
+                default its z axis points up. ``(0, 0, 9.80665)`` is a robot that hangs.
+
+        Returns:
+            Torques [N m], shape (n, k), read-only.
+
+        Raises:
+            InvalidPath: ``angles`` is not a finite array of shape (n, k).
+            UnsupportedLeg: The URDF has no masses, or the leg was not read from one.
+            InvalidInput: ``gravity`` or ``period`` cannot be used.
+        """
+        path = self._angles(angles)
+        if self.masses is None:
+            raise UnsupportedLeg("the leg has no masses: make it with Leg.from_urdf")
+        if not dynamics:
+            return self.masses.load_torques(path, gravity=gravity)
+        motion = central_differences(path, checked_period(period), cyclic=cyclic)
+        return self.masses.load_torques(path, *motion, gravity=gravity)
 
     def joint_angles(self, foot: npt.ArrayLike, *, unreachable: Unreachable = "raise") -> Array:
         """Joint angles that put the foot at each point of a path: inverse kinematics.

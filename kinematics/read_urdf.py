@@ -12,6 +12,7 @@ import numpy as np
 from kinematics.chain import Array, Chain, read_only
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnsupportedLeg
 from kinematics.limits import Limits
+from kinematics.load import Masses
 from kinematics.robot import Robot, find_frame, joints_between, read_robot
 
 AGREEMENT = 1e-12
@@ -32,12 +33,14 @@ class ChainInRobot(NamedTuple):
         joint_names: Names of the joints, from the base to the foot.
         limits: Their limits.
         speeds: Their top speeds [rad/s], NaN where the URDF has none, shape (k,).
+        masses: What the joints carry.
     """
 
     chain: Chain
     joint_names: tuple[str, ...]
     limits: Limits
     speeds: Array
+    masses: Masses
 
 
 def read_chain(
@@ -94,7 +97,8 @@ def read_chain(
     if not np.all(np.isfinite(np.concatenate([chain.translations.ravel(), chain.tip]))):
         raise InvalidUrdf(path, f"an origin between {base!r} and {foot!r} is not finite")
     _check_against_pinocchio(robot, chain, start, end, joints)
-    return ChainInRobot(chain, names, limits, _read_speeds(model, joints))
+    masses = Masses(robot, tuple(joints))
+    return ChainInRobot(chain, names, limits, _read_speeds(model, joints), masses)
 
 
 def _placements(robot: Robot, between: list[int], start: Any, end: Any) -> list[Any]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.chain import Array
+from kinematics.chain import Array, read_only
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnknownFrame, UnsupportedLeg
 
 MOST_BYTES = 64 * 2**20
@@ -73,7 +73,7 @@ def read_robot(path: Path, *, locked: Mapping[str, float] | None = None) -> Robo
     lower, upper = model.lowerPositionLimit, model.upperPositionLimit
     rest = np.clip(pinocchio.neutral(model), lower, upper)
     held = {_held(model, rest, *each) for each in (locked or {}).items()}
-    return Robot(model, mimics, frozenset(held), rest)
+    return Robot(model, mimics, frozenset(held), read_only(rest))
 
 
 def _read_model(path: Path) -> tuple[Any, set[str]]:

@@ -20,6 +20,13 @@ def foot_function(leg: Leg) -> Any:
     Returns:
         ``casadi.Function``: angles (k,) [rad] to foot (3,) [m] and Jacobian (3, k) [m/rad], both in
         the base frame. Its ``map(n)`` takes a whole path, shape (k, n).
+
+    Example:
+        >>> from kinematics import Leg, urdf_path
+        >>> leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
+        >>> foot, jacobian = foot_function(leg)([0.0, 0.2, 1.0])
+        >>> foot.shape, jacobian.shape
+        ((3, 1), (3, 3))
     """
     import casadi
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         PlannerError,
         SolverFailed,
     )
+    from planner.files.joint_model import read_models
     from planner.files.logs.options import LogOptions
     from planner.files.logs.read import joints_in, read_logs
     from planner.gait import half_ellipse, reference_walk
@@ -36,16 +37,23 @@ if TYPE_CHECKING:
     from planner.inversion.line_inverse import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
+    from planner.inversion.stream import Stream
+    from planner.learning.history import Learning, SensorDelay, Trial
+    from planner.learning.refine import refine
     from planner.model.joint import JointModel
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
     from planner.model.step_test import step_test
-    from planner.robot.play import Playback, play
-    from planner.robot.timed_requests import TimedRequest, timed_requests
+    from planner.planning import Plan, plan
+    from planner.replaying import Replay, replay
+    from planner.retiming import Fastest, fastest
+    from planner.robot.follow import follow
+    from planner.robot.play import Playback, TimedRequest, play, timed_requests
 
 __all__ = [
     "Certificate",
     "CurveStack",
+    "Fastest",
     "FootInversion",
     "Identification",
     "Infeasible",
@@ -55,21 +63,29 @@ __all__ = [
     "InvalidTrajectory",
     "Inversion",
     "JointModel",
+    "Learning",
     "Log",
     "LogOptions",
     "MissingExtra",
     "NoSteadyCycle",
     "OutsideEquation13",
     "PiecewiseLinear",
+    "Plan",
     "PlannerError",
     "Playback",
+    "Replay",
+    "SensorDelay",
     "SolverFailed",
+    "Stream",
     "TimedRequest",
+    "Trial",
     "__version__",
     "certify",
     "closed_form_requests",
     "cross_check",
+    "fastest",
     "fit_pwl",
+    "follow",
     "half_ellipse",
     "identify",
     "invert_closed_form",
@@ -78,9 +94,13 @@ __all__ = [
     "joints_in",
     "line_offset",
     "lower_bound",
+    "plan",
     "play",
     "read_logs",
+    "read_models",
     "reference_walk",
+    "refine",
+    "replay",
     "sensitivities",
     "simulate",
     "step_test",
@@ -105,6 +125,7 @@ _HOMES = {
         "PlannerError",
         "SolverFailed",
     ),
+    "planner.files.joint_model": ("read_models",),
     "planner.files.logs.options": ("LogOptions",),
     "planner.files.logs.read": ("joints_in", "read_logs"),
     "planner.gait": ("half_ellipse", "reference_walk"),
@@ -118,12 +139,18 @@ _HOMES = {
     "planner.inversion.line_inverse": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
+    "planner.inversion.stream": ("Stream",),
+    "planner.learning.history": ("Learning", "SensorDelay", "Trial"),
+    "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),
     "planner.model.step_test": ("step_test",),
-    "planner.robot.play": ("Playback", "play"),
-    "planner.robot.timed_requests": ("TimedRequest", "timed_requests"),
+    "planner.planning": ("Plan", "plan"),
+    "planner.replaying": ("Replay", "replay"),
+    "planner.retiming": ("Fastest", "fastest"),
+    "planner.robot.follow": ("follow",),
+    "planner.robot.play": ("Playback", "TimedRequest", "play", "timed_requests"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -20,7 +20,13 @@ Errors of the leg are in :mod:`kinematics.exceptions`.
 
 from __future__ import annotations
 
+import math
+from contextvars import ContextVar
 from pathlib import Path
+from typing import Literal
+
+ANGLE_UNIT: ContextVar[Literal["rad", "deg", "percent"]] = ContextVar("ANGLE_UNIT", default="rad")
+"""Unit of the angles in messages: radians, as in Python; degrees on the command line."""
 
 LONGEST = 1500
 """Characters of a message; of a longer one the middle is left out."""
@@ -76,7 +82,8 @@ class MissingExtra(InvalidInput):
         """Say how to install it."""
         self.extra = extra
         super().__init__(
-            f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]'"
+            f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]', "
+            f"or '.[{extra}]' in a checkout"
         )
 
 
@@ -93,7 +100,7 @@ class NoSteadyCycle(PlannerError):
         self.mismatch = mismatch
         self.cycles = cycles
         super().__init__(
-            f"no steady cycle after {cycles} cycles: its ends are {mismatch:.3g} rad apart; "
+            f"no steady cycle after {cycles} cycles: its ends are {angle_text(mismatch)} apart; "
             "the requests let the joint drift, so bring them closer to the joint's range, "
             "or simulate from rest (cyclic=False)"
         )
@@ -119,6 +126,13 @@ class SolverFailed(PlannerError):
 
 class OutsideEquation13(UserWarning):
     """The paper's rule for lines is used for a joint that breaks Equation 13."""
+
+
+def angle_text(*radians: float) -> str:
+    """An angle [rad], or one to another, in a message, in the unit in which the user writes."""
+    unit = ANGLE_UNIT.get()
+    numbers = (each if unit == "rad" else math.degrees(each) for each in radians)
+    return f"{' to '.join(f'{each:.6g}' for each in numbers)} {unit}"
 
 
 def printable(text: str) -> str:

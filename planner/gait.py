@@ -55,6 +55,13 @@ def half_ellipse(
 
     Raises:
         InvalidInput: A parameter is not a number or out of its range.
+
+    Example:
+        >>> half_ellipse(samples=4).round(3)  # x forward, y outward, z up [m]
+        array([[ 0.098,  0.028, -0.077],
+               [ 0.049,  0.028, -0.077],
+               [ 0.   ,  0.028, -0.077],
+               [ 0.049,  0.028, -0.035]])
     """
     count = _count(samples)
     length = _number("length", length, above=0.0)
@@ -87,7 +94,7 @@ class ReferenceWalk:
         wanted_foot: The half ellipse in the hip frame [m], shape (88, 3), read-only.
         desired: Desired joint angles [rad], shape (88, 3), read-only.
         desired_foot: Where these angles bring the foot [m], shape (88, 3), read-only.
-        reachable: Whether that is the wanted point, read-only, shape (88,).
+        reachable: Whether that is the desired point, read-only, shape (88,).
         joint_names: The joints, in the order of the columns.
     """
 
@@ -105,6 +112,11 @@ def reference_walk() -> ReferenceWalk:
     On the way up to the top of the swing 15 of the 88 points are out of reach of the simplified
     leg or past a joint limit. There the argument of each inverse function is clamped, then the
     angles to the limits; the desired foot path is the one that these angles trace.
+
+    Example:
+        >>> walk = reference_walk()
+        >>> walk.desired.shape, walk.leg.joint_names
+        ((88, 3), ('rotator', 'abductor', 'knee'))
     """
     leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
     wanted_foot = half_ellipse()
@@ -136,8 +148,8 @@ def _number(
     bounds = [f"at least {least:g}"] if math.isfinite(least) else []
     bounds += [f"above {above:g}"] if math.isfinite(above) else []
     bounds += [f"below {below:g}"] if math.isfinite(below) else []
-    wanted = " ".join(["a finite number", " and ".join(bounds)]).strip()
-    raise InvalidInput(f"{name}: got {shown(value)}, expected {wanted}")
+    expected = " ".join(["a finite number", " and ".join(bounds)]).strip()
+    raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
 
 
 def _count(samples: int) -> int:

@@ -114,7 +114,7 @@ def stride(
             heading=heading,
         )
         angles = started.joint_angles(foot)
-        _check_seam(leg, angles)
+        _check_closed(leg, angles)
         if not fixed and dexterity(leg.chain, angles).min() < least:
             raise Infeasible("foot: the leg would be close to stretched or folded")
         return Stride(foot, long, high, centre, pose, angles)
@@ -151,7 +151,7 @@ def _largest(made: Callable[[float], Stride]) -> Stride:
     return best
 
 
-def _check_seam(leg: Leg, angles: Array) -> None:
+def _check_closed(leg: Leg, angles: Array) -> None:
     """Refuse a cycle in which the leg leaps from one pose to another."""
     jumps = leg.jumps(np.vstack([angles, angles[:1]]))
     if jumps.size:

@@ -9,6 +9,7 @@ import os
 import pickle
 import shutil
 import subprocess
+from collections import Counter, defaultdict
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from click.testing import CliRunner
 from hypothesis import settings
 
 from tests.browser import Browser
+from tests.snapshots import Snapshot
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("suite")
@@ -25,18 +27,62 @@ settings.load_profile("suite")
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/robustness/test_same_bytes.py",
     "tests/virtual/test_experiment.py",
-    "tests/robustness/test_killed.py",
+    "tests/corpus/test_corpus.py",
+    "tests/cli/test_compare.py",
     "tests/inversion/foot/test_bound.py",
+    "tests/identification/test_recordings.py",
+    "tests/evaluation/test_cross_check.py",
+    "tests/robustness/test_same_bytes.py",
+    "tests/robustness/test_killed.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end."""
+
+
+def pytest_addoption(parser):
+    """Say what is to become of snapshots."""
+    parser.addoption(
+        "--rewrite-snapshots",
+        action="store_true",
+        help="write what tests get into their snapshots instead of comparing it with them",
+    )
+    parser.addoption(
+        "--keep-outputs",
+        type=Path,
+        metavar="FOLDER",
+        help="keep what the commands of tests/corpus write, byte by byte, to compare with diff -r",
+    )
+
+
+@pytest.fixture
+def snapshot(request):
+    """The snapshots beside a test's file."""
+    rewrite = request.config.getoption("rewrite_snapshots")
+    return Snapshot(request.path.parent / "snapshots", rewrite=rewrite)
 
 
 def pytest_collection_modifyitems(items):
     """Put the slowest files first: whole files go to the processes, in the order of the items."""
     slow = {name: place for place, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: slow.get(item.nodeid.partition("::")[0], len(slow)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_terminal_summary(terminalreporter):
+    """Say at the very end what was not tested here: each reason once, with its files."""
+    summary = yield
+    skipped = defaultdict(Counter)
+    for report in terminalreporter.stats.get("skipped", []):
+        if isinstance(report.longrepr, tuple):  # an expected failure has none
+            reason = report.longrepr[2].removeprefix("Skipped: ")
+            skipped[reason][report.nodeid.partition("::")[0]] += 1
+    if skipped:
+        terminalreporter.section("not tested here", blue=True)
+    for reason, files in sorted(skipped.items()):
+        terminalreporter.line(f"{reason}: {files.total()} skipped")
+        for file, count in files.most_common():
+            terminalreporter.line(f"  {count:4d} of {file}")
+    return summary
 
 
 @pytest.fixture(scope="session")

@@ -7,13 +7,16 @@ import math
 import numpy as np
 
 
-def equation_2(x, *, v_max, theta_0):
-    """F of Equation 2, case by case; v_max in rad/tick."""
-    if x >= theta_0:
-        return v_max
-    if x <= -theta_0:
-        return -v_max
-    return x * v_max / theta_0
+def equation_2(x, *, v_max, theta_0, dead_band=0.0, v_offset=0.0):
+    """F of Equation 2, case by case; v_max and v_offset in rad/tick."""
+    if abs(x) <= dead_band:
+        return 0.0
+    speed = (x - math.copysign(dead_band, x)) * v_max / theta_0
+    if speed >= v_max + v_offset:
+        return v_max + v_offset
+    if speed <= v_offset - v_max:
+        return v_offset - v_max
+    return speed
 
 
 def equation_3(request_at, ticks, before, *, v_max, theta_0, lag, acceleration):
@@ -28,8 +31,21 @@ def equation_3(request_at, ticks, before, *, v_max, theta_0, lag, acceleration):
     return np.array(angles)
 
 
-def windowed(model, request_at, ticks, before):
-    """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; ``request_at(tick)``."""
+def of_whole_ticks(model, requests, start):
+    """Equation 3 for a model of whole ticks, the first request having been there for ever."""
+    return equation_3(
+        lambda t: requests[max(t, 0)],
+        len(requests),
+        start,
+        v_max=model.v_max * model.tick,
+        theta_0=model.theta_0,
+        lag=round(model.lag / model.tick),
+        acceleration=round(model.acceleration_time / model.tick),
+    )
+
+
+def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0):
+    """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; of functions of ticks."""
     lag, acceleration = model.lag / model.tick, model.acceleration_time / model.tick
     window = []
     for i in range(1, math.ceil(lag + acceleration) + 2):
@@ -40,30 +56,42 @@ def windowed(model, request_at, ticks, before):
     for t in range(ticks):
         total = 0.0
         for i, length in window:
-            error = request_at(t - i) + model.offset - before
+            error = request_at(t - i) + model.offset + model.compliance * load_at(t) - before
             total += length * equation_2(
-                error, v_max=model.v_max * model.tick, theta_0=model.theta_0
+                error,
+                v_max=model.v_max * model.tick,
+                theta_0=model.theta_0,
+                dead_band=model.dead_band,
+                v_offset=(model.v_offset + model.speed_per_torque * load_at(t)) * model.tick,
             )
         before = before + total / acceleration
         angles.append(before)
     return np.array(angles)
 
 
-def from_rest(model, requests, *, start=None):
+def from_rest(model, requests, *, start=None, load=None):
     """Angles at the requests, one entry each, the first request having been there for ever."""
-    before = requests[0] + model.offset if start is None else start
+    load = np.zeros(len(requests)) if load is None else load
+    before = requests[0] + model.offset + model.compliance * load[0] if start is None else start
 
     def request_at(tick):
         return requests[max(tick // model.hold, 0)]
 
-    return windowed(model, request_at, len(requests) * model.hold, before)[:: model.hold]
+    def load_at(tick):
+        return load[-(-tick // model.hold) % len(load)]
+
+    ticks = len(requests) * model.hold
+    return windowed(model, request_at, ticks, before, load_at)[:: model.hold]
 
 
-def next_cycle(model, requests, last_angle):
+def next_cycle(model, requests, last_angle, *, load=None):
     """Angles at the requests of the cycle that follows the one that ends in ``last_angle``."""
     hold, n = model.hold, len(requests)
 
     def request_at(tick):  # tick 0 is the one after the last sample of the cycle before
         return requests[(n - 1 + (tick + 1) // hold) % n]
 
-    return windowed(model, request_at, n * hold, last_angle)[hold - 1 :: hold]
+    def load_at(tick):
+        return 0.0 if load is None else load[tick // hold]
+
+    return windowed(model, request_at, n * hold, last_angle, load_at)[hold - 1 :: hold]

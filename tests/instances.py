@@ -30,7 +30,7 @@ class ReferenceJoint(NamedTuple):
 
     @property
     def desired(self) -> Array:
-        """Wanted angles [rad], shape (88,)."""
+        """Desired angles [rad], shape (88,)."""
         return reference_walk().desired[:, self.column]
 
     @property

@@ -22,20 +22,35 @@ def ticks(least, most):
 
 
 @st.composite
-def models(draw, *, whole=False, holds=(1, 4), offsets=True):
-    """Joints of every kind: Equation 13 kept or broken, corners of the parameters included."""
+def models(draw, *, whole=False, holds=(1, 4), offsets=True, friction=False, overshoots=True):
+    """Joints of every kind: Equation 13 kept or broken, corners of the parameters included.
+
+    Those with friction can move against any load within ±1 N m.
+    """
     lag = draw(whole_ticks if whole else ticks(0.0, 7.0))
     acceleration = draw(st.integers(1, 9).map(float) if whole else ticks(0.25, 9.0))
     theta_0 = draw(st.floats(0.02, 0.3))
-    ratio = draw(st.floats(0.02, 1.95))  # v_max per tick over theta_0; 2 is impossible
+    # v_max per tick over theta_0; 2 is impossible
+    ratio = draw(st.floats(0.02, 1.95 if overshoots else 1.0))
+    v_max = ratio * theta_0 / TICK
+    dry = {}
+    if friction:
+        share = draw(st.floats(-0.9, 0.9))
+        dry = {
+            "dead_band": draw(st.one_of(st.just(0.0), st.floats(0.001, 0.3))),
+            "v_offset": share * v_max,
+            "compliance": draw(st.one_of(st.just(0.0), st.floats(0.0, 0.3))),
+            "speed_per_torque": draw(st.floats(0.0, 0.9)) * (1.0 - abs(share)) * v_max,
+        }
     return JointModel(
-        v_max=ratio * theta_0 / TICK,
+        v_max=v_max,
         theta_0=theta_0,
         lag=lag * TICK,
         acceleration_time=acceleration * TICK,
         tick=TICK,
         hold=draw(st.integers(*holds)),
         offset=draw(st.floats(-0.5, 0.5)) if offsets else 0.0,
+        **dry,
     )
 
 

@@ -151,6 +151,23 @@ def test_a_long_walk_repeats_nothing_and_closes():
     assert np.max(np.abs(long_walk(88).desired - REFERENCE_JOINTS[0].desired)) <= 1e-15
 
 
+def test_rivals_of_a_stream_are_what_they_are_called():
+    from benchmark.parts import stream
+
+    path, model = np.array([0.0, 1.0, 1.0, 2.0]), planner.JointModel.ers210a()
+    assert np.array_equal(stream.smoothed(path), [0.0, 0.25, 0.4375, 0.828125])
+    assert np.array_equal(stream.earlier(path, 1), [0.0, 1.0, 2.0, 2.0])
+    slope = 0.5 * np.arange(60) * model.period  # [rad/s]
+    late = planner.simulate(model, stream.fed_forward(model, slope), cyclic=False)
+    assert abs(late[-5] - slope[-5]) <= 0.5 * model.period  # half a tick: docs/math.md, section 3
+    assert list(stream.times(3).rows) == [
+        "8 ms",
+        "10 ms",
+        "20 ms, 4 ticks of the model, dry friction",
+        "30 ms, dry friction",
+    ]
+
+
 def test_numbers_are_written_short():
     from benchmark.table import Table, written
 
@@ -235,3 +252,13 @@ def test_another_curve_of_the_same_error_is_as_good_on_another_processor(tmp_pat
     table, lines = beside("that", first, second)
     assert table.rows["fits"][:5] == (4, 1, 2, 1, 1)
     assert lines.splitlines() == ["  fits, worse: by 0.5, loss 10 %"]
+
+
+def test_many_episodes_are_measured_where_they_run():
+    from benchmark.parts.scale import carried_out, episode, local, nothing
+
+    with local(1) as engine:
+        run, idle = carried_out(episode, 2, engine), carried_out(nothing, 4, engine)
+    assert run["in a worker, ms"] > idle["in a worker, ms"] == 0.0
+    assert run["memory"] > 1.0
+    assert idle["beside, ms"] > 0.0

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
-from planner.robot.ramp import ramp
+from planner.robot.play import ramp
 
 TICK = 1.0 / 128.0
 """A period whose multiples floating point has exactly [s], so that times can be compared."""
@@ -100,14 +100,14 @@ def test_the_last_request_is_sent_however_late():
     assert report.latest == 99.0 - 3 * TICK
 
 
-def test_a_sender_slower_than_the_period_is_told():
+def test_a_sender_slower_than_the_period_is_reported():
     report = Robot(sending=2.5 * TICK).play(cycles=10)
     assert report.overruns == report.sent
     assert report.sent + report.skipped == 40
     assert f"{report.overruns} overruns, {report.skipped} skipped" in str(report)
 
 
-def test_ctrl_c_ends_a_walk_for_ever_and_is_told():
+def test_ctrl_c_ends_a_walk_for_ever_and_is_reported():
     robot = Robot()
     robot.fail_at, robot.failure = 41, KeyboardInterrupt()
     report = robot.play()
@@ -164,7 +164,7 @@ def test_the_report_is_the_answer_where_there_is_one():
     assert not told[1].failed
 
 
-def test_a_robot_is_led_to_the_first_request_no_faster_than_told():
+def test_a_robot_is_led_to_the_first_request_no_faster_than_the_limit():
     robot, speed = Robot(), 0.5
     report = robot.play(cycles=1, current=[0.1, 0.7], speed=speed)
     rows = np.vstack([[0.1, 0.7], robot.rows[:-4], WALK[0]])

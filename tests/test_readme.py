@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.files.joint_model import read_models
+from planner.files.joint_model import read_model_file
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -25,7 +25,7 @@ def test_the_first_screen_has_a_few_lines_of_python():
 def test_the_model_file_of_the_readme_is_one(tmp_path):
     file = tmp_path / "model.toml"
     file.write_text(_block("toml"))
-    hip, knee = read_models(file).for_joints(["hip", "knee"])
+    hip, knee = read_model_file(file).for_joints(["hip", "knee"])
     assert (hip.lag, knee.lag) == pytest.approx((0.032, 0.040))
 
 

@@ -23,8 +23,8 @@ BESIDE = (
     *("README.md", "pyproject.toml"),
 )
 KINDS = {
-    *("", ".cff", ".css", ".html", ".ipynb", ".js", ".json", ".md", ".py", ".svg", ".toml"),
-    *(".typed", ".urdf"),
+    *("", ".cff", ".css", ".csv", ".html", ".ipynb", ".js", ".json", ".md", ".py", ".svg", ".toml"),
+    *(".txt", ".typed", ".urdf"),
 }
 
 
@@ -106,5 +106,5 @@ def test_the_scripts_look_for_the_pythons_that_the_metadata_names():
 def test_the_extra_for_developers_has_what_the_others_need_in_the_same_versions():
     extras = PROJECT["optional-dependencies"]
     inside = {*extras["dev"]}
-    for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml"):
+    for extra in ("parquet", "bags", "mujoco", "meshcat", "yaml", "cluster", "sweep"):
         assert set(extras[extra]) <= inside, extra

@@ -1,4 +1,4 @@
-"""A walk for any leg: as large as the leg traces it well, where it is told, or an error."""
+"""A walk for any leg: as large as the leg traces it well, of a given size, or an error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_
 from tests.robustness.hostile import ARRAYS, NUMBERS, OTHERS
 
 TRACED = 1e-9
-"""The inverse promises this [m]."""
+"""Largest distance to the foot that the inverse leaves [m]."""
 
 
 @pytest.fixture

@@ -18,6 +18,14 @@ RAISES = re.compile(r"^(:raises )(\w+)(?=:)")
 """Both packages have an `InvalidInput`: the one meant is that of the package itself."""
 
 
+ALIASES = (
+    (re.compile(r"TypeAliasForwardRef\('([\w.]+)'\)"), r"\1"),
+    (re.compile(r"[~\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]"), "ArrayLike"),
+    (re.compile(r"[~\w.]*ndarray\[[^()]*?float64\]\]"), "Array"),
+)
+"""How Sphinx writes aliases of types within other types, and their names."""
+
+
 def _outside_literals(line):
     pieces = re.split(r"(``.*?``)", line)
     return "".join(
@@ -41,8 +49,17 @@ def _skip(*told):
     return True if type(member).__name__ == "_tuplegetter" else None
 
 
+def _plain_types(app, what, name, obj, options, signature, returned):  # noqa: ARG001
+    """Write the aliases of types by their names."""
+    for pattern, alias in ALIASES:
+        signature = signature and pattern.sub(alias, signature)
+        returned = returned and pattern.sub(alias, returned)
+    return signature, returned
+
+
 def setup(app):
     """Take every docstring so."""
+    app.connect("autodoc-process-signature", _plain_types)
     app.connect("autodoc-skip-member", _skip)
     app.connect("autodoc-process-docstring", _prepare)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

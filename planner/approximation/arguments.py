@@ -1,4 +1,4 @@
-"""The arguments of a fit, checked once: each on its own, and whether they can be met together."""
+"""The arguments of a fit: checks of each, and of whether one curve can meet all of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.problem import BARELY_SHORT
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, angle_text
 from planner.trajectory import LARGEST, Array, as_trajectory
 from planner.validation import as_flag, as_number, as_whole, freeze, shown
 
@@ -18,7 +18,7 @@ Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]
 
 SMALLEST = 1e-30
-"""A speed, a time or an error below this is a mistake: nothing is as exact."""
+"""Smallest speed, time or error that is accepted: no measurement is as exact."""
 
 ARGUMENT_ROUNDING = 1e-13
 """Relative excess of a slope between two pins over v_max that is left to rounding."""
@@ -66,7 +66,7 @@ class Arguments:
     def __post_init__(self) -> None:
         """Refuse arguments that exclude each other."""
         if self.max_error is not None and self.max_rms is not None:
-            raise InvalidInput("max_error, max_rms: got both, expected one; leave one away")
+            raise InvalidInput("max_error, max_rms: got both, expected one; leave one out")
         if self.knots is not None and self.segments is not None:
             raise InvalidInput("knots, segments: got both, expected one; knots say how many")
         if self.exact and self.knots is None and self.segments is None and self.max_rms is None:
@@ -133,7 +133,7 @@ def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
 def checked_knots(
     required: Required, ends: Ends, n: int, *, cyclic: bool, name: str = "required"
 ) -> tuple[Array, Array]:
-    """Knots that there must be, in order, and the values there, NaN where free."""
+    """Required knots, increasing, and the required values there, NaN where free."""
     if not isinstance(required, Iterable) or getattr(required, "ndim", 1) != 1:
         raise InvalidInput(f"{name}: got {shown(required)}, expected sample indices")
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
@@ -157,13 +157,13 @@ def checked_knots(
         if angle is None:
             continue
         if cyclic:
-            raise InvalidInput("ends: a cycle has none; leave them away, or say cyclic=False")
+            raise InvalidInput("ends: a cycle has none; leave them out, or give cyclic=False")
         pin = _number("ends", angle)
         other = found.get(place, math.nan)
         if not math.isnan(other) and other != pin:
             raise Infeasible(
-                f"required and ends: got {other:.6g} rad and {pin:.6g} rad at sample {place:g}; "
-                "leave one of them away"
+                f"required and ends: got {angle_text(other)} and {angle_text(pin)} at sample "
+                f"{place:g}; leave one of them out"
             )
         found[place] = pin
     places = np.array(sorted(found))
@@ -171,7 +171,7 @@ def checked_knots(
 
 
 def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
-    """All knots in order, if they are given."""
+    """All knots, increasing; None where they are not given."""
     if knots is None:
         return None
     given = as_trajectory(knots, name="knots", minimum=1)
@@ -179,7 +179,7 @@ def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> A
 
 
 def checked_shortest(shortest: float) -> float:
-    """The length of the shortest segment, if it is a sample or more."""
+    """Least length of a segment [samples]; raise InvalidInput where it is below 1."""
     length = positive("shortest", shortest, "samples")
     if length < 1.0:
         raise InvalidInput(f"shortest: got {shortest:g}, expected 1 or more [samples]")
@@ -187,7 +187,7 @@ def checked_shortest(shortest: float) -> float:
 
 
 def positive(name: str, value: float, unit: str) -> float:
-    """The number, if it is one above 0."""
+    """The number; raise InvalidInput unless it is finite, above 0 and of a plausible size."""
     number = as_number(value)
     if not number > 0.0:
         raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number above 0 [{unit}]")
@@ -199,7 +199,7 @@ def positive(name: str, value: float, unit: str) -> float:
 
 
 def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> int | None:
-    """The number of segments, if the samples allow it."""
+    """The number of segments; raise InvalidInput where the samples do not allow it."""
     if segments is None:
         return None
     count = as_whole(segments)
@@ -224,7 +224,7 @@ def _number(name: str, value: object) -> float:
 
 
 def check_feasible(arguments: Arguments) -> None:
-    """Raise Infeasible, with the pair that is to blame, if no curve can be as required.
+    """Raise Infeasible if no curve meets all requirements, and name the two that conflict.
 
     Raises:
         Infeasible: Two required angles are too far apart, two required knots too close, or there is
@@ -260,10 +260,10 @@ def _check_slopes(arguments: Arguments) -> None:
     if abs(slopes[k]) > arguments.v_max * (1.0 + ARGUMENT_ROUNDING):
         n = arguments.desired.size
         raise Infeasible(
-            f"required angles {angles[k]:.6g} rad at sample {places[k]:g} and {angles[k + 1]:.6g} "
-            f"rad at sample {places[k + 1] % n:g}: got a slope of {slopes[k]:.6g} rad/s between "
-            f"them, expected at most v_max = {arguments.v_max:.6g} rad/s; move one of them or "
-            "allow a larger v_max"
+            f"required angles {angle_text(angles[k])} at sample {places[k]:g} and "
+            f"{angle_text(angles[k + 1])} at sample {places[k + 1] % n:g}: got a slope of "
+            f"{angle_text(slopes[k])}/s between them, expected at most v_max = "
+            f"{angle_text(arguments.v_max)}/s; move one of them or allow a larger v_max"
         )
 
 
@@ -288,7 +288,7 @@ def _check_lengths(arguments: Arguments) -> None:
     if apart[k] < shortest - BARELY_SHORT:
         raise Infeasible(
             f"required knots at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} "
-            f"samples apart, expected at least shortest = {shortest:g}; leave one away or allow "
+            f"samples apart, expected at least shortest = {shortest:g}; leave one out or allow "
             "shorter segments"
         )
     unit = math.ceil(shortest - BARELY_SHORT) if arguments.on_samples else shortest
@@ -305,7 +305,7 @@ def _check_lengths(arguments: Arguments) -> None:
     if segments is not None and segments < fewest:
         raise Infeasible(
             f"segments = {segments} and {arguments.required.size} required knots: they make at "
-            f"least {fewest} segments; ask for more or leave some away"
+            f"least {fewest} segments; ask for more or leave some out"
         )
     constant = 2.0 * (arguments.max_error or 0.0) >= float(np.ptp(arguments.desired))
     if arguments.cyclic and most < 2 and not constant:
@@ -316,7 +316,7 @@ def _check_lengths(arguments: Arguments) -> None:
 
 
 def _check_errors(arguments: Arguments, bound: float) -> None:
-    """Whether a required angle is further than the bound from a sample, wherever the curve goes."""
+    """Raise Infeasible where the slopes keep a required angle beyond the bound from a sample."""
     n, step = arguments.desired.size, arguments.v_max * arguments.tick
     samples = np.arange(n, dtype=np.float64)
     for place, angle in zip(arguments.required, arguments.pins, strict=True):
@@ -329,7 +329,7 @@ def _check_errors(arguments: Arguments, bound: float) -> None:
         k = int(np.argmax(least))
         if least[k] > bound * (1.0 + 1e-9):
             raise Infeasible(
-                f"required angle {angle:.6g} rad at sample {place:g} and max_error: with slopes "
-                f"within ±v_max the error at sample {k} is at least {least[k]:.6g} rad, expected "
-                f"at most {bound:.6g} rad; move the angle or allow more error"
+                f"required angle {angle_text(angle)} at sample {place:g} and max_error: with "
+                f"slopes within ±v_max the error at sample {k} is at least {angle_text(least[k])}, "
+                f"expected at most {angle_text(bound)}; move the angle or allow more error"
             )

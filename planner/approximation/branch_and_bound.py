@@ -7,10 +7,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 
-from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.lagrangian_bound import (
     Levels,
     Multipliers,
@@ -18,9 +18,11 @@ from planner.approximation.lagrangian_bound import (
     climb,
     first_multipliers,
 )
-from planner.approximation.problem import Candidate, Problem
+from planner.approximation.problem import Candidate, Problem, required_knots
 from planner.approximation.slope_projection import ideal_of
+from planner.approximation.sqp import best_values
 from planner.exceptions import SolverFailed
+from planner.trajectory import Array
 
 
 @dataclass(frozen=True)
@@ -32,10 +34,13 @@ class BranchOptions:
         samples: Samples up to which the optimum is proved: memory grows with their square, of a
             cycle their cube at the first bound.
         branches: Halves that are looked at before the search gives up.
-        few: Sets of knots that are tried one by one rather than halved.
-        root_steps: Steps of the multipliers at first.
+        few: Sets of knots that are tried one by one rather than halved. 8 and 32: the same answers
+            in the same time, of 32 fits of 3 and 5 segments at n = 88.
+        root_steps: Steps of the multipliers at first. 30: the same answers in the same time.
         branch_steps: The same after each halving.
         widest: Neighbours of a knot that take part of its first steps [samples].
+        moves: What a knot of the curve to begin with is moved by [samples].
+        helps: Relative decrease of the squared error that counts as one.
     """
 
     proved: float = 1e-6
@@ -45,6 +50,8 @@ class BranchOptions:
     root_steps: int = 60
     branch_steps: int = 25
     widest: int = 6
+    moves: tuple[float, ...] = (-1.0, 1.0, -2.0, 2.0, -4.0, 4.0)
+    helps: float = 1e-12
 
 
 BRANCHES = BranchOptions()
@@ -171,7 +178,7 @@ class _BranchAndBound:
 
 
 def halves_of(levels: Levels) -> list[Levels]:
-    """The widest level cut in two, and what of the others that leaves possible."""
+    """The branch cut in two at its widest level, without places that became impossible."""
     widest = int(np.argmax([level.size for level in levels]))
     middle = levels[widest].size // 2
     halves = []
@@ -184,3 +191,43 @@ def halves_of(levels: Levels) -> list[Levels]:
         if all(level.size for level in half):
             halves.append(half)
     return halves
+
+
+class KnotsOnSamples:
+    """Curves of best values at sets of knots on samples, each solved once."""
+
+    def __init__(self, problem: Problem) -> None:
+        """An empty store of curves."""
+        self._problem = problem
+        self._solved: dict[tuple[float, ...], Candidate] = {}
+
+    def curve(self, knots: Array) -> Candidate:
+        """The curve of best values at these knots."""
+        return self.curves([knots])[0]
+
+    def curves(self, several: Sequence[Array]) -> list[Candidate]:
+        """The curves of best values at as many knots each."""
+        keys = [tuple(np.asarray(knots, dtype=np.float64).tolist()) for knots in several]
+        new = [key for key in dict.fromkeys(keys) if key not in self._solved]
+        found = best_values(self._problem, [np.array(key) for key in new])
+        self._solved.update(zip(new, found, strict=True))
+        return [self._solved[key] for key in keys]
+
+    def moved(self, knots: Array) -> Candidate:
+        """The best curve reached by moving single knots and pairs of neighbours."""
+        best = self.curve(knots)
+        size = best.knots.size
+        movable = ~required_knots(self._problem, best.knots)[0]
+        groups = [[k] for k in range(size)] + [[k, (k + 1) % size] for k in range(size)]
+        groups = [group for group in groups if size > 1 and np.all(movable[group])]
+        improved = True
+        while improved:
+            improved = False
+            for group in groups:
+                moves = np.zeros((len(BRANCHES.moves), size))
+                moves[:, group] = np.array(BRANCHES.moves)[:, None]
+                tried = [each for each in best.knots + moves if self._problem.long_enough(each)]
+                other = min(self.curves(tried), key=attrgetter("error"), default=best)
+                if other.error < (1.0 - BRANCHES.helps) * best.error:
+                    best, improved = other, True
+        return best

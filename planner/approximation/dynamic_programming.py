@@ -51,12 +51,16 @@ class ChainOptions:
     """Tuning of the grids.
 
     Attributes:
-        nodes: Most nodes of a grid without angles: costs take this number squared.
+        nodes: Most nodes of a grid without angles: costs take this number squared. 64: 2.5 % of the
+            fits at n = 88 worse by 0.1 %, by 2 % at worst; 256: no change there.
         anchors: Places of a cycle at which chains begin and end; the sharpest corner is one of
-            them. 12 instead of 6: 0.001 % less error in the mean for a tenth more time.
+            them. 3: 0.001 % more error in the mean, 0.1 % at worst; 12: 0.001 % less for a tenth
+            more time.
         lattices: Few nodes with many angles and more with fewer, as they fail on different data;
             without both, errors are 11 % higher at worst.
-        nodes_per_segment: Nodes of a lattice for every segment, where that is more.
+        nodes_per_segment: Nodes of a lattice for every segment, where that is more. 2: 0.02 % more
+            error in the mean of 80 fits of 14 to 40 segments; 8: 2 % of the fits with 12 segments
+            and fewer worse by 0.1 %.
     """
 
     nodes: int = 128

@@ -44,7 +44,7 @@ class Bound(NamedTuple):
 
 
 class Relaxation:
-    """All segments between samples, with what their costs depend on."""
+    """All segments between samples, with the sums from which their costs follow."""
 
     def __init__(self, problem: Problem, nodes: npt.NDArray[np.intp] | None = None) -> None:
         """Sum the samples of all segments, those at their ends by half.
@@ -110,7 +110,7 @@ class Relaxation:
         return np.asarray(last + turns * self.samples, dtype=np.float64)
 
     def around(self, node: int, width: int) -> Array:
-        """How much of the step at ``node`` each node takes, shape (m,); at a pin only it."""
+        """Share of the step at ``node`` that each node takes, shape (m,); at a pin only the pin."""
         count = self.nodes.size
         away = np.abs(np.arange(count) - node % count)
         if self.cyclic:

@@ -1,4 +1,4 @@
-"""What is approximated, in units of the search, and the constraints on knots besides the slopes.
+"""The samples in units of the search, and the constraints on knots besides the slopes.
 
 The samples are of size one; time is counted in samples. Knots may be fixed: the ends of a path,
 required knots, and all of them where knots lie on samples. Values may be fixed at required knots.
@@ -22,6 +22,10 @@ SAME_PLACE = 1e-6
 
 BARELY_SHORT = 1e-9
 """By how much a segment may be shorter than the shortest one [samples]: rounding."""
+
+
+BARELY = 1e-9
+"""Relative distance from a bound on the error that rounding cannot cross."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +86,7 @@ class Problem:
 
 
 class Candidate(NamedTuple):
-    """A curve that is being considered, and its squared error."""
+    """A candidate curve and its squared error."""
 
     knots: Array  # (K,)
     values: Array  # (K,)
@@ -181,7 +185,7 @@ def nearest_samples(required: Array) -> npt.NDArray[np.intp]:
 
 
 def with_required(problem: Problem, knots: Array) -> Array | None:
-    """Knots from a grid of samples, with the required ones moved to where they belong.
+    """Knots from a grid of samples, with the nearest ones replaced by required knots.
 
     Args:
         problem: What to approximate.

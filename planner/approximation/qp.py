@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from planner.approximation.least_squares import sums_by
 from planner.approximation.problem import (
+    BARELY,
     Problem,
     candidate,
     feasible_values,
@@ -27,11 +28,8 @@ from planner.approximation.problem import (
     segment_ends,
     with_pins,
 )
-from planner.exceptions import Infeasible, SolverFailed
+from planner.exceptions import Infeasible, SolverFailed, angle_text
 from planner.trajectory import Array
-
-BARELY = 1e-9
-"""Relative distance from a bound on the error that rounding cannot cross."""
 
 LIMIT_ROUNDING = 1e-13
 """Relative excess over a limit that is left to rounding."""
@@ -41,20 +39,26 @@ LIMIT_ROUNDING = 1e-13
 class QpOptions:
     """Tolerances of the QPs; the samples are of size one.
 
+    Effects are those on 160 fits of 2 to 12 segments and 96 with requirements, at n = 88.
+
     Attributes:
-        tolerance: Of OSQP, relative and absolute; polishing makes its answer exact.
-        trusted: Excess over a limit up to which an answer of OSQP is repaired.
-        iterations: Most iterations of OSQP.
+        tolerance: Of OSQP, relative and absolute. 1e-8 and 1e-10: no change, as polishing makes its
+            answer exact.
+        trusted: Excess over a limit up to which an answer of OSQP is repaired. 1e-7 and 1e-5: no
+            change.
+        iterations: Most iterations of OSQP. 5,000 and 500,000: no change.
         tube_iterations: The same with a bound on every sample, where another answer is at hand.
+            5,000: no smaller errors, and a third more time for thousands of samples.
         ridge: Weight of the regularisation towards the previous values, relative to the Hessian,
-            that makes values at knots without samples determinate.
-        dense: Values and bounds together up to which polishing takes dense matrices.
+            that makes values at knots without samples determinate. 1e-13 and 1e-9: no change.
+        dense: Values and bounds together up to which polishing takes dense matrices. 0: a fifth
+            more time; 32 and 128: no change.
     """
 
     tolerance: float = 1e-9
     trusted: float = 1e-6
     iterations: int = 50_000
-    tube_iterations: int = 5_000
+    tube_iterations: int = 2_000
     ridge: float = 1e-11
     dense: int = 64
 
@@ -346,8 +350,8 @@ def values_within(problem: Problem, knots: Array, bound: float | None, unit: flo
     if least > bound * (1.0 + BARELY):
         raise Infeasible(
             f"knots and max_error: with these knots samples {pair[0]} and {pair[1]} cannot both be "
-            f"kept within {bound * unit:.6g} rad, the smallest largest error is "
-            f"{least * unit:.6g} rad; add a knot near them or allow more error"
+            f"kept within {angle_text(bound * unit)}, the smallest largest error is "
+            f"{angle_text(least * unit)}; add a knot near them or allow more error"
         )
     return solve_values(problem, knots, closest, tube=max(bound, least) * (1.0 - 0.5 * BARELY))
 

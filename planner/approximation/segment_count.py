@@ -1,4 +1,4 @@
-"""How many segments: as few as do what was asked."""
+"""The number of segments: the fewest whose error is small enough."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.approximation.knot_search import SEARCH, KnotSearch
-from planner.approximation.largest_error import BARELY
-from planner.approximation.problem import Candidate
-from planner.exceptions import Infeasible
+from planner.approximation.problem import BARELY, Candidate
+from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array
 
 SQUARE_ROUNDING = 1e-24
@@ -29,16 +28,21 @@ class CountOptions:
             corners on.
         above_noise: Automatic: rms over the noise of the samples that is not worth corners either.
         one_by_one: Segments up to which every number is tried; beyond, a bracket grows and is
-            halved.
-        wider: Factor by which a bracket of many segments grows.
-        coarse: Width of a bracket, relative to its segments, that is not halved any further.
+            halved. 8: more segments in 5 of 99 answers; 32: no change.
+        wider: Factor by which a bracket of many segments grows. 1.15 and 1.6: no change.
+        coarse: Width of a bracket, relative to its segments, that is not halved any further. 0.002
+            and 0.008: no change up to n = 400.
         likely: Squared error of a rough curve over what is enough, up to which that number of
-            segments is searched in full at once.
+            segments is searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no
+            change.
         hopeless: The same from which on a number is not searched. Of 364 curves the full search
-            lowered it by 1.04 in one of ten, by 1.4 in one of a hundred, by 2.4 at most.
-        hopeless_chords: The same of the cheapest chain of chords, which costs less: 3.8 at most.
+            lowered it by 1.04 in one of ten, by 1.4 in one of a hundred, by 2.4 at most. 1.4 and 3:
+            no change.
+        hopeless_chords: The same of the cheapest chain of chords, which costs less: 3.8 at most. 3:
+            more segments in 19 of 99 answers; 12: no change for an eighth more time.
         nearly: Squared error over its bound up to which the values at a curve's knots are sought
-            anew.
+            anew. 1.002: no change; 1: a bound a millionth above the error of five segments takes
+            six.
     """
 
     close_to_ideal: float = 1.02
@@ -96,8 +100,9 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
     ideal = math.sqrt(search.ideal_error / n)
     if bound < ideal * (1.0 - BARELY):
         raise Infeasible(
-            f"max_rms and v_max: got {bound * unit:.6g} rad, but with slopes within ±v_max no "
-            f"curve comes closer than {ideal * unit:.6g} rad rms; allow that much or a larger v_max"
+            f"max_rms and v_max: got {angle_text(bound * unit)}, but with slopes within ±v_max no "
+            f"curve comes closer than {angle_text(ideal * unit)} rms; allow that much or a larger "
+            "v_max"
         )
     enough = n * (bound * (1.0 + BARELY)) ** 2 + SQUARE_ROUNDING * n
     if most is None and search.exact is not None and search.exact.error <= enough:
@@ -114,9 +119,9 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
     if found is None:
         least = math.sqrt(search.curve(last).error / n)
         raise Infeasible(
-            f"max_rms and the number of segments: got {bound * unit:.6g} rad, but with at most "
-            f"{last} segments the smallest found is {least * unit:.6g} rad; allow more error or "
-            "more segments"
+            f"max_rms and the number of segments: got {angle_text(bound * unit)}, but with at most "
+            f"{last} segments the smallest found is {angle_text(least * unit)}; allow more error "
+            "or more segments"
         )
     return found
 
@@ -127,11 +132,11 @@ def _fewest(
     found_with: Callable[[int], Candidate | None],
     most: int,
 ) -> Candidate | None:
-    """The curve of the least number of segments that has one; few are searched in full.
+    """The curve of fewest segments whose error is small enough; few numbers are searched in full.
 
-    Rough curves tell the first number that surely has one. From there the numbers go down, each
-    searched in full, until one has none, or surely has none: fewer segments are taken to be no
-    better. Beyond ``COUNT.one_by_one`` a bracket is halved.
+    Rough curves give a number that is surely enough. From there the numbers decrease by one, each
+    searched in full, until one is not enough: fewer segments are assumed to be no better. Beyond
+    ``COUNT.one_by_one`` segments the number is found by bisection.
 
     Args:
         search: Curves through the samples.

@@ -41,17 +41,19 @@ class SqpOptions:
     Attributes:
         damping: Of the first step, relative to the curvature of each variable. 160 fits, mean
             error: 5e-4: 0.02 % more; 2e-3: 0.01 % less, at as many evaluations.
-        progress: Relative decrease of the squared error below which a descent ends. It decides
-            between one step more or less of a method that converges quadratically.
+        progress: Relative decrease of the squared error below which a descent ends. 1e-5 and 1e-9:
+            no change, as the method converges quadratically.
         none: Squared error, relative to the sum of squares of the samples, that counts as none.
+            1e-22 and 1e-30: no change.
         window: Most knots that are moved together; of more, windows of so many are moved in turn.
-            The dense QP of a step costs its cube.
+            80 fits of 14 to 40 segments, mean error: 8: 0.1 % more; 32: 0.3 % less for 2.6 times
+            the time, as the dense QP of a step costs its cube.
         race: Evaluations after which all but the best few descents end. 160 fits, mean error: 1:
             0.005 % more; 3: 0.016 % less for about a tenth more time at 12 segments.
         ridge: Damping, relative to the largest curvature, that makes values at knots without
-            samples between them determinate.
+            samples between them determinate. 1e-12 and 1e-8: no change.
         feasible: Violation of a step's bounds, relative to the step, up to which it is solved.
-        most_damping: Damping beyond which a Hessian is given up.
+            1e-11 and 1e-7: no change.
     """
 
     damping: float = 1e-3
@@ -61,7 +63,6 @@ class SqpOptions:
     race: int = 2
     ridge: float = 1e-10
     feasible: float = 1e-9
-    most_damping: float = 1e12
 
 
 SQP = SqpOptions()
@@ -87,14 +88,11 @@ def best_values(problem: Problem, several: Sequence[Array]) -> list[Candidate]:
     slack = np.maximum(slacks(problem, here.knots, here.values)[:, :slopes], 0.0)
     hessians = here.hessians[:, size:, size:]
     largest = np.max(np.diagonal(hessians, axis1=1, axis2=2), axis=1, keepdims=True)
+    free = _each(several, lambda knots: ~fixed_variables(problem, knots)[1], problem)
     steps = minimise_damped(
-        hessians,
+        SmallQPs(hessians, here.gradients[:, size:], rows[:slopes, size:], slack, free),
         np.broadcast_to(largest, here.values.shape),
         np.full(len(several), SQP.ridge),
-        here.gradients[:, size:],
-        rows[:slopes, size:],
-        slack,
-        _each(several, lambda knots: ~fixed_variables(problem, knots)[1], problem),
     )
     change = (2.0 * here.gradients[:, size:] + _products(hessians, steps.steps)) * steps.steps
     errors = np.maximum(here.errors + np.sum(change, axis=1), 0.0)
@@ -238,15 +236,8 @@ def _newton(
             break
         scales = _scales(here.gauss_newton[going], size)
         slack = np.maximum(slacks(problem, here.knots[going], here.values[going]), 0.0)
-        moves, solved, damping[going], predicted = minimise_damped(
-            here.hessians[going],
-            scales,
-            damping[going],
-            here.gradients[going],
-            rows,
-            slack,
-            free[going],
-        )
+        qps = SmallQPs(here.hessians[going], here.gradients[going], rows, slack, free[going])
+        moves, solved, damping[going], predicted = minimise_damped(qps, scales, damping[going])
         there = evaluate(
             problem, here.knots[going] + moves[:, :size], here.values[going] + moves[:, size:]
         )
@@ -272,6 +263,16 @@ def _scales(gauss_newton: Array, size: int) -> Array:
     return own
 
 
+class SmallQPs(NamedTuple):
+    """Several QPs: minimise ½ pᵀHp + gᵀp subject to A p <= b."""
+
+    hessians: Array  # H, (m, k, k)
+    gradients: Array  # g, (m, k)
+    rows: Array  # A, (r, k), the same for all
+    bounds: Array  # b >= 0, (m, r)
+    free: Mask  # which variables are sought, (m, k); the others stay zero
+
+
 class DampedSteps(NamedTuple):
     """Steps of several curves, and the dampings with which they were found."""
 
@@ -281,30 +282,19 @@ class DampedSteps(NamedTuple):
     predicted: Array  # by how much the steps should lower twice the programmes, (m,)
 
 
-def minimise_damped(
-    hessians: Array,
-    scales: Array,
-    damping: Array,
-    gradients: Array,
-    rows: Array,
-    bounds: Array,
-    free: Mask,
-) -> DampedSteps:
-    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b, for each of several QPs.
+def minimise_damped(qps: SmallQPs, scales: Array, damping: Array) -> DampedSteps:
+    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b, for each QP.
 
     With H + λS = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the
     origin, which one call of non-negative least squares finds (Lawson and Hanson, Solving Least
     Squares Problems, 1974, Chapter 23).
 
     Args:
-        hessians: H, shape (m, k, k).
+        qps: The QPs.
         scales: Diagonal of S, shape (m, k).
         damping: λ, shape (m,), ten times as large as often as it takes to make the sum definite.
-        gradients: g, shape (m, k).
-        rows: A, shape (r, k), the same for all.
-        bounds: b >= 0, shape (m, r).
-        free: Which variables are sought, shape (m, k); the others stay zero.
     """
+    hessians, gradients, rows, bounds, free = qps
     count, size = scales.shape
     diagonal = np.arange(size)
     gradients = np.where(free, gradients, 0.0)
@@ -316,7 +306,7 @@ def minimise_damped(
     inverses, solved = np.zeros_like(damped), np.ones(count, dtype=bool)
     for m in range(count):
         inverse = _inverse_factor(damped[m])
-        while inverse is None and damping[m] < SQP.most_damping:
+        while inverse is None and damping[m] < 1e12:  # where a number is not finite, it never ends
             damping[m] *= 10.0
             damped[m, diagonal, diagonal] = plain[m, diagonal, diagonal] + damping[m] * scales[m]
             inverse = _inverse_factor(damped[m])

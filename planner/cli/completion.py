@@ -8,7 +8,7 @@ VARIABLE = "_REQUEST_PLANNER_COMPLETE"
 """Through this variable of the environment a shell asks the command for completions."""
 
 
-@click.command(short_help="Print the completion script of a shell.")
+@click.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @click.pass_context
 def completion(context: click.Context, *, shell: str) -> None:

@@ -8,26 +8,38 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options
-from planner.cli.models import load_models
-from planner.cli.say import deliver
+from planner.cli import options, types
+from planner.cli.console import deliver
 
 if TYPE_CHECKING:
     from planner.identification.excitation import Excitation
     from planner.identification.result import Identification
     from planner.model.joint import JointModel
+    from planner.run.settings import Run
 
-KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle")
+KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
 UNNAMED = "requested"
-"""The joint of a signal for nobody in particular, whose column is requested_deg."""
+"""The joint of a signal without a name, whose column is requested_deg."""
+
+
+class PairOfLimits(click.Command):
+    """A command that takes ``--limits-deg LOW HIGH`` too, as earlier releases had it."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments, with LOW HIGH as LOW:HIGH."""
+        for k in range(len(args) - 2):
+            if args[k] == "--limits-deg" and ":" not in args[k + 1]:
+                args[k + 1 : k + 3] = [":".join(args[k + 1 : k + 3])]
+                break
+        return super().parse_args(ctx, args)
 
 
 FINEST = 1e-9
 """Finest step of a sensor [deg]: a turn of it then has 38 bits, more than any sensor."""
 
 
-@click.command(short_help="Write requests that make a joint show its parameters.")
+@click.command(cls=PairOfLimits)
 @click.option(
     "--kind",
     type=click.Choice(KINDS),
@@ -38,11 +50,10 @@ FINEST = 1e-9
 @click.option(
     "--limits-deg",
     "limits_deg",
-    type=float,
-    nargs=2,
-    metavar="LOW HIGH",
+    type=types.SPAN,
+    metavar="LOW:HIGH",
     required=True,
-    help="What no request may go beyond.",
+    help="Range of the requests.",
 )
 @click.option(
     "--centre-deg",
@@ -52,7 +63,7 @@ FINEST = 1e-9
 )
 @click.option(
     "--rate-hz",
-    type=float,
+    type=types.above_0("hertz"),
     metavar="HZ",
     help="Requests per second.  [default: those of the expected model]",
 )
@@ -79,11 +90,22 @@ FINEST = 1e-9
     metavar="HZ",
     help="Highest frequency of multisine and chirp.  [default: a tenth of the rate, at most 5]",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, metavar="N")
 @click.option(
-    "--joint", default=UNNAMED, show_default=True, metavar="NAME", help="Names the column."
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Another number draws other random steps and noise.",
 )
-@options.model
+@click.option(
+    "--joint",
+    default=UNNAMED,
+    show_default=True,
+    metavar="NAME",
+    help="Name of the joint, for the column.",
+)
+@options.settings("model.file")
 @click.option(
     "--noise-deg",
     type=float,
@@ -98,19 +120,19 @@ FINEST = 1e-9
     default=0.3,
     show_default=True,
     metavar="DEG",
-    help="Expected step of the sensor.",
+    help="Expected resolution of the sensor.",
 )
 @click.option(
     "--expected-log",
-    metavar="FILE",
-    help="Also write the log that the expected joint would give, to try identify on.",
+    type=types.OUTPUT,
+    help="Also write the log of a simulated joint, as an input for identify.",
 )
 @options.output
 @options.as_json
 def excite(
-    *, joint: str, expected_log: str | None, output: str, as_json: bool, **choices: Any
+    *, run: Run, joint: str, expected_log: str | None, output: str, as_json: bool, **choices: Any
 ) -> None:
-    """Write test requests inside limits, and say what they will tell about the joint.
+    """Write test requests within limits, and print which parameters they determine.
 
     Move the joint slowly to the centre, play the requests one by one at their times, and record
     t_s, requested_deg and actual_deg right after each. The expected intervals come from simulating
@@ -118,18 +140,19 @@ def excite(
 
     \b
     Example, step tests within 45 degrees either way, and a joint that is like the Aibo's:
-        request-planner excite --limits-deg -45 45 -o steps.csv --expected-log log.csv
+        request-planner excite --limits-deg -45:45 -o steps.csv --expected-log log.csv
     A richer signal at 50 Hz for a joint that was identified before:
-        request-planner excite --kind random-steps --limits-deg -60 30 --rate-hz 50 \\
+        request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
-    from planner.files.joint_path import write_joint_path
-    from planner.files.text import staged
+    from planner.files.paths import write_joint_path
+    from planner.files.staging import staged
     from planner.identification.excitation import expect
-    from planner.report.excitation_text import excitation_text
+    from planner.report.identification.text import excitation_text
+    from planner.run.models import models_of
 
     _check(choices)
-    (model,) = load_models(choices["model"], [joint])
+    (model,) = models_of(run.model, [joint])
     made = _make(choices, model)
     expected = expect(
         made,
@@ -142,7 +165,7 @@ def excite(
     with log:
         deliver(
             _document(made, expected),
-            excitation_text(made, expected, model=choices["model"]),
+            excitation_text(made, expected, model=run.model.file),
             lambda file: write_joint_path(
                 file, [joint], made.requests[:, None], period=made.period
             ),
@@ -184,9 +207,6 @@ def _check(choices: dict[str, Any]) -> None:
         raise click.UsageError(
             f"--resolution-deg: got {step:g}, expected 0 for none, or at least {FINEST:g}."
         )
-    rate = choices["rate_hz"]
-    if rate is not None and not 0.0 < rate < math.inf:
-        raise click.UsageError(f"--rate-hz: got {rate:g}, expected more than 0.")
 
 
 def _make(choices: dict[str, Any], model: JointModel) -> Excitation:

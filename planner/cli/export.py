@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import options
-from planner.cli.export_options import check_options, to_robots
-from planner.cli.export_rows import rows_document, rows_summary, rows_to_write, write_schedule
-from planner.cli.say import deliver
+from planner.cli import options, types
+from planner.cli.console import deliver
 
 if TYPE_CHECKING:
     from planner.robot.schedule import Schedule
+    from planner.run.settings import Run
 
 
-@click.command(short_help="Write requests for robots: ROS, LeRobot, CSV.")
-@click.argument("requests")
-@to_robots
-@options.joints
+@click.command()
+@click.argument("requests", type=types.INPUT)
+@options.settings(*options.EXPORT, "path.joints")
+@click.option(
+    "-o",
+    "--output",
+    type=types.INPUT,
+    default="-",
+    metavar="OUT",
+    help="The file, or folder, to write; '-' is standard output.  [default: -]",
+)
+@click.option(
+    "--period-s",
+    type=float,
+    metavar="S",
+    help="Time between requests, where the file has no column t_s.",
+)
 @options.as_json
-def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None:
+def export(*, run: Run, requests: str, output: str, period_s: float | None, as_json: bool) -> None:
     """Write REQUESTS, a CSV as `plan` writes it, in a format that robots take; '-' is standard input.
 
     \b
@@ -33,28 +44,42 @@ def export(*, requests: str, output: str, as_json: bool, **choices: Any) -> None
 
     \b
     Example, ten cycles for a Dynamixel at 50 Hz, and for a trajectory controller of ROS 2:
-        request-planner export requests.csv --format csv --rate-hz 50 --unit ticks --cycles 10 -o ticks.csv
+        request-planner plan path.csv --rate-hz 50 -o requests.csv
+        request-planner export requests.csv --format csv --unit ticks --cycles 10 -o ticks.csv
         request-planner export requests.csv --format yaml --lead-s 2 --joint-names lf_hip,lf_knee
     """  # noqa: D301, E501
-    check_options(choices, output)
-    schedule, skipped = rows_to_write(_read(requests, choices), choices)
+    from planner.run.export import (
+        FOLDERS,
+        check_export,
+        rows_document,
+        rows_of,
+        rows_summary,
+        write_rows,
+    )
+
+    (export,) = run.export
+    check_export(export)
+    if export.format in FOLDERS and output == "-":
+        raise click.UsageError(f"--format {export.format} is a folder: name it with --output.")
+    rows, skipped = rows_of(export, _read(requests, run.path.joints, period_s))
     deliver(
-        rows_document(schedule, skipped, choices),
-        rows_summary(schedule, skipped),
-        lambda file: write_schedule(file, schedule, choices),
+        rows_document(export, rows, skipped),
+        rows_summary(rows, skipped),
+        lambda file: write_rows(file, export, rows),
         output=output,
         as_json=as_json,
     )
 
 
-def _read(requests: str, choices: Mapping[str, Any]) -> Schedule:
+def _read(requests: str, joints: tuple[str, ...], period: float | None) -> Schedule:
     """The requests of the file, at the times that it or the options say."""
     from planner.exceptions import InvalidFile
-    from planner.files.joint_path import read_joint_path
+    from planner.files.paths import read_joint_path
     from planner.robot.schedule import Schedule, check_period
+    from planner.run.desired import check_angles
 
-    given = read_joint_path(requests, joints=choices["joints"])
-    period = choices["period_s"]
+    given = read_joint_path(requests, joints=joints)
+    check_angles(given.names, given.units)
     if period is not None:
         check_period(period)
         given.check_period(period)

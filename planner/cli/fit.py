@@ -2,48 +2,99 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import options
-from planner.cli.fit_options import add_fit_options, asked, weighed
-from planner.cli.say import Progress, deliver, naming
-from planner.cli.wanted import load_wanted
+from planner.cli import options, types
+from planner.cli.console import Progress, deliver, naming
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
-    from planner.cli.wanted import Wanted
+    from planner.files.table import Table
+    from planner.run.desired import Desired
+    from planner.run.settings import Run
     from planner.trajectory import Array
 
 
-@click.command(short_help="Approximate joint angles by lines that a joint can follow.")
-@click.argument("desired")
-@options.model
-@options.joints
-@options.cyclic
-@options.segments
-@add_fit_options
+def _knot(text: str) -> tuple[float, float | None]:
+    """Time [s] and angle [rad] of a required knot, from '0.4' or '0.4=12.5'."""
+    time, equals, angle = text.partition("=")
+    return float(time), math.radians(float(angle)) if equals else None
+
+
+@click.command()
+@click.argument("desired", type=types.INPUT)
+@options.settings(
+    "model.file",
+    "path.joints",
+    "plan.cyclic",
+    "plan.segments",
+    segments="Lines of the approximation.",
+)
+@click.option(
+    "--max-error",
+    type=types.above_0("degrees"),
+    metavar="DEG",
+    help="Use as few lines as stay this close to the path everywhere.",
+)
+@click.option(
+    "--max-rms",
+    type=types.above_0("degrees"),
+    metavar="DEG",
+    help="Use as few lines as stay this close to the path in root mean square.",
+)
+@click.option(
+    "--knot-s",
+    "knot_s",
+    type=float,
+    multiple=True,
+    metavar="S",
+    help="Time of a knot; several times for all knots. Only their angles are then sought.",
+)
+@click.option(
+    "--required-s",
+    "required_s",
+    type=types.Parsed(_knot, "seconds (0.4) or seconds=degrees (0.4=12.5)"),
+    multiple=True,
+    metavar="S[=DEG]",
+    help="Time at which there must be a knot, and perhaps its angle; several times for more.",
+)
+@click.option(
+    "--shortest-s",
+    "shortest_s",
+    type=types.above_0("seconds"),
+    metavar="S",
+    help="Duration of the shortest line.  [default: one sample]",
+)
+@click.option("--start-deg", type=float, metavar="DEG", help="Angle at the start of a path.")
+@click.option("--end-deg", type=float, metavar="DEG", help="Angle at the end of a path.")
+@click.option(
+    "--weights",
+    metavar="COLUMN|FILE",
+    help="How much each sample's squared error counts: a column of DESIRED, or a CSV of one.",
+)
+@click.option("--on-samples", is_flag=True, help="Put knots on samples only.")
+@click.option("--exact", is_flag=True, help="Prove that no other knots on samples are better.")
 @click.option(
     "--knots",
     "knots_file",
-    metavar="FILE",
+    type=types.OUTPUT,
     help="Also write the knots of a single joint: knot_s and value_deg, or JSON for FILE.json.",
 )
 @click.option(
     "--figure",
-    metavar="FILE",
+    type=types.OUTPUT,
     help="Also draw the lines, and the error for other numbers of them, as .svg or .png.",
 )
 @options.output
 @options.as_json
 def fit(
     *,
+    run: Run,
     desired: str,
-    model: str,
-    joints: tuple[str, ...],
-    cyclic: bool,
     knots_file: str | None,
     figure: str | None,
     output: str,
@@ -60,25 +111,32 @@ def fit(
     """  # noqa: D301
     import numpy as np
 
-    from planner.files.joint_path import write_joint_path
+    from planner.files.paths import write_joint_path
     from planner.files.table import read_table
-    from planner.report.text_table import text_table
+    from planner.report.table import text_table
+    from planner.run.desired import check_angles, load_joints
+    from planner.run.models import model_words
 
     if figure is not None and Path(figure).suffix.lower() not in (".svg", ".png"):
         raise click.UsageError(
             f"--figure: got '{figure}', expected a name that ends in .svg or .png."
         )
-    weights, table = weighed(given["weights"], read_table(desired))
-    wanted = load_wanted(desired, model=model, joints=joints, takes_leg=False, table=table)
-    if knots_file is not None and len(wanted.names) > 1:
+    weights, table = _weighed(given["weights"], read_table(desired))
+    path = load_joints(
+        desired, run.model, joints=run.path.joints, table=table, cyclic=run.plan.cyclic
+    )
+    options.warn_of(path.remarks)
+    check_angles(path.names, path.units)
+    cyclic = path.cyclic
+    if knots_file is not None and len(path.names) > 1:
         raise click.UsageError(
-            f"--knots writes one joint, got {', '.join(wanted.names)}; choose one with --joint."
+            f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
-    question = asked({**given, "cyclic": cyclic}, wanted.period)
-    fits = _fits(wanted, weights, question)
+    question = _asked({**given, "cyclic": cyclic, "segments": run.plan.segments}, path.period)
+    fits = _fits(path, weights, question)
     document = {
         "cyclic": cyclic,
-        "period_s": wanted.period,
+        "period_s": path.period,
         "joints": {name: _document(curve) for name, curve in fits.items()},
     }
     rows = [
@@ -94,25 +152,101 @@ def fit(
     _write_extras(fits, knots_file, figure)
     deliver(
         document,
-        text_table(["joint", "lines", "rms [deg]", "max [deg]"], rows),
-        lambda file: write_joint_path(file, wanted.names, angles, period=wanted.period),
+        f"lines within the top speed; {model_words(run.model)}\n"
+        + text_table(["joint", "lines", "rms [deg]", "max [deg]"], rows),
+        lambda file: write_joint_path(file, path.names, angles, period=path.period),
         output=output,
         as_json=as_json,
     )
 
 
+def _asked(options: dict[str, Any], period: float) -> dict[str, Any]:
+    """The options as keywords of :func:`planner.fit_pwl`.
+
+    Args:
+        options: What click read.
+        period: Time between samples [s].
+
+    Raises:
+        click.UsageError: A cycle is to have ends.
+    """
+    ends = options["start_deg"], options["end_deg"]
+    for name, angle in zip(("--start-deg", "--end-deg"), ends, strict=True):
+        if options["cyclic"] and angle is not None:
+            raise click.UsageError(f"{name}: a cycle has no ends; add --no-cyclic.")
+    given: dict[str, Any] = {
+        "cyclic": options["cyclic"],
+        "segments": options["segments"],
+        "required": {_samples(time, period): angle for time, angle in options["required_s"]},
+        "ends": tuple(None if angle is None else math.radians(angle) for angle in ends),
+        "on_samples": options["on_samples"],
+        "exact": options["exact"],
+    }
+    for name in ("max_error", "max_rms"):
+        if options[name] is not None:
+            given[name] = math.radians(options[name])
+    if options["shortest_s"] is not None:
+        given["shortest"] = _samples(options["shortest_s"], period)
+    if options["knot_s"]:
+        given["knots"] = [_samples(time, period) for time in options["knot_s"]]
+    return given
+
+
+def _weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
+    """The weights of the samples, and the table without their column.
+
+    Args:
+        weights: The option: a column's name, or else a CSV file with one column besides its clock.
+        table: What was read from DESIRED.
+
+    Raises:
+        InvalidFile: A weight is no number, or the file has no single column.
+    """
+    from dataclasses import replace
+
+    from planner.exceptions import InvalidFile
+    from planner.files.paths import COUNTERS, TIME
+    from planner.files.table import read_table
+
+    if weights is None:
+        return None, table
+    if weights in table.names:
+        place = table.names.index(weights)
+        rows = tuple((*row[:place], *row[place + 1 :]) for row in table.rows)
+        names = (*table.names[:place], *table.names[place + 1 :])
+        return table.numbers([weights])[:, 0], replace(table, names=names, rows=rows)
+    if not Path(weights).exists():
+        raise click.UsageError(
+            f"--weights: got '{weights}', expected a column of {table.path} "
+            f"({', '.join(table.names)}) or a CSV file."
+        )
+    own = read_table(weights)
+    columns = [name for name in own.names if name != TIME and name not in COUNTERS]
+    if len(columns) != 1:
+        raise InvalidFile(weights, f"got columns {', '.join(own.names)}, expected one of weights")
+    return own.numbers(columns)[:, 0], table
+
+
+def _samples(time: float, period: float) -> float:
+    """Time in samples; whole where the seconds were a multiple of the period but for rounding."""
+    count = time / period
+    if not math.isfinite(count):
+        return count  # which the fit refuses
+    return float(round(count)) if abs(count - round(count)) < 1e-6 else count
+
+
 def _fits(
-    wanted: Wanted, weights: Array | None, question: dict[str, Any]
+    path: Desired, weights: Array | None, question: dict[str, Any]
 ) -> dict[str, PiecewiseLinearFit]:
     from planner.approximation.fit import fit_pwl
 
     fits = {}
-    with Progress(wanted.names) as progress:
-        for j, (name, joint) in enumerate(zip(wanted.names, wanted.models, strict=True)):
+    with Progress(path.names) as progress:
+        for j, (name, joint) in enumerate(zip(path.names, path.models, strict=True)):
             progress(name)
             with naming(name):
                 fits[name] = fit_pwl(
-                    wanted.angles[:, j],
+                    path.angles[:, j],
                     v_max=joint.v_max,
                     tick=joint.period,
                     weights=weights,
@@ -125,21 +259,17 @@ def _write_extras(
     fits: dict[str, PiecewiseLinearFit], knots_file: str | None, figure: str | None
 ) -> None:
     if knots_file is not None:
-        from planner.files.curve import write_curve
+        from planner.files.paths import write_curve
 
         (only,) = fits.values()
         write_curve(knots_file, only)
     if figure is not None:
-        from planner.approximation.choices import choices
+        from planner.approximation.fit import choices
         from planner.files.text import write_bytes
-        from planner.report.draw_fit import draw_fits_and_choices
-        from planner.report.render import to_png, to_svg
-        from planner.report.style import applied
+        from planner.report.fit import fits_figure
+        from planner.report.matplotlib_figure import to_png, to_svg
 
-        with applied():
-            picture = draw_fits_and_choices(
-                fits, {name: choices(curve) for name, curve in fits.items()}
-            )
+        picture = fits_figure(fits, {name: choices(curve) for name, curve in fits.items()})
         is_svg = Path(figure).suffix.lower() == ".svg"
         write_bytes(figure, to_svg(picture).encode() if is_svg else to_png(picture))
 

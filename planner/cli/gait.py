@@ -2,51 +2,36 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from planner.cli import legs, options
-from planner.cli.say import deliver
+from planner.cli import options
+from planner.cli.console import Progress, deliver
 
 if TYPE_CHECKING:
     from kinematics import Leg
+    from planner.run.settings import Run
     from planner.stride import Stride
-
-SHAPE = ("length", "height", "forward", "sideways", "hip_height")
-"""Options that have other defaults for a leg."""
+    from planner.trajectory import Array
 
 SHORTEST, LONGEST = 1e-6, 1e3
 """Range of the time between samples [s]: beyond it the unit is surely mistaken."""
 
 
-@click.command(short_help="Make the foot path of a walk.")
+@click.command()
+@options.settings(*options.HALF_ELLIPSE, *options.LEG, "model.file", "tolerance.cm")
 @click.option(
-    "--samples",
-    type=click.IntRange(max=1_000_000),
-    default=88,
-    show_default=True,
-    help="Samples in a cycle.",
+    "--fastest",
+    is_flag=True,
+    help="The shortest cycle at which the foot of a leg, planned with the joints of --model, stays "
+    "within --tolerance-cm, the largest distance.",
 )
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
-@click.option("--length", type=float, help="Half of the stroke [m].  [default: 0.04893]")
-@click.option("--height", type=float, help="How high the foot swings [m].  [default: 0.042]")
-@click.option("--forward", type=float, help="Middle before the hip [m].  [default: 0.049]")
-@click.option("--sideways", type=float, help="Outward of the hip [m].  [default: 0.028]")
-@click.option("--hip-height", type=float, help="Hip above ground [m].  [default: 0.077]")
-@click.option("--ground-fraction", default=0.5, show_default=True, help="Part on the ground.")
-@click.option(
-    "--heading-deg",
-    default=0.0,
-    show_default=True,
-    help="Where the walk goes, from x towards y: 90 is sideways along y, 180 backward.",
-)
-@legs.options
 @options.output
 @options.as_json
-def gait(*, samples: int, period: float, output: str, as_json: bool, **choices: Any) -> None:
+def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) -> None:
     """Make the half-ellipse foot path of a walk, in the hip's frame; by default the paper's.
 
     With a leg the path is in the base's frame, around the foot of the leg's standing pose (--near),
@@ -56,36 +41,90 @@ def gait(*, samples: int, period: float, output: str, as_json: bool, **choices: 
     Example, a longer and flatter step, and one as large as a leg can trace:
         request-planner gait --length 0.055 --height 0.03 -o foot.csv
         request-planner gait --leg front-left -o foot.csv
+
+    \b
+    Example, the shortest cycle at which the foot stays within half a centimetre:
+        request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
-    from planner.files.foot_path import write_foot_path
+    from planner.files.paths import write_foot_path
     from planner.gait import half_ellipse
+    from planner.run.desired import find_leg, load_leg
+    from planner.run.settings import HalfEllipse
     from planner.stride import stride
 
     if not SHORTEST <= period <= LONGEST:
         raise click.UsageError(
             f"--period: got {period:g}, expected {SHORTEST:g} to {LONGEST:g} seconds."
         )
-    given = {name: choices[name] for name in SHAPE if choices[name] is not None}
-    given |= {"samples": samples, "ground_fraction": choices["ground_fraction"]}
-    given |= {"heading": math.radians(choices["heading_deg"])}
-    leg = legs.load_leg(choices)
+    if fastest != (run.tolerance.cm is not None):
+        raise click.UsageError("--fastest and --tolerance-cm go together: give both, or neither.")
+    walk = run.path.half_ellipse or HalfEllipse()
+    samples = walk.samples
+    leg = load_leg(find_leg(run.leg))
+    if fastest and leg is None:
+        raise click.UsageError("--fastest needs a leg: name it with --leg.")
     document: dict[str, Any] = {"period_s": period}
-    said = f"a cycle of {samples} samples, {samples * period:g} s"
+    words = f"a cycle of {samples} samples, {samples * period:g} s"
     if leg is None:
-        path = half_ellipse(**given)
+        path = half_ellipse(**walk.arguments())
     else:
-        made = stride(leg, **given)
+        made = stride(leg, **walk.arguments(given_only=True))
         path = made.foot
-        document["stride"] = about(leg, made, period)
-        said += f"\n{told(document['stride'])}"
+        stretched = 1.0
+        if fastest:
+            path, document["fastest"], words = _shortest(run, leg, path, period)
+            stretched = len(path) / samples
+        document["stride"] = about(leg, made, stretched * period)
+        words += f"\n{in_words(document['stride'])}"
     document |= {f"{axis}_m": path[:, k].tolist() for k, axis in enumerate("xyz")}
     deliver(
         document,
-        said,
+        words,
         lambda file: write_foot_path(file, path, period=period),
         output=output,
         as_json=as_json,
     )
+
+
+def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
+    """The path in the fewest samples that keep the tolerance; the same for machines and people."""
+    from planner.run.models import models_of
+    from planner.shortest_cycle import in_samples, shortest_cycle
+
+    assert run.tolerance.cm is not None, "the tolerance is needed"
+    models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)
+    with Progress() as progress:
+        found = shortest_cycle(
+            models,
+            leg,
+            lambda count: in_samples(path, count),
+            tolerance=0.01 * run.tolerance.cm,
+            samples=len(path),
+            progress=progress,
+        )
+    proof, count = found.too_short, found.samples
+    document = {
+        "tolerance_cm": run.tolerance.cm,
+        "samples": count,
+        "cycle_s": found.period,
+        "max_cm": 100.0 * found.plan.max_error,
+        "too_short": proof
+        and {
+            "samples": proof.samples,
+            "cycle_s": proof.samples * period,
+            "lower_bound_cm": 100.0 * proof.bound,
+        },
+    }
+    words = (
+        f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
+        f"foot stays within {run.tolerance.cm:g} cm"
+    )
+    words += (
+        "; no shorter one is proved impossible"
+        if proof is None
+        else f"; in {proof.samples * period:.4g} s no requests keep it there"
+    )
+    return in_samples(path, count), document, words
 
 
 def about(leg: Leg, made: Stride, period: float) -> dict[str, Any]:
@@ -103,7 +142,7 @@ def about(leg: Leg, made: Stride, period: float) -> dict[str, Any]:
     }
 
 
-def told(about: Mapping[str, Any]) -> str:
+def in_words(about: Mapping[str, Any]) -> str:
     """The walk of a leg for people."""
     x, y, z = about["centre_m"]
     pose = " ".join(f"--near {name}={angle:g}" for name, angle in about["pose_deg"].items())

@@ -2,28 +2,72 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from planner.cli import options
-from planner.cli.log_options import log_options, to_log_options
-from planner.cli.say import Progress, deliver, naming, remark, warn
+from planner.cli import options, types
+from planner.cli.console import Progress, deliver, naming, remark, warn
 
 if TYPE_CHECKING:
+    from planner.files.logs.options import LogOptions
     from planner.identification.log import Log
     from planner.identification.result import Identification
 
+Command = TypeVar("Command", bound=Callable[..., Any])
 
-@click.command(short_help="Find the model of a joint from logs of it.")
-@click.argument("logs", nargs=-1, required=True, metavar="LOG...")
+_OPTIONS = {
+    "joint": click.option(
+        "--joint", metavar="NAME", help="The joint to read where a log has several, or 'all'."
+    ),
+    "time": click.option(
+        "--time", metavar="COLUMN", help="CSV: the column of times; clock:ms says its unit."
+    ),
+    "requested": click.option(
+        "--requested", metavar="COLUMN", help="CSV: the column of requested angles."
+    ),
+    "actual": click.option("--actual", metavar="COLUMN", help="CSV: the column of actual angles."),
+    "torque": click.option(
+        "--torque", metavar="COLUMN", help="CSV: the column that is 1 while the torque is on."
+    ),
+    "unit": click.option(
+        "--unit",
+        metavar="UNIT",
+        help="Unit of the angles where the log does not say: rad, deg, ticks, turns, range (0..1), "
+        "percent or range_m100_100; 'rad,Jaw=range' where joints differ.",
+    ),
+    "ticks_per_turn": click.option(
+        "--ticks-per-turn",
+        type=float,
+        metavar="N",
+        help="Ticks of one turn, such as 4096, for angles in ticks.",
+    ),
+    "topic": click.option("--topic", metavar="TOPIC", help="Bags: the topic of actual angles."),
+    "command_topic": click.option(
+        "--command-topic", metavar="TOPIC", help="Bags: the topic of requested angles."
+    ),
+    "episodes": click.option(
+        "--episodes", metavar="LIST", help="LeRobot: the episodes to read, such as 0-3,7."
+    ),
+}
+
+
+def log_options(command: Command, *, without: Collection[str] = ()) -> Command:
+    """Give a command the options that :func:`to_log_options` takes, but for some."""
+    for name in reversed(_OPTIONS):
+        if name not in without:
+            command = _OPTIONS[name](command)
+    return command
+
+
+@click.command()
+@click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="LOG...")
 @log_options
 @click.option(
     "--tick-ms",
-    type=float,
+    type=types.above_0("milliseconds"),
     metavar="MS",
     help="Time step of the model.  [default: chosen from the rate of the log]",
 )
@@ -39,14 +83,14 @@ if TYPE_CHECKING:
     show_default=True,
     help="Whether to test the model on rows that it was not fitted to.",
 )
-@click.option("--report", metavar="FILE", help="Also write a page with pictures, as HTML.")
+@click.option("--report", type=types.OUTPUT, help="Also write a page with pictures, as HTML.")
 @click.option(
     "-o",
-    "--out",
     "--output",
-    "output",
+    cls=types.WithEarlierNames,
+    earlier=("--out",),
+    type=types.OUTPUT,
     default="-",
-    metavar="FILE",
     help="Where to write the model as TOML; '-' is standard output.  [default: -]",
 )
 @options.as_json
@@ -61,16 +105,16 @@ def identify(
     the exit status is 1.
 
     \b
-    Example, step tests, what they tell, and a plan with the model that they gave:
-        request-planner excite --limits-deg -45 45 -o steps.csv
+    Example, step tests, the model that they determine, and a plan with it:
+        request-planner excite --limits-deg -45:45 -o steps.csv
         (play steps.csv on the robot, record log.csv)
-        request-planner identify log.csv --out joint.toml --report report.html
+        request-planner identify log.csv -o joint.toml --report report.html
         request-planner plan desired.csv --model joint.toml -o requests.csv
     """  # noqa: D301
     from planner.files.joint_model import models_text
-    from planner.files.text import staged, write_text
-    from planner.report.identification_remarks import model_comments, remarks
-    from planner.report.identification_text import identification_text
+    from planner.files.staging import staged
+    from planner.files.text import write_text
+    from planner.report.identification.text import identification_text, model_comments, remarks
 
     if report == "-":
         raise click.UsageError("--report: standard output takes the model; name a file.")
@@ -96,6 +140,17 @@ def identify(
     _check(by_joint, found)
 
 
+def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
+    """What a command's options say about its logs; options of other kinds are left alone.
+
+    Raises:
+        InvalidInput: An option holds what no log can be read by.
+    """
+    from planner.files.logs.options import LogOptions
+
+    return LogOptions(**{name: choices[name] for name in _OPTIONS})
+
+
 def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
     """Make sure that every joint has a model, and that every model fits.
 
@@ -117,7 +172,7 @@ def _by_joint(paths: Sequence[str], choices: Mapping[str, Any]) -> dict[str, lis
     """The logs, by joint where every joint is asked for; what was guessed goes to standard error.
 
     Raises:
-        click.UsageError: The logs are of several joints, and nobody asked for all.
+        click.UsageError: The logs are of several joints, and --joint names none of them.
     """
     from planner.files.logs.read import read_logs
 
@@ -161,8 +216,6 @@ def _identified(
     from planner.identification.identify import identify as run
 
     tick_ms = choices["tick_ms"]
-    if tick_ms is not None and not 0.0 < tick_ms < math.inf:
-        raise click.UsageError(f"--tick-ms: got {tick_ms:g}, expected more than 0 milliseconds.")
     found: dict[str, Identification] = {}
     left_out: dict[str, PlannerError] = {}
     progress = Progress(f"identifying {joint or 'the joint'}" for joint in logs)
@@ -190,8 +243,8 @@ def _identified(
 
 def _page(found: Mapping[str, Identification], page: str, files: Sequence[tuple[str, str]]) -> str:
     """The page about what was found, which will stand at ``page`` and links to the files."""
-    from planner.report.identification_page import identification_page
-    from planner.report.linked_files import linked_files
+    from planner.report.identification.page import identification_page
+    from planner.report.page import linked_files
 
     return identification_page(found, files=linked_files(page, files))
 

@@ -2,63 +2,46 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import legs, options, planning, starts, tolerance
-from planner.cli.limits import option as limits_option
-from planner.cli.limits import parse_limits
-from planner.cli.plan_answer import document, summary
-from planner.cli.say import Progress, deliver
-from planner.cli.wanted import load_chosen
+from planner.cli import options, types
+from planner.cli.console import Progress, deliver
+
+if TYPE_CHECKING:
+    from planner.run.settings import Run
 
 
-@click.command(short_help="Plan requests for joint angles or a foot path.")
-@click.argument("path")
-@legs.options
-@legs.unreachable
-@options.model
-@options.joints
-@options.cyclic
-@starts.option
-@click.option(
-    "--method",
-    type=click.Choice(list(planning.IGNORED)),
-    default="optimal",
-    show_default=True,
-    help="The paper's inversion, or requests optimised joint by joint, or all at once for a foot.",
+@click.command()
+@click.argument("path", type=types.INPUT)
+@options.settings(
+    *options.LEG,
+    "leg.unreachable",
+    "model.file",
+    "path.joints",
+    "path.rate_hz",
+    "path.speed",
+    "plan.cyclic",
+    "start",
+    "plan.method",
+    "plan.segments",
+    "plan.rule",
+    "plan.load",
+    "plan.norm",
+    "plan.solver",
+    "plan.weights",
+    "plan.max_step_deg",
+    "plan.max_request_speed_deg_s",
+    "plan.smoothness",
+    "limits",
+    "tolerance.deg",
+    "tolerance.cm",
 )
-@options.segments
-@click.option(
-    "--rule",
-    type=click.Choice(["paper", "exact"]),
-    help="How the closed form inverts a line.  [default: paper]",
-)
-@click.option(
-    "--norm",
-    type=click.Choice(["rms", "max"]),
-    help="Error that optimised requests make small.  [default: rms]",
-)
-@click.option(
-    "--solver",
-    type=click.Choice(["gauss-newton", "ipopt", "fatrop"]),
-    help="With --method optimal: our own, or CasADi's with the same problem.  "
-    "[default: gauss-newton]",
-)
-@click.option(
-    "--weights",
-    type=float,
-    nargs=3,
-    metavar="X Y Z",
-    help="With --method foot-optimal: how much each axis counts.  [default: 1 1 1]",
-)
-@limits_option
-@tolerance.options
 @options.output
-@click.option("--report", metavar="FILE", help="Write a page (HTML) about the plan.")
+@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the plan.")
 @options.as_json
-def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices: Any) -> None:
+def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool) -> None:  # noqa: ARG001
     """Plan requests that make the joints follow PATH, a CSV; '-' is standard input.
 
     PATH holds desired angles (columns <joint>_deg or <joint>_rad), or positions of a foot (x_m,
@@ -70,39 +53,41 @@ def plan(*, path: str, output: str, report: str | None, as_json: bool, **choices
         request-planner plan foot.csv --leg front-left --method foot-optimal -o requests.csv
 
     \b
+    Example, the first of them with requests that change by at most 500 degrees per second:
+        request-planner plan foot.csv --leg front-left --max-request-speed-deg-s 500 -o requests.csv
+
+    \b
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.files.joint_path import write_joint_path
+    from planner.files.paths import write_joint_path
+    from planner.files.text import write_text
+    from planner.run.pages import plan_report
+    from planner.run.plan import document, misses, summary
+    from planner.run.run import prepare
 
-    _, wanted = load_chosen(path, choices)
-    planning.check_choices(choices, wanted)
-    tolerance.check_choices(choices, foot=wanted.foot is not None)
-    limits = parse_limits(choices["limits"], wanted.names, wanted.limits)
-    rest = starts.parse_starts(choices["start_deg"], wanted.names, cyclic=choices["cyclic"])
-    with Progress(wanted.names) as progress:
-        made = planning.make_plan(choices, wanted, limits, rest, progress=progress)
-        planning.prove(made, progress=progress)
-    missed = tolerance.misses(choices, wanted, made)
+    prepared = prepare(run)
+    desired = prepared.desired
+    options.warn_of(desired.remarks)
+    with Progress(desired.names) as progress:
+        answer = prepared.answer(progress)
+    options.warn_of(answer.remarks)
+    missed = misses(run, answer)
     if report is not None:
-        from planner.cli.plan_report import plan_report
-        from planner.files.text import write_text
-
-        page = plan_report(
-            path,
-            choices,
-            wanted,
-            made,
-            limits=limits,
-            missed=missed,
-            page=report,
-            written=[("requests", output)],
-        )
+        files = [("requests", output)]
+        page = plan_report(prepared, answer, missed=missed, page=report, written=files)
         write_text(report, page)
     deliver(
-        document(choices, wanted, made, missed),
-        summary(wanted, made),
-        lambda file: write_joint_path(file, wanted.names, made.requests, period=wanted.period),
+        document(run, answer, missed),
+        summary(run, answer),
+        lambda file: write_joint_path(
+            file,
+            desired.names,
+            answer.requests,
+            period=desired.period,
+            units=desired.units,
+            loads=answer.loads,
+        ),
         output=output,
         as_json=as_json,
     )

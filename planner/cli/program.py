@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 import time
 import warnings
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from typing import Any, NoReturn, TextIO
 
@@ -16,27 +16,34 @@ import click
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
-from planner.cli.names_of_files import complete_names_of_files
-from planner.cli.say import complain, detail, warn
-from planner.cli.verbosity import coloured
-from planner.cli.verbosity_options import add_verbosity
-from planner.exceptions import InvalidInput, OutsideEquation13, PlannerError
-
-COMMANDS = (
-    "compare",
-    "completion",
-    "excite",
-    "export",
-    "fit",
-    "gait",
-    "identify",
-    "plan",
-    "reproduce",
-    "run",
-    "simulate",
-    "view",
+from planner.cli.console import add_verbosity, coloured, complain, detail, warn
+from planner.exceptions import (
+    ANGLE_UNIT,
+    InvalidFile,
+    InvalidInput,
+    OutsideEquation13,
+    PlannerError,
 )
-"""Each is the function of this name in the module of this name."""
+from planner.run.faults import BadSetting, FailedCheck
+
+COMMANDS = {
+    "compare": "Compare closed-form and optimised requests.",
+    "completion": "Print the completion script of a shell.",
+    "excite": "Write test requests that determine a joint's parameters.",
+    "export": "Write requests for robots: ROS, LeRobot, CSV.",
+    "fit": "Approximate joint angles by lines that a joint can follow.",
+    "gait": "Make the foot path of a walk.",
+    "identify": "Find the model of a joint from logs of it.",
+    "plan": "Plan requests for joint angles or a foot path.",
+    "refine": "Learn from executed cycles: the next requests.",
+    "replay": "Plan requests that repeat a recording, at any speed.",
+    "reproduce": "Run the paper's experiment again, with a report.",
+    "run": "Carry out what one TOML file describes.",
+    "simulate": "Simulate joints under requests.",
+    "sweep": "Plan for ranges of gaits or speeds: fast at a small error.",
+    "view": "Show the robot moving, in the browser.",
+}
+"""Each is the function of this name in the module of this name; what it does, in a line."""
 
 FAILED = 1
 """Exit status of an answer that failed its own check."""
@@ -54,11 +61,45 @@ PIPE_CLOSED = 141
 """Exit status when the reader of a pipe went away, as shells have it: 128 + SIGPIPE."""
 
 
-OPTIONS = {
+ADVICE = {
     "unreachable='nearest'": "--unreachable nearest",
     "cyclic=False": "--no-cyclic",
+    "max_error": "--max-error",
+    "max_rms": "--max-rms",
 }
-"""Arguments that messages of the library advise, as they are called here."""
+"""Arguments that messages of the library advise, as options."""
+
+ARGUMENTS = {
+    "amplitudes": "--amplitude-deg",
+    "base": "--base",
+    "centre": "--centre-deg",
+    "cycles": "--cycles",
+    "duration": "--duration-s",
+    "ends": "--start-deg, --end-deg",
+    "exact": "--exact",
+    "foot": "--foot",
+    "highest": "--highest-hz",
+    "joint names": "--joint-names",
+    "knots": "--knot-s",
+    "lead": "--lead-s",
+    "limits": "--limits-deg",
+    "locked": "--lock",
+    "max_error": "--max-error",
+    "max_rms": "--max-rms",
+    "near": "--near",
+    "noise": "--noise-deg",
+    "rate": "--rate-hz",
+    "required": "--required-s",
+    "resolution": "--resolution-deg",
+    "segments": "--segments",
+    "shortest": "--shortest-s",
+    "start": "--start-deg",
+    "ticks per turn": "--ticks-per-turn",
+    "topic": "--topic",
+    "weights": "--weights",
+    "zero tick": "--zero-tick",
+}
+"""Arguments at the head of a message of the library, as options."""
 
 
 class Commands(click.Group):
@@ -68,13 +109,18 @@ class Commands(click.Group):
         """Names of the commands, sorted."""
         return list(COMMANDS)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the list of commands, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """The command of this name."""
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
+        command.short_help = COMMANDS[cmd_name]
         add_verbosity(command)
-        complete_names_of_files(command)
         return command
 
     def resolve_command(
@@ -83,7 +129,9 @@ class Commands(click.Group):
         """The command that the arguments begin with, or an error that names the nearest."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            close = get_close_matches(name, COMMANDS, n=1)
+            from difflib import get_close_matches
+
+            close = get_close_matches(name, list(COMMANDS), n=1)
             hint = f" Did you mean '{close[0]}'?" if close else ""
             ctx.fail(f"No such command '{name}'.{hint}")
         return super().resolve_command(ctx, args)
@@ -98,6 +146,16 @@ class Commands(click.Group):
         except BrokenPipeError as error:
             _discard(sys.stdout)
             raise click.exceptions.Exit(PIPE_CLOSED) from error
+        except (BadSetting, FailedCheck) as error:
+            from planner.cli.options import as_option  # with the settings, for messages only
+
+            message = error.spelt(as_option)
+            if isinstance(error, FailedCheck):
+                raise click.ClickException(message) from error
+            command = self.get_command(ctx, ctx.invoked_subcommand or "")
+            assert command is not None, "a command has raised this"
+            inner = click.Context(command, parent=ctx, info_name=ctx.invoked_subcommand)
+            raise click.UsageError(f"{message}.", inner) from error
 
     def main(
         self,
@@ -107,16 +165,20 @@ class Commands(click.Group):
         standalone_mode: bool = True,
         **extra: Any,
     ) -> Any:
-        """Run a command; standalone, end the process with the status that DESIGN settles."""
+        """Run a command; standalone, end the process with its exit status."""
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, standalone_mode, **extra)
-        with warnings.catch_warnings():
-            show: Any = _Warnings().show
-            warnings.showwarning = show
-            warnings.simplefilter("default", OutsideEquation13)
-            status = self._status(args, prog_name or "request-planner", complete_var, **extra)
-            _flush(sys.stdout)
-            sys.exit(status)
+        unit = ANGLE_UNIT.set("deg")
+        try:
+            with warnings.catch_warnings():
+                show: Any = _Warnings().show
+                warnings.showwarning = show
+                warnings.simplefilter("default", OutsideEquation13)
+                status = self._status(args, prog_name or "request-planner", complete_var, **extra)
+                _flush(sys.stdout)
+        finally:  # also where an error that nobody expected goes on to the caller
+            ANGLE_UNIT.reset(unit)
+        sys.exit(status)
 
     def _status(
         self,
@@ -129,17 +191,22 @@ class Commands(click.Group):
             status = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)
         except click.UsageError as error:
             where = error.ctx.command_path if error.ctx else prog_name
-            return _complain(f"{error.format_message()} See '{where} --help'.", BAD_INPUT)
+            message = error.format_message().replace("is not a valid float", "is not a number")
+            return _complain(f"{message} See '{where} --help'.", BAD_INPUT)
         except click.ClickException as error:
             return _complain(error.format_message(), error.exit_code)
         except (click.Abort, KeyboardInterrupt):
             return INTERRUPTED
         except (PlannerError, KinematicsError) as error:
             theirs = isinstance(error, InvalidInput | ValueError)
-            message = ": ".join([*getattr(error, "__notes__", ()), str(error)])
-            for name, option in OPTIONS.items():
-                message = message.replace(name, option)
+            message = ": ".join([*getattr(error, "__notes__", ()), _in_options(error)])
             return _complain(message, BAD_INPUT if theirs else FAILED)
+        except MemoryError:
+            return _complain(
+                "not enough memory for so many samples; shorten the path, or plan fewer requests "
+                "per second",
+                BAD_INPUT,
+            )
         except OSError as error:
             place = error.filename or "standard output"
             reason = (error.strerror or str(error)).lower()
@@ -156,10 +223,10 @@ class Commands(click.Group):
 @click.version_option(__version__, message="%(prog)s %(version)s")
 @click.pass_context
 def cli(context: click.Context) -> None:
-    """Requests that make a lagging, saturating joint follow the path you want.
+    """Plan the requests (goal positions) with which servo joints follow a desired path.
 
     \b
-    Example, a walking foot to requests to what the joints then do:
+    Example, the path of a foot, the requests for it, and the angles that they cause:
         request-planner gait -o foot.csv
         request-planner plan foot.csv --leg reference --unreachable clamp -o requests.csv
         request-planner simulate requests.csv -o angles.csv
@@ -184,6 +251,18 @@ def _terminate(*_: object) -> NoReturn:
 add_verbosity(cli)
 
 
+def _in_options(error: Exception) -> str:
+    """The message of an error, with options where it speaks of arguments of the library."""
+    message = str(error)
+    head, colon, rest = message.partition(": ")
+    if colon and not isinstance(error, InvalidFile):
+        parts = re.split(r"(, | and )", head)
+        message = "".join(ARGUMENTS.get(part, part) for part in parts) + colon + rest
+    for name, option in ADVICE.items():
+        message = re.sub(rf"(?<![-\w]){re.escape(name)}(?!\w)", option, message)
+    return message
+
+
 def _complain(message: str, status: int) -> int:
     complain(message)
     return status
@@ -202,7 +281,7 @@ class _Warnings:
 
 
 def _flush(stream: TextIO | None) -> None:
-    """Write what is left, or give it up, as the failure to write it has been told before."""
+    """Write what is left, or give it up, as the failure to write it has been reported before."""
     try:
         if stream is not None:
             stream.flush()

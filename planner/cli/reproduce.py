@@ -2,17 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
 import click
 
-from planner.cli import options
-from planner.cli.say import Progress, print_json, to_json
+from planner.cli import options, types
+from planner.cli.console import Progress, print_json
+from planner.files.text import to_json
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from planner.evaluation.outcome import Reproduction
+    from planner.evaluation.virtual_outcome import VirtualOutcome
+    from planner.report.figure import Figure
+
+_PLANS = {
+    "the walk": 0.1,
+    "the baselines": 0.02,
+    "the optimised requests for the foot": 0.5,
+    "the lower bound for the foot": 2.0,
+    "the closed form for the rotator": 0.6,
+    "the optimised requests for the rotator": 0.04,
+    "the lower bound for the rotator": 0.9,
+    "the closed form for the abductor": 0.2,
+    "the optimised requests for the abductor": 0.04,
+    "the lower bound for the abductor": 0.1,
+    "the closed form for the knee": 0.3,
+    "the optimised requests for the knee": 0.04,
+    "the lower bound for the knee": 0.1,
+}
+
+_JOINTS = ("rotator", "abductor", "knee")
+
+_METHODS = ("direct", "closed form plain", "closed form", "optimal", "foot optimal")
+
+DURATIONS = {
+    "model": {**_PLANS, "the step tests": 0.01, "the report": 7.0},
+    "virtual": {
+        **{f"the step tests of the {joint}": 0.25 for joint in _JOINTS},
+        **{f"the model of the {joint}": 0.4 for joint in _JOINTS},
+        **_PLANS,
+        **{f"20 cycles of the walk: {method}": 0.5 for method in _METHODS},
+        "10 trials of learning": 8.0,
+        "the report": 6.5,
+    },
+}
+"""Seconds that each step took on two cores, by robot, in their order."""
 
 
-@click.command(short_help="Run the paper's experiment again, with a report.")
+@click.command()
 @click.option(
     "--out",
+    type=types.FOLDER,
     required=True,
-    metavar="DIR",
     help="Folder for the results; an earlier run's is replaced.",
 )
 @click.option(
@@ -24,7 +68,7 @@ from planner.cli.say import Progress, print_json, to_json
 )
 @options.as_json
 def reproduce(*, out: str, robot: str, as_json: bool) -> None:
-    """Run the paper's experiment again and set every figure beside the paper's own.
+    """Run the paper's experiment again and put every figure beside the paper's own.
 
     Writes results.json, report.html, figures (SVG and PNG) and CSVs of the desired angles, the
     approximation, the requests and the angles to a folder, which appears whole or not at all.
@@ -43,22 +87,22 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
                             how far each method goes beyond them, in degrees
 
     With --robot virtual the joints are servos simulated in MuJoCo: step tests are recorded,
-    models identified from them, the walk planned on these and executed over 20 cycles. The
-    distances are then means over the cycles; beside each stand
+    models identified from them, the walk planned on these and executed over 20 cycles, and the
+    plan for the foot refined in 10 trials of learning. The distances are then means over the
+    cycles; beside each stand
 
     \b
         std, sensed         standard deviations; the same distances by the sensors
-        predicted, loss     what the plan had promised, and what was lost of it
+        predicted, loss     what the plan predicted, and how much of it was lost
         identified.JOINT    the model, its intervals, and "table1" in the paper's units
+        learning            the foot's L2 and Linf in each trial, and how it ended
 
     \b
     Example:
         request-planner reproduce --out out/paper
         request-planner reproduce --robot virtual --out out/virtual
     """  # noqa: D301
-    from planner.cli.durations import DURATIONS
-    from planner.cli.experiments import on_model, on_virtual_robot
-    from planner.files.output_folder import list_files, output_folder
+    from planner.files.staging import list_files, output_folder
     from planner.files.text import write_text
 
     progress = Progress(DURATIONS[robot])
@@ -77,3 +121,121 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
         click.echo(f"\nReport, figures and CSV files: {out}")
     if failures:
         raise click.ClickException("; ".join(failures))
+
+
+class Results(NamedTuple):
+    """The answer of an experiment.
+
+    Attributes:
+        document: For machines: the content of ``results.json`` but for its list of files.
+        text: For people.
+        failures: Checks of its own that it failed, in words.
+    """
+
+    document: dict[str, Any]
+    text: str
+    failures: tuple[str, ...] = ()
+
+
+def on_model(folder: Path, progress: Callable[[str], None]) -> Results:
+    """The paper's experiment on the paper's own model."""
+    from planner.evaluation.reproduction import reproduce
+    from planner.report.paper.figures import paper_figures
+    from planner.report.paper.page import paper_page
+    from planner.report.paper.results import paper_results
+    from planner.report.paper.tables import paper_text
+
+    reproduction = reproduce(progress=progress)
+    progress("the report")
+    _write_paths(folder, reproduction)
+    document = paper_results(reproduction)
+    _write_report(folder, document, paper_figures(reproduction), paper_page)
+    return Results(document, paper_text(document))
+
+
+def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Results:
+    """The paper's experiment on the virtual robot, whose joints are not the model."""
+    from planner.evaluation.virtual_experiment import play_experiment
+    from planner.report.paper.page import virtual_page
+    from planner.report.paper.results import virtual_results
+    from planner.report.paper.tables import virtual_text
+    from planner.report.paper.virtual_figures import virtual_figures
+
+    outcome = play_experiment(progress=progress)
+    progress("the report")
+    _write_records(folder, outcome)
+    document = virtual_results(outcome)
+    _write_report(folder, document, virtual_figures(outcome), virtual_page)
+    failures = [
+        f"{joint.name}: the model that was identified does not describe the joint; see its "
+        "warnings in results.json"
+        for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True)
+        if not found.accepted
+    ]
+    return Results(document, virtual_text(document), tuple(failures))
+
+
+def _write_paths(folder: Path, reproduction: Reproduction) -> None:
+    import numpy as np
+
+    from planner.files.paths import write_foot_path, write_joint_path
+    from planner.report.paper.results import joint_paths
+
+    period = reproduction.model.period
+    names = reproduction.walk.joint_names
+    for name, angles in joint_paths(reproduction).items():
+        write_joint_path(folder / f"{name}.csv", names, angles, period=period)
+    write_foot_path(folder / "foot_desired.csv", reproduction.walk.desired_foot, period=period)
+    for name, outcome in reproduction.foot.items():
+        write_foot_path(folder / f"foot_{name}.csv", np.asarray(outcome.positions), period=period)
+
+
+def _write_records(folder: Path, outcome: VirtualOutcome) -> None:
+    """Models, logs of the step tests, and requests and angles of every walk."""
+    import numpy as np
+
+    from planner.files.joint_model import write_model
+    from planner.files.paths import write_joint_path
+    from planner.files.table import write_table
+
+    period = outcome.constants.request_period
+    walk = outcome.planned.walk
+    for name, found in zip(walk.joint_names, outcome.identifications, strict=True):
+        write_model(folder / f"{name}.toml", found.model)
+        for fit in found.fits:
+            log = fit.log
+            height = np.degrees(np.ptp(log.requests))
+            write_table(
+                folder / f"step_test_{name}_{height:.0f}.csv",
+                ["t_s", "requested_deg", "actual_deg"],
+                np.column_stack([log.times, np.degrees(log.requests), np.degrees(log.angles)]),
+            )
+    write_joint_path(folder / "desired.csv", walk.joint_names, walk.desired, period=period)
+    for method, run in outcome.runs.items():
+        for kind, angles in (
+            ("requests", run.requests),
+            ("angles", np.concatenate(run.angles)),
+            ("sensed", np.concatenate(run.sensed)),
+        ):
+            path = folder / f"{kind}_{method}.csv"
+            write_joint_path(path, walk.joint_names, angles, period=period)
+
+
+def _write_report(
+    folder: Path,
+    document: dict[str, Any],
+    figures: Sequence[Figure],
+    page: Callable[[dict[str, Any], Sequence[Figure], Sequence[str]], str],
+) -> None:
+    """The page, which links to the files that are already there, and its pictures."""
+    from planner.files.staging import list_files
+    from planner.files.text import write_bytes, write_text
+    from planner.report.matplotlib_figure import draw, to_png, to_svg
+
+    linked = ["results.json", *list_files(folder)]
+    (folder / "figures").mkdir()
+    for figure in figures:
+        picture = draw(figure)
+        write_text(folder / "figures" / f"{figure.name}.svg", to_svg(picture))
+        write_bytes(folder / "figures" / f"{figure.name}.png", to_png(picture))
+    write_text(folder / "report.html", page(document, figures, linked))

@@ -6,97 +6,172 @@ from typing import TYPE_CHECKING
 
 import click
 
-from planner.cli import options, starts
-from planner.cli.say import deliver, naming
-from planner.cli.wanted import load_wanted
+from planner.cli import options, types
+from planner.cli.console import deliver, naming, warn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from planner.files.paths import JointPath
+    from planner.model.evidence import Expectation
+    from planner.run.desired import Desired
+    from planner.run.settings import Run
     from planner.trajectory import Array
 
 
-@click.command(short_help="Say what joints do under requests.")
-@click.argument("requests")
-@options.model
-@options.joints
-@options.cyclic
-@starts.option
-@click.option("--desired", metavar="FILE", help="Joint path to compare the angles with.")
+@click.command()
+@click.argument("requests", type=types.INPUT)
+@options.settings(
+    "model.file",
+    "path.joints",
+    "path.rate_hz",
+    "plan.cyclic",
+    "start",
+    rate_hz="Requests per second, as given to plan: the models take it.",
+)
+@click.option(
+    "--load",
+    type=click.Choice(["column"]),
+    help="Torque on the joints: columns <joint>_load_Nm of REQUESTS, as plan --load writes them.",
+)
+@click.option("--desired", type=types.INPUT, help="Joint path to compare the angles with.")
 @options.output
 @options.as_json
 def simulate(
     *,
+    run: Run,
     requests: str,
-    model: str,
-    joints: tuple[str, ...],
-    cyclic: bool,
-    start_deg: tuple[str, ...],
+    load: str | None,
     desired: str | None,
     output: str,
     as_json: bool,
 ) -> None:
-    """Say what the joints do under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
+    """Simulate the joints under REQUESTS, a CSV of <joint>_deg or <joint>_rad columns.
 
     \b
-    Example, the angles under a plan and how far they are from the wanted ones:
+    Example, the angles under a plan and their distances from the desired ones:
         request-planner simulate requests.csv --desired desired.csv -o angles.csv
     """  # noqa: D301
     import numpy as np
 
-    from planner.files.joint_path import write_joint_path
+    from planner.exceptions import InvalidFile
+    from planner.files.paths import write_joint_path
+    from planner.model.evidence import untested_words
     from planner.model.response import simulate as simulate_joint
+    from planner.run.desired import load_joints, repeats, starts_of
+    from planner.run.models import model_words
 
-    given = load_wanted(requests, model=model, joints=joints, takes_leg=False)
-    rest = starts.parse_starts(start_deg, given.names, cyclic=cyclic)
+    given = load_joints(
+        requests,
+        run.model,
+        joints=run.path.joints,
+        rate_hz=run.path.rate_hz,
+        cyclic=run.plan.cyclic,
+    )
+    path = None if desired is None else _desired(desired, given)
+    cyclic, remarks = given.cyclic, given.remarks
+    if path is not None:  # whose ends say more than those of its requests
+        cyclic, remarks = repeats(path.angles, run.plan.cyclic)
+    options.warn_of(remarks)
+    rest = starts_of(run.start, given.names, cyclic=cyclic)
+    loads = None if load is None else given.loads
+    if load is not None and loads is None:
+        raise InvalidFile(requests, "no columns <joint>_load_Nm, which --load column takes", line=1)
+    if load is None and given.loads is not None:
+        warn("the load in the columns is not used: ask for it with --load column")
     columns = []
     for j, (name, joint) in enumerate(zip(given.names, given.models, strict=True)):
         with naming(name):
+            column = None if loads is None else loads[:, j]
             columns.append(
-                simulate_joint(joint, given.angles[:, j], cyclic=cyclic, start=rest.get(name))
+                simulate_joint(
+                    joint, given.angles[:, j], cyclic=cyclic, start=rest.get(name), load=column
+                )
             )
     angles = np.column_stack(columns)
-    distances = {} if desired is None else _distances(desired, given.names, angles)
+    distances = {} if path is None else _distances(path, given, angles)
+    expected = () if path is None else _expected(path, given, angles, loads, cyclic=cyclic)
+    robot = {
+        name: {
+            f"expected_rms_{given.unit(j)}": None if np.isnan(error) else float(np.degrees(error)),
+            "untested": list(untested),
+        }
+        for j, (name, (error, untested)) in enumerate(zip(given.names, expected, strict=False))
+    }
     document = {
         "cyclic": cyclic,
         "period_s": given.period,
         "joints": {
-            name: {**distances.get(name, {}), "angles_deg": np.degrees(angles[:, j]).tolist()}
+            name: {
+                **distances.get(name, {}),
+                **robot.get(name, {}),
+                f"angles_{given.unit(j)}": np.degrees(angles[:, j]).tolist(),
+            }
             for j, name in enumerate(given.names)
         },
     }
-    summary = f"simulated {len(angles)} requests of {', '.join(given.names)}"
-    for name, distance in distances.items():
-        summary += f"\n{name}: {distance['rms_deg']:.3f} deg rms from the desired angles"
-        summary += f", {distance['max_deg']:.3f} deg at most"
+    summary = f"{len(angles)} requests of {', '.join(given.names)}; {model_words(run.model)}"
+    for j, (name, distance) in enumerate(distances.items()):
+        unit, (rms, largest) = given.unit(j), distance.values()
+        summary += f"\n{name}: {rms:.3f} {unit} rms from the desired angles"
+        summary += f", {largest:.3f} {unit} at most"
+        if np.isfinite(expected[j].error):
+            summary += f"; on the robot expect about {np.degrees(expected[j].error):.3f} {unit} rms"
+    if expected and (words := untested_words(given.names, expected)):
+        summary += f"\n{words}"
     deliver(
         document,
         summary,
-        lambda file: write_joint_path(file, given.names, angles, period=given.period),
+        lambda file: write_joint_path(
+            file, given.names, angles, period=given.period, units=given.units
+        ),
         output=output,
         as_json=as_json,
     )
 
 
-def _distances(desired: str, names: Sequence[str], angles: Array) -> dict[str, dict[str, float]]:
+def _desired(file: str, given: Desired) -> JointPath:
+    """The path that the requests were planned for."""
+    from planner.exceptions import InvalidFile
+    from planner.files.paths import read_joint_path
+
+    path = read_joint_path(file, joints=given.names)
+    if len(path.angles) != len(given.angles):
+        raise InvalidFile(
+            file,
+            f"got {len(path.angles)} samples, expected {len(given.angles)}, one per request; "
+            "compare with the path that the requests were planned for",
+        )
+    return path
+
+
+def _expected(
+    path: JointPath, given: Desired, angles: Array, loads: Array | None, *, cyclic: bool
+) -> tuple[Expectation, ...]:
+    """What to expect of each joint on the robot."""
+    from planner.model.evidence import expectation
+
+    return tuple(
+        expectation(
+            model.evidence,
+            path.angles[:, j],
+            angles[:, j],
+            period=given.period,
+            cyclic=cyclic,
+            load=None if loads is None else loads[:, j],
+        )
+        for j, model in enumerate(given.models)
+    )
+
+
+def _distances(path: JointPath, given: Desired, angles: Array) -> dict[str, dict[str, float]]:
     import numpy as np
 
     from planner.evaluation.metrics import angle_distance
-    from planner.exceptions import InvalidFile
-    from planner.files.joint_path import read_joint_path
 
-    wanted = read_joint_path(desired, joints=names)
-    if len(wanted.angles) != len(angles):
-        raise InvalidFile(
-            desired,
-            f"got {len(wanted.angles)} samples, expected {len(angles)}, one per request; "
-            "compare with the path that the requests were planned for",
-        )
     distances = {}
-    for j, name in enumerate(names):
-        distance = angle_distance(angles[:, j], wanted.angles[:, j])
+    for j, name in enumerate(given.names):
+        distance = angle_distance(angles[:, j], path.angles[:, j])
         distances[name] = {
-            "rms_deg": float(np.degrees(distance.rms)),
-            "max_deg": float(np.degrees(distance.max)),
+            f"rms_{given.unit(j)}": float(np.degrees(distance.rms)),
+            f"max_{given.unit(j)}": float(np.degrees(distance.max)),
         }
     return distances

@@ -1,4 +1,4 @@
-"""What a plan has to beat: the desired angles as requests, as they are or early (Section 5)."""
+"""Baselines of Section 5: the desired angles as requests, direct or with a lead."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def direct(models: Sequence[JointModel], desired: Array) -> Array:
 def best_time_shift(
     models: Sequence[JointModel], desired: Array, distance: Callable[[Array], Distance]
 ) -> TimeShift:
-    """The best that sending cyclic requests early can do, over all n whole-sample leads.
+    """The lead with the least error, of all n whole-sample leads of cyclic requests.
 
     A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads.
 

@@ -1,4 +1,4 @@
-"""How long each part of an experiment takes, told as it goes on."""
+"""How long each part of an experiment takes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 
 class Clock:
-    """Adds up the time that each part takes, and tells what is being done."""
+    """Adds up the wall-clock time [s] of each part, and reports each part when it begins."""
 
     def __init__(self, progress: Callable[[str], None]) -> None:
-        """A clock at rest; ``progress`` is told what is being done."""
+        """A stopped clock; ``progress`` is called with the name of each part."""
         self.seconds: dict[str, float] = {}
         self._progress = progress
         self._part: str | None = None

@@ -7,31 +7,35 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.evaluation.checks import Check
 from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
-from planner.evaluation.given_joints import (
-    COLUMNS,
-    Limits,
-    check_columns,
-    checked_names,
-    columns_of,
-)
 from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot.arguments import checked_leg, model_of_each, range_of_each
+from planner.inversion.foot.arguments import (
+    checked_leg,
+    load_of_each,
+    model_of_each,
+    range_of_each,
+)
 from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import as_flag, shown
+
+Limits = tuple[npt.ArrayLike, npt.ArrayLike]
+
+COLUMNS = "columns of desired"
+"""What messages call the entries of an argument that has one for each joint."""
 
 SECOND = "optimal_ipopt"
 """The plan of CasADi's solver, a second opinion on the optimised one."""
@@ -108,6 +112,7 @@ def cross_check(
     norm: Norm = "rms",
     level: Level = "envelope",
     names: Sequence[str] | None = None,
+    load: npt.ArrayLike | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> CrossCheck:
     """Plan by the closed form, by our own optimiser and by CasADi with IPOPT, and judge the plans.
@@ -128,38 +133,55 @@ def cross_check(
         norm: "rms" or "max": the error that the optimised plans minimise and the bounds are about.
         level: The sharpest bound to compute; those before it are computed too.
         names: What to call the joints; by default what the leg calls them.
-        progress: Told which joint is being compared, and ``"foot"`` at the end.
+        load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
+            for each joint's, or (n, k); row i acts in the request period that ends in sample i.
+        progress: Called with the name of each joint before it is compared, and with ``"foot"``.
 
     Returns:
         Plans, bounds, differences and the verdict, ``.passed``.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) or (n, k) with n >= 3.
-        InvalidInput: The models, names, limits or the leg do not fit the joints.
+        InvalidInput: The models, names, limits, the load or the leg do not fit the joints, or the
+            level is not known for one of them.
         Infeasible: The limits exclude each other, or a desired angle.
         SolverFailed: A plan or a bound was not found. A plan that IPOPT does not find is missing,
             and fails a check instead.
+
+    Example:
+        >>> import numpy as np
+        >>> desired = 0.5 * np.sin(2 * np.pi * np.arange(40) / 40)  # [rad], every 8 ms
+        >>> check = cross_check(JointModel.ers210a(), desired, level="slope")
+        >>> check.passed, check.methods
+        (True, ['closed_form_paper', 'closed_form_exact', 'optimal', 'optimal_ipopt'])
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
     if not callable(progress):
         raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
     levels = _levels_up_to(level)
-    columns = columns_of(desired)
+    columns = _columns_of(desired)
     count = len(columns)
     if leg is not None:
-        check_columns(checked_leg(leg), count)
+        _check_columns(checked_leg(leg), count)
     models = model_of_each(model, count, given_as="model", joints=COLUMNS)
-    called = checked_names(names, leg, count)
+    joint_names = _checked_names(names, leg, count)
     given = leg.limits if limits is None and leg is not None else limits
+    loads = load_of_each(load, models, len(columns[0]), joints=COLUMNS)
     ranges = None if given is None else range_of_each(given, count, joints=COLUMNS)
     joints = []
-    for j, name in enumerate(called):
+    for j, name in enumerate(joint_names):
         progress(name)
         within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
         with _about(name if count > 1 else None):
             plans = _plans(
-                models[j], columns[j], within, cyclic=cyclic, segments=segments, norm=norm
+                models[j],
+                columns[j],
+                within,
+                cyclic=cyclic,
+                segments=segments,
+                norm=norm,
+                load=loads[j],
             )
             failed = () if SECOND in plans else (SECOND,)
         joints.append(compare_joint(name, plans, levels=levels, failed=failed))
@@ -168,6 +190,45 @@ def cross_check(
         progress("foot")
         foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=ranges)
     return CrossCheck(joints=tuple(joints), foot=foot, cyclic=cyclic, norm=norm)
+
+
+def _columns_of(desired: npt.ArrayLike) -> list[Array]:
+    """The desired angles of each joint [rad], shape (n,); the inversions check the values."""
+    try:
+        angles = np.asarray(desired)
+    except ValueError as error:
+        raise InvalidTrajectory(
+            "desired: got rows of different lengths, expected shape (n,) or (n, k)"
+        ) from error
+    if angles.ndim == 1:
+        return [angles]
+    if angles.ndim != 2 or angles.shape[1] == 0:
+        raise InvalidTrajectory(
+            f"desired: got shape {angles.shape}, expected (n,), or (n, k) with a column per joint"
+        )
+    return list(angles.T)
+
+
+def _checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
+    """What to call the joints; by default what the leg calls them."""
+    if names is None:
+        if leg is not None:
+            return leg.joint_names
+        return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
+    listed = names if isinstance(names, Sequence) and not isinstance(names, str) else ()
+    texts = {name for name in listed if isinstance(name, str)}
+    if len(listed) != count or len(texts) != count:
+        raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
+    return tuple(names)
+
+
+def _check_columns(leg: Leg, count: int) -> None:
+    """Raise InvalidInput where there is no column for each joint of the leg."""
+    if len(leg.joint_names) != count:
+        raise InvalidInput(
+            f"desired: got {count} columns, expected {len(leg.joint_names)}, one for each joint of "
+            f"the leg ({', '.join(leg.joint_names)})"
+        )
 
 
 @contextmanager
@@ -189,19 +250,24 @@ def _plans(
     cyclic: bool,
     segments: int | None,
     norm: Norm,
+    load: Array | None,
 ) -> dict[str, Inversion]:
     plans = {
         f"closed_form_{rule}": replace(
-            invert_closed_form(model, desired, cyclic=cyclic, segments=segments, rule=rule),
+            invert_closed_form(
+                model, desired, cyclic=cyclic, segments=segments, rule=rule, load=load
+            ),
             norm=norm,
         )
         for rule in RULES
     }
-    plans["optimal"] = invert_optimal(model, desired, cyclic=cyclic, limits=limits, norm=norm)
+    plans["optimal"] = invert_optimal(
+        model, desired, cyclic=cyclic, limits=limits, norm=norm, load=load
+    )
     # A solver that fails costs its plan and a check, not the comparison of the others.
     with suppress(SolverFailed):
         plans[SECOND] = invert_optimal(
-            model, desired, cyclic=cyclic, limits=limits, norm=norm, solver="ipopt"
+            model, desired, cyclic=cyclic, limits=limits, norm=norm, solver="ipopt", load=load
         )
     return plans
 

@@ -175,7 +175,7 @@ def classify(closed_form: Inversion, optimal: Inversion) -> list[Reason]:
 
 
 def runs(reasons: list[Reason], *, cyclic: bool) -> list[tuple[int, int]]:
-    """First index and length of every run of equal reasons; in a cycle one may cross the seam."""
+    """First index and length of every run of equal reasons; one may cross a cycle's boundary."""
     count = len(reasons)
     first = [k for k in range(count) if (cyclic or k > 0) and reasons[k] != reasons[k - 1]]
     if not cyclic:
@@ -199,12 +199,14 @@ def _acts_at(plan: Inversion) -> npt.NDArray[np.int_]:
 
 
 def _at_top_speed(plan: Inversion) -> npt.NDArray[np.bool_]:
-    """Whether the joint moves at v_max all the way to each sample."""
+    """Whether the joint moves at its top speed all the way to each sample."""
     before = np.roll(plan.predicted, 1)
     if not plan.cyclic:
         before[0] = plan.predicted[0] if plan.start is None else plan.start
-    speeds = np.abs(plan.predicted - before) / plan.model.period
-    return np.asarray(speeds >= (1.0 - AT_TOP_SPEED) * plan.model.v_max)
+    speeds = (plan.predicted - before) / plan.model.period
+    low, high = plan.model.speed_limits(0.0 if plan.load is None else plan.load)
+    near = 1.0 - AT_TOP_SPEED
+    return np.asarray((speeds >= near * high) | (speeds <= near * low))
 
 
 def _at_limit(plan: Inversion) -> npt.NDArray[np.bool_]:

@@ -85,7 +85,7 @@ class FootComparison:
     checks: tuple[Check, ...]
 
     def gap(self, method: str) -> float | None:
-        """How far above the bound a plan is; None where the bound is not about it, or none is.
+        """Relative distance of a plan from the bound; None without a bound that applies to it.
 
         It is about requests within the limits that, from rest, set out from the same pose.
         """
@@ -139,8 +139,16 @@ def compare_foot(
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
     """
     desired = leg.foot_positions(np.column_stack([joint.desired for joint in joints]))
+    plans = [joint.plans["optimal"] for joint in joints]
+    torques = [np.zeros(len(desired)) if plan.load is None else plan.load for plan in plans]
     together = invert_foot(
-        [joint.model for joint in joints], leg, desired, cyclic=cyclic, limits=limits, norm=norm
+        [plan.model for plan in plans],
+        leg,
+        desired,
+        cyclic=cyclic,
+        limits=limits,
+        norm=norm,
+        load=np.column_stack(torques),
     )
     return judge_foot(leg, joints, together)
 
@@ -148,7 +156,7 @@ def compare_foot(
 def judge_foot(
     leg: Leg, joints: Sequence[JointComparison], together: FootInversion
 ) -> FootComparison:
-    """Compare a plan for the foot with the plans for its joints, whoever made them."""
+    """Compare a plan for the foot with plans for its joints, from any method."""
     desired = together.wanted
     plans = {
         method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
@@ -190,6 +198,7 @@ def _checks(
             together.predicted[:, column],
             cyclic=cyclic,
             start=None if together.start is None else float(together.start[column]),
+            load=together.loads[column] if together.loads else None,
         )
         found += answer_checks(joint.name, label, answer, cyclic=cyclic)
     excess = beyond_limits(together.requests, together.limits)

@@ -1,8 +1,8 @@
-"""A second answer to what the joint does: Equation 3 written out, tick by tick and term by term.
+"""An independent simulation of the joint: Equation 3 tick by tick and term by term.
 
 Nothing here is shared with :mod:`planner.model.response`: the window comes from the times of the
-model, the speed from the three cases of Equation 2, and the steady cycle from a root finder of
-SciPy's. So where both agree, neither has a mistake that the other has not.
+model, the speed from the cases of Equation 2, with friction and load, and the steady cycle from a
+root finder of SciPy's. So a mistake in one of the two shows as a difference.
 """
 
 from __future__ import annotations
@@ -20,57 +20,72 @@ SETTLED = 1e-13
 
 
 def independent_angles(
-    model: JointModel, requests: Array, *, cyclic: bool, start: float | None = None
+    model: JointModel,
+    requests: Array,
+    *,
+    cyclic: bool,
+    start: float | None = None,
+    load: Array | None = None,
 ) -> Array:
-    """Angles of the joint under ``requests``, by the book.
+    """Angles of the joint under ``requests``, by Equation 3 as it is printed in the paper.
 
-    Where requests saturate the joint throughout, more than one cycle is steady, and this is any of
-    them; :func:`next_cycle` tells of a given one whether it is.
+    Where requests saturate the joint throughout, or friction holds it, more than one cycle is
+    steady, and this is one of them; :func:`next_cycle` shows whether another one is steady.
 
     Args:
         model: The joint.
         requests: Requests [rad], shape (n,).
         cyclic: Whether they repeat for ever.
         start: From rest: angle before the first request [rad]; by default where that one holds it.
+        load: Torque on the joint in the period before each sample [N m], shape (n,).
 
     Returns:
         Angles right after each request [rad], shape (n,).
     """
+    torques = [0.0] * len(requests) if load is None else load.tolist()
     if not cyclic:
-        before = float(requests[0]) + model.offset if start is None else start
+        held = float(requests[0]) + model.offset + model.compliance * torques[0]
+        before = held if start is None else start
         given = requests.tolist()
         every = _equation_3(
             model,
             lambda tick: given[max(tick // model.hold, 0)],
+            lambda tick: torques[-(-tick // model.hold)],
             (len(given) - 1) * model.hold + 1,
             before,
         )
         return np.array(every[:: model.hold])
-    return next_cycle(model, requests, _seam(model, requests))
+    return next_cycle(model, requests, _steady_end(model, requests, load), load)
 
 
-def next_cycle(model: JointModel, requests: Array, last: float) -> Array:
+def next_cycle(model: JointModel, requests: Array, last: float, load: Array | None = None) -> Array:
     """Angles of the cycle that follows one whose last sample was ``last`` [rad], shape (n,)."""
     given, count, hold = requests.tolist(), len(requests), model.hold
+    torques = [0.0] * count if load is None else load.tolist()
     # Tick 0 is the one after that sample, which was taken right after the cycle's last request.
     every = _equation_3(
-        model, lambda tick: given[(count - 1 + (tick + 1) // hold) % count], count * hold, last
+        model,
+        lambda tick: given[(count - 1 + (tick + 1) // hold) % count],
+        lambda tick: torques[tick // hold],
+        count * hold,
+        last,
     )
     return np.array(every[hold - 1 :: hold])
 
 
-def _seam(model: JointModel, requests: Array) -> float:
-    """Last angle of the cycle that leads to itself [rad]."""
+def _steady_end(model: JointModel, requests: Array, load: Array | None) -> float:
+    """Last angle of the steady cycle [rad]."""
     from scipy.optimize import brentq
 
     def end(last: float) -> float:
-        return float(next_cycle(model, requests, last)[-1])
+        return float(next_cycle(model, requests, last, load)[-1])
 
     once = end(float(requests[-1]) + model.offset)
     twice = end(once)
-    # A joint moves by v_max a tick at most, so it does not pass a request by more than that.
-    low = float(np.min(requests)) + model.offset - model.v_max * model.tick
-    high = float(np.max(requests)) + model.offset + model.v_max * model.tick
+    # A joint moves by 2 v_max a tick at most, so it does not pass a request by more than that.
+    sag = model.offset + model.compliance * (np.zeros(1) if load is None else load)
+    low = float(np.min(requests) + np.min(sag)) - 2.0 * model.v_max * model.tick
+    high = float(np.max(requests) + np.max(sag)) + 2.0 * model.v_max * model.tick
     tolerance = SETTLED * max(1.0, abs(low), abs(high))
     if abs(twice - once) <= tolerance:
         return twice
@@ -78,26 +93,38 @@ def _seam(model: JointModel, requests: Array) -> float:
 
 
 def _equation_3(
-    model: JointModel, request_at: Callable[[int], float], ticks: int, before: float
+    model: JointModel,
+    request_at: Callable[[int], float],
+    torque_at: Callable[[int], float],
+    ticks: int,
+    before: float,
 ) -> list[float]:
     """M(0), ..., M(ticks - 1) of Equation 3, M(-1) being ``before``."""
-    top, theta_0 = model.v_max * model.tick, model.theta_0
     window = _window(model.lag / model.tick, model.acceleration_time / model.tick)
     duration = math.fsum(length for _, length in window)
     angle, angles = before, []
     for tick in range(ticks):
-        total = 0.0
+        torque, total = torque_at(tick), 0.0
+        sag = model.offset + model.compliance * torque
         for age, length in window:
-            error = request_at(tick - age) + model.offset - angle
-            if error >= theta_0:
-                total += length * top
-            elif error <= -theta_0:
-                total -= length * top
-            else:
-                total += length * top * error / theta_0
+            total += length * _equation_2(model, request_at(tick - age) + sag - angle, torque)
         angle += total / duration
         angles.append(angle)
     return angles
+
+
+def _equation_2(model: JointModel, error: float, torque: float) -> float:
+    """Speed that an error calls for [rad/tick], case by case."""
+    if abs(error) <= model.dead_band:
+        return 0.0
+    beyond = error - model.dead_band if error > 0.0 else error + model.dead_band
+    faster = model.v_offset + model.speed_per_torque * torque
+    speed = beyond * model.v_max / model.theta_0
+    if speed >= model.v_max + faster:
+        speed = model.v_max + faster
+    elif speed <= faster - model.v_max:
+        speed = faster - model.v_max
+    return speed * model.tick
 
 
 def _window(lag: float, acceleration: float) -> list[tuple[int, float]]:

@@ -1,4 +1,4 @@
-"""The plans for one joint side by side, and what is to be said about them."""
+"""The plans for one joint side by side, with their bounds, differences and checks."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.certify import Certificate, certify
 from planner.inversion.error_norm import relative_gap
 from planner.inversion.result import Inversion
+from planner.inversion.reversals import OPTIONS as DEAD_BAND
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -83,7 +84,7 @@ class JointComparison:
 
     @property
     def bounds(self) -> dict[Level, float]:
-        """What no requests can go below in the plans' norm, by level [rad]."""
+        """Lower bounds on the error in the plans' norm, by level [rad]."""
         return {level: proof.bound for level, proof in self.certificates.items()}
 
     @property
@@ -117,6 +118,8 @@ class JointComparison:
         return {
             "rms_deg": math.degrees(plan.rms),
             "max_deg": math.degrees(plan.max_error),
+            "expected_rms_deg": _finite(math.degrees(plan.expected.error)),
+            "untested": list(plan.expected.untested),
             "gap": _finite(self.gap(method)),
             "largest_request_difference_deg": math.degrees(float(np.max(apart))),
             "largest_step_deg": math.degrees(plan.largest_step),
@@ -135,7 +138,7 @@ def compare_joint(
     levels: Sequence[Level] = LEVELS[:2],
     failed: Sequence[str] = (),
 ) -> JointComparison:
-    """Compare plans for one joint and judge them, whoever made them.
+    """Compare plans for one joint, from any method, and check them.
 
     Args:
         name: The joint.
@@ -153,13 +156,19 @@ def compare_joint(
             norm=optimal.norm,
             level=level,
             start=optimal.start,
+            load=optimal.load,
         )
         for level in levels
     }
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {
         method: second_answer(
-            plan.model, plan.requests, plan.predicted, cyclic=cyclic, start=plan.start
+            plan.model,
+            plan.requests,
+            plan.predicted,
+            cyclic=cyclic,
+            start=plan.start,
+            load=plan.load,
         )
         for method, plan in plans.items()
     }
@@ -172,17 +181,20 @@ def compare_joint(
         kept = kept_within(plan, limits)
         if kept is not None:
             others[METHODS[method]] = kept.error
-    checks += no_worse_checks(name, METHODS["optimal"], optimal.error, others, NO_WORSE)
+    spared = _error_not_spared(optimal)
+    checks += no_worse_checks(name, METHODS["optimal"], spared, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
-    problem = BoundProblem(optimal.model, optimal.desired, cyclic, optimal.norm, optimal.start)
+    problem = BoundProblem(
+        optimal.model, optimal.desired, cyclic, optimal.norm, optimal.start, optimal.load
+    )
     for level in bounds:
         if level != "exact":
             apart = abs(bounds[level] - stated_bound(problem, level))
             checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if "optimal_ipopt" in plans:
-        checks += _as_good_checks(name, optimal.error, plans["optimal_ipopt"].error)
+        checks += _as_good_checks(name, spared, plans["optimal_ipopt"].error)
     if limits is not None:
         for method, plan in plans.items():
             if method not in CLOSED_FORMS:
@@ -201,6 +213,12 @@ def compare_joint(
 def planned(joints: Sequence[JointComparison]) -> list[str]:
     """The methods by which every joint is planned."""
     return [method for method in METHODS if all(method in joint.plans for joint in joints)]
+
+
+def _error_not_spared(plan: Inversion) -> float:
+    """The error less what was added so as not to cross the dead band, in quadrature [rad]."""
+    spared = DEAD_BAND.error_shares[-1] * plan.model.dead_band
+    return math.sqrt(max(plan.error**2 - spared**2, 0.0)) if spared else plan.error
 
 
 def _as_good_checks(name: str, optimal: float, second: float) -> list[Check]:

@@ -1,4 +1,4 @@
-"""What the paper's experiment gives: joints, foot, step tests, and every distance between them."""
+"""Results of the paper's experiment: joints, foot, step tests and all distances."""
 
 from __future__ import annotations
 

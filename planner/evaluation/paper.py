@@ -1,4 +1,4 @@
-"""The figures that the paper reports, to set beside our own (its Section 5 and Table 2)."""
+"""Numbers that the paper reports in Section 5 and Table 2, for comparison with ours."""
 
 from __future__ import annotations
 

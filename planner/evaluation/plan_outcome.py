@@ -1,7 +1,8 @@
-"""What a plan for any joints makes of them, and what they would do without it."""
+"""A plan for any joints: predicted motion, errors, and the same for direct requests."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,6 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from kinematics.leg import Leg
+from planner.evaluation.metrics import RequestMotion, request_motion
+from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
@@ -30,8 +33,11 @@ class PlanOutcome:
         norm: The error that these bounds are about, "rms" or "max".
         leg: The leg whose joints these are, in its order; or None.
         foot: Where its foot should be [m], shape (n, 3), for a foot path.
+        foot_given: The same before it was clamped to what the leg reaches; None where it was not.
         foot_bound: What the foot's error, in the same norm, cannot go below [m], if that is known.
         foot_gap: How far the plan is above that.
+        loads: Torques on the joints for which the requests are [N m], shape (n, k); None for none.
+        no_bound: Why there is no lower bound; None where there is one.
     """
 
     names: tuple[str, ...]
@@ -45,8 +51,26 @@ class PlanOutcome:
     norm: str = "rms"
     leg: Leg | None = None
     foot: Array | None = None
+    foot_given: Array | None = None
     foot_bound: float | None = None
     foot_gap: float | None = None
+    loads: Array | None = None
+    no_bound: str | None = None
+
+    @cached_property
+    def expected(self) -> tuple[Expectation, ...]:
+        """What to expect of each joint on the robot."""
+        return tuple(
+            expectation(
+                model.evidence,
+                self.desired[:, j],
+                self.predicted[:, j],
+                period=self.period,
+                cyclic=self.cyclic,
+                load=None if self.loads is None else self.loads[:, j],
+            )
+            for j, model in enumerate(self.models)
+        )
 
     @property
     def period(self) -> float:
@@ -56,18 +80,23 @@ class PlanOutcome:
     @cached_property
     def direct(self) -> Array:
         """What the joints do when the desired angles are requested as they are [rad], (n, k)."""
-        columns = zip(self.models, self.desired.T, strict=True)
-        angles = [simulate(model, column, cyclic=self.cyclic) for model, column in columns]
-        return np.column_stack(angles)
+        loads = [None] * len(self.models) if self.loads is None else self.loads.T
+        columns = zip(self.models, self.desired.T, loads, strict=True)
+        return np.column_stack(
+            [
+                simulate(model, angles, cyclic=self.cyclic, load=load)
+                for model, angles, load in columns
+            ]
+        )
 
     @cached_property
     def feet(self) -> Mapping[str, Array]:
-        """Where the foot is [m], (n, 3), as "desired", "direct" and "planned"; nothing without."""
+        """Foot positions [m], (n, 3), as "desired", "direct" and "planned"; empty without a leg."""
         if self.leg is None:
             return {}
-        wanted = self.leg.foot_positions(self.desired) if self.foot is None else self.foot
+        desired = self.leg.foot_positions(self.desired) if self.foot is None else self.foot
         direct, planned = map(self.leg.foot_positions, (self.direct, self.predicted))
-        return {"desired": wanted, "direct": direct, "planned": planned}
+        return {"desired": desired, "direct": direct, "planned": planned}
 
     @cached_property
     def distances(self) -> Mapping[str, Array]:
@@ -77,6 +106,30 @@ class PlanOutcome:
             for name, positions in self.feet.items()
             if name != "desired"
         }
+
+    @cached_property
+    def expected_foot(self) -> float | None:
+        """Root mean square distance of the foot to expect on the robot [m]; None where unknown.
+
+        The models' errors, as independent ones, move the foot from where the plan has it.
+        """
+        if self.leg is None or not all(math.isfinite(each.error) for each in self.expected):
+            return None
+        squares = float(np.mean(self.distances["planned"] ** 2))
+        planned = self.leg.foot_positions(self.predicted)
+        own = np.mean(self.errors["planned"] ** 2, axis=0)
+        for j, each in enumerate(self.expected):
+            moved = self.predicted.copy()
+            moved[:, j] += math.sqrt(max(each.error**2 - own[j], 0.0))
+            away = self.leg.foot_positions(moved) - planned
+            squares += float(np.mean(np.sum(away**2, axis=1)))
+        return math.sqrt(squares)
+
+    @property
+    def distances_given(self) -> Array:
+        """How far the planned foot is from the path before it was clamped [m], shape (n,)."""
+        given = self.feet["desired"] if self.foot_given is None else self.foot_given
+        return np.asarray(np.linalg.norm(self.feet["planned"] - given, axis=1))
 
     @property
     def errors(self) -> Mapping[str, Array]:
@@ -93,6 +146,15 @@ class PlanOutcome:
         """Share of the desired path that is faster than the joint's top speed, shape (k,)."""
         top = np.array([model.v_max for model in self.models])
         return np.asarray((np.abs(self._steps(self.desired)) > top * self.period).mean(axis=0))
+
+    @property
+    def motions(self) -> tuple[RequestMotion, ...]:
+        """How the requests of every joint move."""
+        columns = zip(self.requests.T, self.desired.T, strict=True)
+        return tuple(
+            request_motion(sent, desired, period=self.period, cyclic=self.cyclic)
+            for sent, desired in columns
+        )
 
     @cached_property
     def jumps(self) -> tuple[int, ...]:

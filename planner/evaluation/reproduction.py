@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
 
+from kinematics import Leg, urdf_path
+from planner.evaluation.baselines import best_time_shift, direct
 from planner.evaluation.clock import Clock
-from planner.evaluation.outcome import PlannedWalk, Reproduction
+from planner.evaluation.metrics import foot_distance, foot_distances
+from planner.evaluation.outcome import FootOutcome, JointOutcome, PlannedWalk, Reproduction
 from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES
-from planner.evaluation.planned_walk import plan_walk
 from planner.evaluation.step_response import measure_step_response
+from planner.gait import ReferenceWalk, reference_walk
+from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.foot.invert import invert_foot
+from planner.inversion.foot.result import FootInversion
+from planner.inversion.line_inverse import Rule
+from planner.inversion.optimal import invert_optimal
+from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+RULE: Rule = "paper"
+"""How the model-based rows of Table 2 invert a line."""
+
+REFINE = {"closed_form_plain": False, "closed_form": True}
+"""Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""
 
 
 def reproduce(
@@ -26,7 +42,7 @@ def reproduce(
     Args:
         model: The model of every joint; Table 1 where not given.
         segments: Lines of each approximation.
-        progress: Told what is being computed.
+        progress: Called with the name of each part before it is computed.
     """
     model = JointModel.ers210a() if model is None else model
     clock = Clock(progress)
@@ -42,3 +58,106 @@ def reproduce(
         steps=steps,
         seconds=clock.seconds,
     )
+
+
+def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> PlannedWalk:
+    """Plan the reference walk by every method, and predict the angles and the foot's path.
+
+    Args:
+        models: One model per joint of the leg.
+        segments: Lines of each approximation.
+        clock: Takes the time of each part.
+    """
+    models = tuple(models)
+    clock.start("walk", "the walk")
+    walk = reference_walk()
+    clock.start("baselines", "the baselines")
+    direct_angles = direct(models, walk.desired)
+    shift = best_time_shift(models, walk.desired, lambda each: foot_outcome(walk, each).distance)
+    clock.start("foot_optimal", "the optimised requests for the foot")
+    foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
+    clock.start("foot_bound", "the lower bound for the foot")
+    _ = foot_plan.lower_bound
+    joints = tuple(
+        _plan_joint(j, walk, direct_angles, foot_plan, segments=segments, clock=clock)
+        for j in range(len(models))
+    )
+    clock.stop()
+    angles = {
+        "direct": direct_angles,
+        "shift": shift.angles,
+        "closed_form_plain": _predicted([joint.closed_form_plain for joint in joints]),
+        "closed_form": _predicted([joint.closed_form for joint in joints]),
+        "optimal": _predicted([joint.optimal for joint in joints]),
+        "foot_optimal": foot_plan.predicted,
+    }
+    return PlannedWalk(
+        models=models,
+        segments=segments,
+        walk=walk,
+        joints=joints,
+        knee=_knee_of(walk),
+        legs={
+            method: walk.leg.joint_positions(each)
+            for method, each in {"desired": walk.desired, **angles}.items()
+        },
+        shift=shift,
+        foot_plan=foot_plan,
+        foot={method: foot_outcome(walk, each) for method, each in angles.items()},
+    )
+
+
+def foot_outcome(walk: ReferenceWalk, angles: Array) -> FootOutcome:
+    """Where the walk's leg has its foot at these angles [rad], and how far off that is."""
+    positions = walk.leg.foot_positions(angles)
+    return FootOutcome(
+        positions=positions,
+        distances=foot_distances(positions, walk.desired_foot),
+        distance=foot_distance(positions, walk.desired_foot),
+    )
+
+
+def _plan_joint(
+    j: int,
+    walk: ReferenceWalk,
+    direct_angles: Array,
+    foot_plan: FootInversion,
+    *,
+    segments: int,
+    clock: Clock,
+) -> JointOutcome:
+    """All plans of one joint, and their bounds, which are computed when first asked for."""
+    name, desired, model = walk.joint_names[j], walk.desired[:, j], foot_plan.models[j]
+    limits = (float(walk.leg.limits.lower[j]), float(walk.leg.limits.upper[j]))
+    clock.start("closed_form", f"the closed form for the {name}")
+    plain, refined = (
+        invert_closed_form(model, desired, segments=segments, rule=RULE, refine=REFINE[method])
+        for method in ("closed_form_plain", "closed_form")
+    )
+    clock.start("optimal", f"the optimised requests for the {name}")
+    # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
+    resting = np.clip(desired, limits[0] + model.offset, limits[1] + model.offset)
+    optimal = invert_optimal(model, resting, limits=limits)
+    clock.start("bounds", f"the lower bound for the {name}")
+    _ = plain.lower_bound, refined.lower_bound, optimal.lower_bound
+    return JointOutcome(
+        name=name,
+        desired=desired,
+        limits=limits,
+        direct=direct_angles[:, j],
+        closed_form_plain=plain,
+        closed_form=refined,
+        optimal=optimal,
+        foot_requests=foot_plan.requests[:, j],
+        foot_optimal=foot_plan.predicted[:, j],
+    )
+
+
+def _knee_of(walk: ReferenceWalk) -> Array:
+    """Path of the knee: the lower leg begins there, however the knee turns."""
+    upper = Leg.from_urdf(urdf_path("reference_leg.urdf"), base=walk.leg.base, foot="lower")
+    return upper.foot_positions(walk.desired)
+
+
+def _predicted(inversions: Sequence[Inversion]) -> Array:
+    return np.column_stack([inversion.predicted for inversion in inversions])

@@ -1,4 +1,4 @@
-"""What the paper reads off Figures 3 and 4: lag, acceleration time and top speed of a step test."""
+"""Lag, acceleration time and top speed of a step test: the paper's Figures 3 and 4."""
 
 from __future__ import annotations
 

@@ -13,14 +13,16 @@ from planner.evaluation.clock import Clock
 from planner.evaluation.metrics import angle_distance
 from planner.evaluation.outcome import PlannedWalk
 from planner.evaluation.paper import SEGMENTS
-from planner.evaluation.planned_walk import foot_outcome, plan_walk
-from planner.evaluation.virtual_outcome import Run, VirtualOutcome
+from planner.evaluation.reproduction import foot_outcome, plan_walk
+from planner.evaluation.virtual_outcome import LearningRun, Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
 from planner.gait import ReferenceWalk, reference_walk
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
+from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
+from planner.learning.refine import refine
 from planner.model.step_test import step_test
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
@@ -45,6 +47,12 @@ STEADY = 3.0
 """Change from cycle to cycle, rms, up to which a walk is steady, over what the errors of a sensor
 make of two equal cycles. The noise of the supply is the rest."""
 
+TRIALS = 10
+"""Trials of learning, each executed until it is steady and then measured for two cycles."""
+
+MEASURED_CYCLES = 2
+"""Cycles that are measured in each trial: the fewest that tell noise from what repeats."""
+
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""
 
@@ -67,7 +75,7 @@ def play_experiment(
         cycles: Cycles of each walk, once it is steady.
         seed: Of the robot's noise.
         constants: What the robot is made of; its own where not given.
-        progress: Told what is being done.
+        progress: Called with the name of each part before it begins.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
@@ -92,6 +100,8 @@ def play_experiment(
         runs["direct"].sensed.mean(axis=0), lambda angles: foot_outcome(walk, angles).distance
     )
     runs["shift"] = execute(robot, np.roll(walk.desired, -lead, axis=0), cycles=cycles)
+    clock.start("learning", f"{TRIALS} trials of learning")
+    learning = learn(robot, planned.foot_plan)
     clock.stop()
     return VirtualOutcome(
         constants=robot.constants,
@@ -99,6 +109,7 @@ def play_experiment(
         identifications=tuple(identifications),
         planned=planned,
         runs={method: runs[method] for method in planned.foot},
+        learning=learning,
         shift_samples=lead,
         seconds=clock.seconds,
     )
@@ -152,6 +163,18 @@ def planned_requests(planned: PlannedWalk) -> dict[str, Array]:
         "optimal": columns([joint.optimal for joint in joints]),
         "foot_optimal": planned.foot_plan.requests,
     }
+
+
+def learn(robot: VirtualRobot, plan: FootInversion, *, trials: int = TRIALS) -> LearningRun:
+    """Execute a plan, refine it by what the sensors said, and so on.
+
+    The models are those of the step tests throughout: they are identified already.
+    """
+    runs, plans = [], [plan]
+    for _ in range(trials):
+        runs.append(execute(robot, plans[-1].requests, cycles=MEASURED_CYCLES))
+        plans.append(refine(plans[-1], runs[-1].sensed, reidentify=False))
+    return LearningRun(tuple(runs), tuple(plans))
 
 
 def execute(robot: VirtualRobot, requests: Array, *, cycles: int) -> Run:

@@ -1,4 +1,4 @@
-"""What the paper's experiment gives on the virtual robot: mean and deviation of every distance."""
+"""Results of the paper's experiment on the virtual robot: mean and deviation of each distance."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.outcome import PlannedWalk, approximation
 from planner.identification.result import Identification
+from planner.inversion.foot.result import FootInversion
 from planner.model.response import simulate
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
@@ -65,6 +66,19 @@ class Run:
 
 
 @dataclass(frozen=True, eq=False)
+class LearningRun:
+    """Learning on the robot, from the foot-optimised plan on.
+
+    Attributes:
+        runs: What the robot made of the requests of each trial.
+        plans: The plan of each trial, and last the one that the last trial has led to.
+    """
+
+    runs: tuple[Run, ...]
+    plans: tuple[FootInversion, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class VirtualOutcome:
     """Everything that the experiment on the virtual robot gave.
 
@@ -74,6 +88,7 @@ class VirtualOutcome:
         identifications: What the step tests say about each joint.
         planned: The plans on the identified models, with what these predict.
         runs: What the robot made of each method's requests.
+        learning: What it learnt from the foot-optimised plan on.
         shift_samples: Lead of the best time shift, found on the robot.
         seconds: Time that each part took [s].
     """
@@ -83,6 +98,7 @@ class VirtualOutcome:
     identifications: tuple[Identification, ...]
     planned: PlannedWalk
     runs: Mapping[str, Run]
+    learning: LearningRun
     shift_samples: int
     seconds: Mapping[str, float]
 
@@ -105,6 +121,17 @@ class VirtualOutcome:
     def sensed_foot_table(self) -> dict[str, OverCycles]:
         """Distances of the foot by what the sensors said [cm]."""
         return self._foot_table(lambda run: run.sensed)
+
+    @property
+    def learnt_foot(self) -> list[OverCycles]:
+        """Distance of the foot from its desired path in each trial [cm], by the true angles."""
+        walk = self.planned.walk
+        return [
+            over_cycles(
+                [foot_distance(walk.leg.foot_positions(c), walk.desired_foot) for c in run.angles]
+            ).in_units_of(0.01)
+            for run in self.learning.runs
+        ]
 
     @cached_property
     def legs(self) -> dict[str, Array]:

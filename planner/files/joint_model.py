@@ -3,20 +3,40 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from planner.exceptions import InvalidFile, InvalidModel
+import numpy as np
+
+from planner.exceptions import InvalidFile, InvalidInput, InvalidModel
 from planner.files.table import nearest
 from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
+from planner.validation import as_reals, shown
 
-FIELDS = tuple(field.name for field in fields(JointModel))
-REQUIRED = tuple(field.name for field in fields(JointModel) if field.default is MISSING)
+FIELDS = tuple(each.name for each in fields(JointModel))
+TESTED: dict[str, tuple[tuple[int, ...], str]] = {
+    "expected_error": ((), "[rad] rms error on rows that were not fitted"),
+    "tested_speed": ((), "[rad/s] fastest motion of the logs"),
+    "tested_load": ((), "[N m] largest torque of the logs"),
+    "tested_angles": ((2,), "[rad] least and largest angle of the logs"),
+    "error_by_acceleration": (
+        (0, 2),
+        "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
+    ),
+}
+"""Keys beside the parameters, for the fields of Evidence: their shapes, and what they hold."""
+
+KINDS = ("a number, 0 or more", "two numbers", "pairs of numbers, 0 or more")
+"""Such values in words, by the number of their axes."""
+
+REQUIRED = tuple(each.name for each in fields(JointModel) if each.default is MISSING)
 
 
 @dataclass(frozen=True)
@@ -32,6 +52,20 @@ class ModelFile:
     path: str
     common: JointModel | None
     by_joint: Mapping[str, JointModel]
+
+    def one(self) -> JointModel:
+        """The only model of the file.
+
+        Raises:
+            InvalidFile: There are several.
+        """
+        models = [*self.by_joint.values()] if self.common is None else [self.common]
+        if len(models) != 1:
+            raise InvalidFile(
+                self.path,
+                f"holds models of {', '.join(self.by_joint)}, expected one; name the joint",
+            )
+        return models[0]
 
     def for_joints(self, names: Sequence[str]) -> tuple[JointModel, ...]:
         """The model of each named joint.
@@ -56,19 +90,41 @@ class ModelFile:
         return self.common
 
 
-def read_models(path: Path | str) -> ModelFile:
+def read_models(path: Path | str) -> dict[str, JointModel]:
     """Read joint models from TOML, or from standard input for ``-``.
 
     Keys above all tables hold for every joint; a table ``[knee]`` sets or changes some for one.
 
+    Args:
+        path: The file, as ``identify`` and :meth:`planner.JointModel.to_toml` write it.
+
+    Returns:
+        The models by joint, with what they were tested on, where the file says it:
+        :attr:`planner.JointModel.evidence`. The model of all joints without a table of their own,
+        if there is one, stands under ``""``; :func:`planner.plan` takes the dict as it is.
+
     Raises:
         InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
+        InvalidInput: The path is not the name of a file.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     JointModel.ers210a().to_toml(Path(folder, "any.toml"))
+        ...     models = read_models(Path(folder, "any.toml"))
+        >>> models == {"": JointModel.ers210a()}
+        True
     """
-    return models_of(read_toml(path, example="v_max = 5.45"))
+    if not isinstance(path, Path | str):
+        raise InvalidInput(f"path: got {shown(path)}, expected the name of a model file")
+    file = read_model_file(path)
+    return ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
 
 
-def models_of(file: Toml) -> ModelFile:
-    """Understand TOML as joint models; see :func:`read_models`."""
+def read_model_file(path: Path | str) -> ModelFile:
+    """Read joint models, and where they came from; see :func:`read_models`."""
+    file = read_toml(path, example="v_max = 5.45")
     path, content = file.path, file.content
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
@@ -76,11 +132,15 @@ def models_of(file: Toml) -> ModelFile:
         for key in keys:
             _check_key(file, key, table)
     by_joint = {
-        table: _model(path, {**common, **own}, f"table [{table}]: ")
+        table: _model(path, {**common, **own}, f"table [{table}]: ").with_evidence(
+            _tested(path, own)  # a table that changes parameters is another model
+        )
         for table, own in tables.items()
     }
+    evidence = _tested(path, common)
     complete = not tables or all(key in common for key in REQUIRED)
-    return ModelFile(path, _model(path, common, "") if complete else None, by_joint)
+    model = _model(path, common, "").with_evidence(evidence) if complete else None
+    return ModelFile(path, model, by_joint)
 
 
 def write_model(path: Path | str, model: JointModel) -> None:
@@ -108,9 +168,15 @@ def models_text(
         lines = [f"[{_key(joint)}]"] if joint else []
         lines += [_comment(line) for line in said.get("", "").splitlines()]
         lines += [
-            f"{field.name} = {getattr(model, field.name)!r}  "
-            + _comment(said.get(field.name, f"[{field.metadata.get('unit', '-')}]"))
-            for field in fields(model)
+            f"{each.name} = {getattr(model, each.name)!r}  "
+            + _comment(said.get(each.name, f"[{each.metadata.get('unit', '-')}]"))
+            for each in fields(model)
+        ]
+        seen: tuple[Any, ...] = model.evidence or ()
+        lines += [
+            f"{key} = {json.dumps(value)}  # {TESTED[key][1]}"
+            for key, value in zip(TESTED, seen, strict=False)
+            if np.size(value) and np.isfinite(value).all()
         ]
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
@@ -136,13 +202,38 @@ def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
     try:
-        return JointModel(**keys)
+        return JointModel(**{key: value for key, value in keys.items() if key not in TESTED})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
 
 
+def _tested(path: Path | str, keys: Mapping[str, Any]) -> Evidence | None:
+    """What a model's keys say of its test; None where they say nothing of it."""
+    if "expected_error" not in keys:
+        return None
+    found: dict[str, Any] = {}
+    for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=True):
+        if key not in keys:
+            continue
+        try:
+            values = as_reals(keys[key])
+        except (TypeError, ValueError):
+            values = np.array(math.nan)
+        fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
+        if not fits or np.isnan(values).any() or (key != "tested_angles" and np.any(values < 0.0)):
+            raise InvalidFile(
+                path, f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}"
+            )
+        found[name] = _as_tuples(values.tolist())
+    return Evidence(**found)
+
+
+def _as_tuples(value: Any) -> Any:
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
+
+
 def _check_key(file: Toml, key: str, table: str | None) -> None:
-    if key in FIELDS:
+    if key in FIELDS or key in TESTED:
         return
     place = f" in [{table}]" if table is not None else ""
     raise InvalidFile(

@@ -39,21 +39,31 @@ class Table:
     lines: tuple[int, ...]
     delimiter: str = ","
 
-    def numbers(self, names: Sequence[str]) -> Array:
+    def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """The named columns as finite numbers, shape (n, len(names)), read-only.
+
+        Args:
+            names: The columns.
+            missing: Whether cells may be empty, or NaN: they are NaN then.
 
         Raises:
             InvalidFile: A column is missing, or a cell is not a finite number.
         """
-        places = [self._place(name) for name in names]
+        places = [self.place(name) for name in names]
         values = np.empty((len(self.rows), len(names)))
         for k, (row, line) in enumerate(zip(self.rows, self.lines, strict=True)):
             for j, place in enumerate(places):
-                values[k, j] = self._number(row[place], names[j], line)
+                absent = missing and row[place].strip().lower() in ("", "nan")
+                values[k, j] = math.nan if absent else self._number(row[place], names[j], line)
         values.setflags(write=False)
         return values
 
-    def _place(self, name: str) -> int:
+    def place(self, name: str) -> int:
+        """Place of the named column.
+
+        Raises:
+            InvalidFile: There is none.
+        """
         if name not in self.names:
             raise InvalidFile(
                 self.path,
@@ -148,17 +158,17 @@ def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, 
         raise InvalidFile(
             path, f"column {names.index('') + 1} has no name; name or remove it", line=line
         )
-    name, count = Counter(names).most_common(1)[0]
-    if count > 1:
-        raise InvalidFile(
-            path, f"{count} columns are named '{name}', expected one; rename the others", line=line
-        )
     if all(_is_number(name) for name in names):
         raise InvalidFile(
             path,
             f"the first line holds numbers ({_shortened(','.join(names))}), expected names; "
             "put a line of column names above them",
             line=line,
+        )
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise InvalidFile(
+            path, f"{count} columns are named '{name}', expected one; rename the others", line=line
         )
     return tuple(names)
 

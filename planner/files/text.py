@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import errno
-import os
-import stat
+import json
+import math
 import sys
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from planner.exceptions import InvalidFile
-from planner.files.aside import prefix, sweep
+from planner.files.staging import cannot_write, reason, staged
 
 STANDARD_STREAM = "-"
 """The name that stands for standard input or standard output."""
@@ -44,8 +42,9 @@ def read_text(path: Path | str) -> str:
     except FileNotFoundError as error:
         raise InvalidFile(path, "no such file; check the name and the folder") from error
     except (OSError, ValueError) as error:  # a name with a null byte is no name
-        reason = _reason(error)
-        raise InvalidFile(path, f"cannot be read ({reason}); expected a text file") from error
+        raise InvalidFile(
+            path, f"cannot be read ({reason(error)}); expected a text file"
+        ) from error
     if len(content) > MOST_BYTES:
         raise InvalidFile(path, f"longer than {MOST_BYTES >> 20} MiB; is it the right file?")
     try:
@@ -59,12 +58,33 @@ def read_text(path: Path | str) -> str:
         ) from error
 
 
+def read_json(path: Path | str, *, what: str) -> Any:
+    """What a JSON file holds; NaN and infinities are read too, as Python writes them.
+
+    Args:
+        path: The file, or ``-`` for standard input.
+        what: What the file should be, for the messages.
+
+    Raises:
+        InvalidFile: There is no such file, or it is not JSON.
+    """
+    text = read_text(path)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InvalidFile(
+            path, f"not JSON ({error.msg}); is the file cut short?", line=error.lineno
+        ) from error
+    except RecursionError as error:
+        raise InvalidFile(path, f"not JSON of {what}: nested too deeply") from error
+    except ValueError as error:  # an integer of thousands of digits
+        raise InvalidFile(path, f"not JSON of {what}: a number is too long") from error
+
+
 def write_text(path: Path | str, text: str) -> None:
     """Write ``text`` to a file, or to standard output for ``-``.
 
-    A file is written aside and put in place in one step: whoever reads it meanwhile, and whatever
-    goes wrong, it holds the old text or the new one, never a part. A process that is killed may
-    leave what it wrote aside, a hidden file; the first write from an hour later on removes it.
+    A file holds the old text or the new one, never a part; see :func:`.staging.staged`.
 
     Raises:
         InvalidFile: The folder does not exist or cannot be written to.
@@ -82,42 +102,6 @@ def write_bytes(path: Path | str, content: bytes) -> None:
         pass
 
 
-@contextmanager
-def staged(path: Path | str, content: bytes) -> Iterator[None]:
-    """Write ``content`` aside, and put it in place only if the block does not raise.
-
-    So that of several files all appear or none: the last one is written in the block of the others.
-
-    Raises:
-        InvalidFile: As :func:`write_text` does.
-    """
-    target = Path(path)
-    if _takes_what_it_is_given(path):
-        yield
-        _write_through(target, content)
-        return
-    try:
-        sweep(target)
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix(target))
-    except OSError as error:
-        raise _cannot_write(path, error) from error
-    aside = Path(name)
-    try:
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-        except OSError as error:
-            raise _cannot_write(path, error) from error
-        yield
-        try:
-            aside.chmod(_permissions(target))
-            aside.replace(target.resolve())
-        except OSError as error:
-            raise _cannot_write(path, error) from error
-    finally:
-        aside.unlink(missing_ok=True)
-
-
 def _write_standard_output(text: str) -> None:
     if sys.stdout is None:
         raise InvalidFile(STANDARD_STREAM, "standard output is closed; name a file for the output")
@@ -128,48 +112,19 @@ def _write_standard_output(text: str) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _cannot_write(STANDARD_STREAM, error) from error
+        raise cannot_write(STANDARD_STREAM, error) from error
 
 
-def _write_through(target: Path, content: bytes) -> None:
-    try:
-        target.write_bytes(content)
-    except OSError as error:
-        raise _cannot_write(target, error) from error
+def to_json(content: Mapping[str, Any]) -> str:
+    """JSON text; numbers that are not finite, which JSON has not, become null."""
+    return json.dumps(_finite(content), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def _takes_what_it_is_given(path: Path | str) -> bool:
-    """Whether it is a device or a named pipe, rather than a file or nothing yet.
-
-    Raises:
-        InvalidFile: It is a folder, or no file can have this name.
-    """
-    target = Path(path)
-    try:
-        mode = target.stat().st_mode
-        if stat.S_ISDIR(mode):
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    except FileNotFoundError:
-        return False
-    except (OSError, ValueError) as error:  # a link to itself, too, or a null byte
-        raise _cannot_write(target, error) from error
-    return not stat.S_ISREG(mode)
-
-
-def _permissions(target: Path) -> int:
-    """Those of the file that is replaced, or those that any new file would get."""
-    if target.exists():
-        return target.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
-
-
-def _cannot_write(path: Path | str, error: OSError | ValueError) -> InvalidFile:
-    return InvalidFile(
-        path, f"cannot be written ({_reason(error)}); choose another place for the output"
-    )
-
-
-def _reason(error: OSError | ValueError) -> str:
-    return (getattr(error, "strerror", None) or str(error)).lower()
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,4 +1,4 @@
-"""Units in column names: ``knee_deg``, ``x_cm``; SI everywhere behind this door."""
+"""Units in column names: ``knee_deg``, ``x_cm``; SI inside the package."""
 
 from __future__ import annotations
 
@@ -15,26 +15,66 @@ from planner.trajectory import Array
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}
 """Angle units and what one of them is in radians."""
 
+SHARES: Mapping[str, float] = {"percent": math.pi / 180.0, "range": 100.0 * math.pi / 180.0}
+"""Shares of a joint's range: a percent is carried as if it were a degree, and so printed as one."""
+
 LENGTHS: Mapping[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Length units and what one of them is in metres."""
 
+
+OTHER_UNITS = frozenset(
+    (
+        *("degree", "degrees", "radian", "radians", "turn", "turns", "tick", "ticks"),
+        *("meter", "meters", "metre", "metres", "inch", "km"),
+    )
+)
+"""Ends of names that are a unit too, but none that is read."""
+
+CLOCKS = frozenset(("t", "time", "times", "timestamp", "stamp", "seconds", "clock"))
+"""Names of columns that are times, without their unit."""
 
 LARGEST = 1e6
 """An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
 
 
+TURN = 2.0 * math.pi
+"""A turn [rad]."""
+
+MOST_TURNS = 2.0
+"""A joint that does not wind stays within so many turns of zero."""
+
+LEAST_DEG = 4.0
+"""A span below this [degrees] may be radians."""
+
+WINDING, NET = 0.25, 0.5
+"""A joint that winds turns less between samples than this [turns], and of all its motion at least
+this part is in one direction."""
+
+
 class Quantities(NamedTuple):
-    """Columns that share a unit.
+    """Columns with a unit.
 
     Attributes:
         names: What is measured, without the unit.
-        columns: The columns' names, with it.
+        units: Their units.
         values: The measured values in SI, shape (n, k), read-only.
     """
 
     names: tuple[str, ...]
-    columns: tuple[str, ...]
+    units: tuple[str, ...]
     values: Array
+
+
+def not_radians(angles: Array) -> bool:
+    """Whether angles over time [rad], shape (n,), are beyond those of a joint: degrees, perhaps.
+
+    A joint that winds passes many turns, in small steps and mostly in one direction.
+    """
+    if np.max(np.abs(angles)) <= MOST_TURNS * TURN:
+        return False
+    steps = np.abs(np.diff(angles))
+    one_way = abs(angles[-1] - angles[0]) >= NET * float(np.sum(steps)) > 0.0
+    return not (one_way and bool(np.max(steps) <= WINDING * TURN))
 
 
 def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:
@@ -44,7 +84,9 @@ def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | Non
 
 
 def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> Quantities:
-    """Take the columns apart into names and the one unit that they share, and read them.
+    """Take the columns apart into names and units, and read them.
+
+    All have the same unit, but for shares of a joint's range, which stand beside angles.
 
     Raises:
         InvalidFile: A column has no unit of these, the units differ, or a value is not finite or
@@ -54,28 +96,24 @@ def with_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) 
     for column in columns:
         parts = split_unit(column, units)
         if parts is None:
-            endings = [f"{column.rpartition('_')[0] or column}_{unit}" for unit in units]
-            raise InvalidFile(
-                table.path,
-                f"column '{column}' has no unit; expected {' or '.join(endings)}: "
-                "rename it, or remove it",
-                line=1,
-            )
+            bare = [each for each in columns if split_unit(each, units) is None]
+            raise _without_unit(table, bare, units)
         names.append(parts[0])
         found.append(parts[1])
-    if len(set(found)) > 1:
+    if len(set(found) - set(SHARES)) > 1 or len(set(found) & set(SHARES)) > 1:
         mixed = ", ".join(columns)
         raise InvalidFile(
             table.path, f"mixed units ({mixed}); expected one unit in all columns", line=1
         )
-    values = table.numbers(columns) * units[found[0]]
-    _check_size(table, columns, values, LARGEST / units[found[0]])
+    factors = np.array([units[unit] for unit in found])
+    values = table.numbers(columns) * factors
+    _check_size(table, columns, values, LARGEST / factors)
     values.setflags(write=False)
-    return Quantities(tuple(names), tuple(columns), values)
+    return Quantities(tuple(names), tuple(found), values)
 
 
-def pick(table: Table, wanted: Sequence[str], units: Mapping[str, float]) -> list[str]:
-    """Columns of the named quantities, in the order of ``wanted``.
+def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list[str]:
+    """Columns of the named quantities, in the order of ``names``.
 
     Raises:
         InvalidFile: One of them is missing, or there in two units.
@@ -86,9 +124,13 @@ def pick(table: Table, wanted: Sequence[str], units: Mapping[str, float]) -> lis
         if parts is not None:
             known.setdefault(parts[0], []).append(column)
     columns = []
-    for name in wanted:
+    for name in names:
+        if names.count(name) > 1:
+            raise InvalidFile(
+                table.path, f"'{name}' is named {names.count(name)} times; name it once"
+            )
         if name not in known:
-            endings = " or ".join(f"{name}_{unit}" for unit in units)
+            endings = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
             raise InvalidFile(
                 table.path,
                 f"no column {endings}{nearest(name, tuple(known))}; "
@@ -106,14 +148,37 @@ def pick(table: Table, wanted: Sequence[str], units: Mapping[str, float]) -> lis
     return columns
 
 
-def _check_size(table: Table, columns: Sequence[str], values: Array, largest: float) -> None:
+def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> InvalidFile:
+    """The error that columns have no unit of these."""
+    name = columns[0]
+    for each in columns:
+        if each.lower() in CLOCKS or each.lower().rpartition("_")[0] in CLOCKS:
+            return InvalidFile(
+                table.path,
+                f"column '{each}' looks like times; expected t_s, in seconds: convert and rename "
+                "it, or remove it",
+                line=1,
+            )
+    stem, _, word = name.rpartition("_")
+    if stem and not word.isdigit() and word.lower() in OTHER_UNITS:
+        name = stem
+    expected = " or ".join(f"{name}_{unit}" for unit in units if unit not in SHARES)
+    if len(columns) == 1:
+        what, advice = f"column '{columns[0]}' has no unit", "rename it, or remove it"
+    else:
+        what = f"columns {', '.join(map(repr, columns))} have no unit"
+        expected, advice = f"an ending of the unit, such as {expected}", "rename or remove them"
+    return InvalidFile(table.path, f"{what}; expected {expected}: {advice}", line=1)
+
+
+def _check_size(table: Table, columns: Sequence[str], values: Array, largest: Array) -> None:
     beyond = np.argwhere(~(np.abs(values) <= LARGEST))
     if beyond.size:
         k, j = beyond[0]
         cell = table.rows[k][table.names.index(columns[j])].strip()
         raise InvalidFile(
             table.path,
-            f"column '{columns[j]}': got {cell}, expected at most {largest:g} either way; "
+            f"column '{columns[j]}': got {cell}, expected at most {largest[j]:g} either way; "
             "check the unit",
             line=table.lines[k],
         )

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from planner.identification.initial_guess import best_delay, delayed_errors
+import numpy as np
+
 from planner.identification.least_squares import OPTIONS as FITTING
 from planner.identification.least_squares import Fit, least_squares
 from planner.identification.parameters import Parameters, only
 from planner.identification.resampling import Grid
+from planner.identification.robust_loss import rms
 from planner.identification.simulation import respond
 from planner.trajectory import Array
 
@@ -74,3 +76,30 @@ def _first_order(grid: Grid, delay: float) -> Fit:
     fits = [least_squares(grid, begin, free=FIRST_ORDER, effort=FITTING.quick) for begin in begins]
     best = min(fits, key=lambda fit: fit.rms)
     return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts)
+
+
+def best_delay(grid: Grid) -> tuple[float, float]:
+    """The delay after which the requests come nearest to the angles.
+
+    Returns:
+        Delay [s], the least among equals, and the root mean square error that is left [rad].
+    """
+    step = 4.0 * grid.tick
+    delays = np.arange(0.0, grid.reach, step)
+    for _ in range(3):
+        errors = np.array([rms(delayed_errors(grid, delay)) for delay in delays])
+        best = int(np.argmin(errors))
+        delay = float(delays[best])
+        step /= 8.0
+        around = delay + step * np.arange(-8, 9)
+        delays = np.unique(np.append(around[around >= 0.0], delay))
+    return delay, float(errors[best])
+
+
+def delayed_errors(grid: Grid, delay: float) -> Array:
+    """The request of ``delay`` [s] ago minus the angle, at the used rows [rad].
+
+    A request that comes into force at the very time of a row counts for that row.
+    """
+    number = np.searchsorted(grid.edges, grid.times - delay + 1e-6 * grid.tick, side="right") - 1
+    return np.asarray(grid.requests[np.maximum(number, 0)] - grid.angles)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import InvalidInput, angle_text
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
@@ -37,6 +37,8 @@ class SignalOptions:
         longest_dwell: And at most this [s]: what it takes to arrive.
         triangle_cycles: Cycles of a triangle in each of its equally long parts: speeds that
             double from part to part.
+        slow_shares: Reach of the equally long parts of a slow triangle, as shares of the range:
+            far and near. Each goes to and fro twice.
         taper: Part of the signal over which a sine swells at the start, and dies down at the
             end.
     """
@@ -50,6 +52,7 @@ class SignalOptions:
     shortest_dwell: float = 0.12
     longest_dwell: float = 0.9
     triangle_cycles: tuple[int, ...] = (1, 2, 4, 8)
+    slow_shares: tuple[float, ...] = (1.0, 0.25)
     taper: float = 0.08
 
 
@@ -70,6 +73,10 @@ MEANING: Mapping[str, str] = {
     "triangle": "To and fro at constant speeds. At each speed the joint trails by a constant "
     "error, so that f can be read backwards, from speed to error; lag and acceleration time show "
     "at the corners only. The top speed shows where a part is faster than the joint.",
+    "slow_triangle": "To and fro slowly, far and near. Where the direction changes the joint rests "
+    "until the error leaves the dead band: the errors of both directions differ by twice the dry "
+    "friction, and their mean is the offset. Nothing here is fast: lag, acceleration time and top "
+    "speed need step tests or random steps beside it.",
 }
 """The kinds of signals, and what each makes identifiable."""
 
@@ -122,8 +129,8 @@ def excite(
     """Make a test signal that never leaves the limits and rests at the centre at both ends.
 
     Args:
-        kind: ``steps`` (Equation 1, about the centre), ``multisine``, ``chirp``, ``random_steps``
-            or ``triangle``.
+        kind: ``steps`` (Equation 1, about the centre), ``multisine``, ``chirp``,
+            ``random_steps``, ``triangle`` or ``slow_triangle``.
         limits: Least and largest request [rad].
         period: Time between requests [s].
         duration: Length of the whole signal [s].
@@ -161,7 +168,8 @@ def excite(
         "multisine": lambda: _multisine(moving, period=period, highest=fastest, seed=seed),
         "chirp": lambda: _chirp(moving, period=period, highest=fastest),
         "random_steps": lambda: _random_steps(moving, period=period, seed=seed),
-        "triangle": lambda: _triangle(moving),
+        "triangle": lambda: _triangle(moving, OPTIONS.triangle_cycles),
+        "slow_triangle": lambda: _slow_triangle(moving),
     }
     deflection = np.pad(make[kind](), rest)
     requests = np.clip(middle + reach * deflection, *limits)  # rounding may not leave the limits
@@ -182,11 +190,12 @@ def excite(
 def _deflection(limits: tuple[float, float], centre: float | None) -> tuple[float, float]:
     low, high = limits
     if not -math.inf < low < high < math.inf:
-        raise InvalidInput(f"limits: got {low:g} to {high:g} rad, expected the lower one first")
+        raise InvalidInput(f"limits: got {angle_text(low, high)}, expected the lower one first")
     middle = 0.5 * (low + high) if centre is None else centre
     if not low < middle < high:
         raise InvalidInput(
-            f"centre: got {middle:g} rad, expected between the limits {low:g} and {high:g}"
+            f"centre: got {angle_text(middle)}, expected between the limits {angle_text(low)} and "
+            f"{angle_text(high)}"
         )
     return middle, min(middle - low, high - middle)
 
@@ -211,8 +220,8 @@ def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, .
     for amplitude in amplitudes:
         if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
             raise InvalidInput(
-                f"amplitudes: got a step of {amplitude:g} rad, expected more than 0 and at most "
-                f"{2.0 * reach:g}, what the limits allow about the centre"
+                f"amplitudes: got a step of {angle_text(amplitude)}, expected more than 0 and at "
+                f"most {angle_text(2.0 * reach)}, what the limits allow about the centre"
             )
     if not amplitudes:
         raise InvalidInput("amplitudes: got none, expected at least one [rad]")
@@ -286,11 +295,18 @@ def _random_steps(samples: int, *, period: float, seed: int) -> Array:
     return made
 
 
-def _triangle(samples: int) -> Array:
-    """To and fro between -1 and 1 at constant speeds, each part twice as fast as the last."""
+def _slow_triangle(samples: int) -> Array:
+    """Two slow cycles at each reach, one reach after the other."""
+    lengths = map(len, np.array_split(np.empty(samples), len(OPTIONS.slow_shares)))
+    pairs = zip(OPTIONS.slow_shares, lengths, strict=True)
+    return np.concatenate([share * _triangle(length, (2,)) for share, length in pairs])
+
+
+def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:
+    """To and fro between -1 and 1 at constant speeds, so many cycles in each of equal parts."""
     parts = []
-    lengths = map(len, np.array_split(np.empty(samples), len(OPTIONS.triangle_cycles)))
-    for cycles, length in zip(OPTIONS.triangle_cycles, lengths, strict=True):
+    lengths = map(len, np.array_split(np.empty(samples), len(parts_cycles)))
+    for cycles, length in zip(parts_cycles, lengths, strict=True):
         phase = np.mod(cycles * np.arange(length) / length + 0.75, 1.0)
         parts.append(1.0 - 4.0 * np.abs(phase - 0.5))
     made: Array = -np.concatenate(parts)
@@ -342,7 +358,7 @@ def expected_log(
     """
     for name, value in (("noise", noise), ("resolution", resolution)):
         if not 0.0 <= value < math.inf:
-            raise InvalidInput(f"{name}: got {value:g} rad, expected 0 or more")
+            raise InvalidInput(f"{name}: got {angle_text(value)}, expected 0 or more")
     joint = at_period(model, excitation.period)
     angles = simulate(joint, excitation.requests, cyclic=False)
     measured = angles + noise * np.random.default_rng(seed).standard_normal(len(angles))

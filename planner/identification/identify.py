@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.alternatives import Simple, errors_of, simple_fits
-from planner.identification.fit import fit_joint, with_even_rows, with_observed_speed
-from planner.identification.intervals import Uncertainty, intervals_of, uncertainty_of
+from planner.identification.fit import (
+    fit_joint,
+    with_even_rows,
+    with_observed_speed,
+)
+from planner.identification.intervals import (
+    Uncertainty,
+    intervals_of,
+    model_interval,
+    noise_of,
+    uncertainty_of,
+)
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, unwrapped
-from planner.identification.parameters import COUNT, PARAMETERS, model_derivatives
+from planner.identification.parameters import PARAMETERS, TERMS, model_derivatives
+from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Identification, Interval, LogFit
 from planner.identification.robust_loss import rms
+from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, opposite_sign, verdict_on
 from planner.trajectory import Array
 from planner.validation import as_flag
+
+MOSTLY_FREE = 0.5
+"""Share of the rows of a log that have to remain beside those at a mechanical stop."""
 
 
 def identify(
@@ -44,6 +61,16 @@ def identify(
         InvalidTrajectory: A log is malformed.
         InvalidInput: The logs hold no motion to learn from, are of different units, or tick and
             hold contradict their period.
+
+    Example:
+        >>> import numpy as np
+        >>> from planner import JointModel, Log, simulate
+        >>> requests = np.repeat(np.radians([0.0, 60.0, -20.0, 10.0, 40.0, 0.0]), 60)
+        >>> angles = simulate(JointModel.ers210a(), requests, cyclic=False)
+        >>> times = 0.008 * np.arange(len(requests))
+        >>> found = identify(Log(times=times, requests=requests, angles=angles))
+        >>> found.accepted, round(found.model.lag, 3)
+        (True, 0.032)
     """
     hold_out = as_flag("hold_out", hold_out)
     logs = as_logs(logs)
@@ -51,12 +78,23 @@ def identify(
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     timing = timing.ticking(fit.grid.tick)
+    trial = with_terms(fit)
+    every, at_stops = logs, _without_stops(logs, trial.fit)
+    if at_stops:
+        logs = at_stops.logs
+        trial = with_terms(fit_joint(logs, timing))
+    fit = with_observed_speed(trial.fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
-    held = held_out(logs, timing, fit.grid) if hold_out else None
+    for name in trial.confounded & set(bounds):
+        bounds[name] = Interval(-math.inf if name == "offset" else 0.0, math.inf)
+    held = held_out(logs, timing, fit) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
-    signal = _signal(fit)
+    signal, noise = _signal(fit), noise_of(fit)
+    unit = "" if logs[0].unit == "1" else logs[0].unit
+    model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
+    fits = _log_fits(every, fit, held)
     verdict = verdict_on(
         fit,
         bounds,
@@ -64,9 +102,13 @@ def identify(
         errors,
         against=opposite_sign(fit.grid),
         signal=signal,
-        unit="" if logs[0].unit == "1" else logs[0].unit,
+        unit=unit,
+        tested=held is not None or not hold_out,
+        friction=_possible_friction(trial),
+        shaken=shaken(model, fits, unit),
     )
-    notes = notes_on(logs, timing, jumps)
+    intervals = _intervals(fit, bounds, uncertainty)
+    notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
     if evenly_timed:
         notes.append(
             f"the times of the rows jitter: rows every {1e3 * timing.period:.3g} ms fit better, "
@@ -74,19 +116,28 @@ def identify(
         )
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
+    notes += patterns(model, fits, noise, unit)
     return Identification(
-        model=fit.parameters.model(tick=timing.tick, hold=timing.hold),
-        fits=_log_fits(logs, fit, held),
+        model=model,
+        fits=fits,
         rms=fit.rms,
         held_out_rms=None if held is None else held.rms,
-        noise=fit.scale,
+        noise=noise,
+        unexplained=math.sqrt(max(fit.scale**2 - noise**2, 0.0)),
+        fastest=fit.grid.fastest,
+        heaviest=float(np.max(np.abs(fit.grid.loads), initial=0.0)),
         signal=signal,
-        intervals=_intervals(fit, bounds, uncertainty),
+        intervals=intervals,
         gain_interval=bounds["gain"],
         covariance=_covariance(fit, bounds, uncertainty),
         alternatives=_alternatives(simple, errors, held),
         warnings=(*verdict.warnings, *notes),
-        accepted=verdict.accepted,
+        accepted=verdict.word != "refused",
+        verdict=verdict.word,
+        terms=tuple(
+            replace(term, interval=intervals[term.name]) if term.kept else term
+            for term in trial.terms
+        ),
     )
 
 
@@ -116,7 +167,41 @@ def _fitted(
     if even is not None:
         logs, timing = even, timing_of(even, tick=tick, hold=hold)
         fit = fit_joint(logs, timing, choose_tick=choose_tick)
-    return logs, timing, with_observed_speed(fit), even is not None
+    return logs, timing, fit, even is not None
+
+
+def _possible_friction(trial: Trial) -> float:
+    """By how much the dead band may be larger than that of the model [rad]."""
+    dead_band = trial.fit.parameters.dead_band
+    ends = [each.interval.upper for each in trial.terms if each.name == "dead_band"]
+    return max((end - dead_band for end in ends), default=0.0)
+
+
+class _Moving(NamedTuple):
+    """The logs, rows at a mechanical stop as if without torque, and notes on these."""
+
+    logs: tuple[Log, ...]
+    notes: tuple[str, ...]
+
+
+def _without_stops(logs: Sequence[Log], fit: Fit) -> _Moving | None:
+    """The logs without rows at a mechanical stop; None where they show none.
+
+    Where most rows of a log would go they stay: then something else holds the joint.
+    """
+    moving, notes = [], []
+    for each in _log_fits(logs, fit, None):
+        log, found = each.log, stops(each, noise_of(fit))
+        free = log.torque_on.copy()
+        for stop in found:
+            free[stop.rows] = False
+        if found and np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on):
+            log = replace(log, torque_on=free)
+            notes += [f"{log.name}: {stop.words}; these rows are left out" for stop in found]
+        elif found:
+            notes += [f"{log.name}: {stop.words}; too many rows to leave out" for stop in found]
+        moving.append(log)
+    return _Moving(tuple(moving), tuple(notes)) if notes else None
 
 
 def _check_alike(logs: Sequence[Log]) -> None:
@@ -140,17 +225,22 @@ def _signal(fit: Fit) -> float:
 def _intervals(
     fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
 ) -> dict[str, Interval]:
-    known = {**bounds, "theta_0": _theta_0(fit, bounds, uncertainty)}
-    return {name: known[name] for name in PARAMETERS}
+    known = dict(bounds)
+    for name, term in TERMS.items():
+        if name in ("asymmetry", "slowing") and name in bounds:
+            known[term] = model_interval(fit, uncertainty, name)
+            if not (bounds[name].bounded and bounds["v_max"].bounded):
+                known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+    known["theta_0"] = _theta_0(fit, bounds, uncertainty)
+    return {name: known[name] for name in PARAMETERS if name in known}
 
 
 def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
     """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
     gain, v_max = bounds["gain"], bounds["v_max"]
     if v_max.bounded and gain.bounded:
-        way = np.zeros(COUNT)
-        way[:2] = -1.0, 1.0
-        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance @ way))
+        way = np.array([-1.0, 1.0])
+        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance[:2, :2] @ way))
         value = fit.parameters.v_max / fit.parameters.gain
         if half < 1.0:
             return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
@@ -159,11 +249,12 @@ def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty)
 
 
 def _covariance(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Array | None:
-    """Covariance of :data:`PARAMETERS` in SI units, shape (p, p)."""
+    """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
     if not all(interval.bounded for interval in bounds.values()):
         return None
-    change = model_derivatives(fit.grid, fit.parameters)
-    covariance = change @ uncertainty.covariance @ change.T
+    fitted = np.ix_(fit.free, fit.free)
+    change = model_derivatives(fit.grid, fit.parameters)[fitted]
+    covariance = change @ uncertainty.covariance[fitted] @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)
 

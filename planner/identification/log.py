@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,9 @@ TURN = 2.0 * np.pi
 @dataclass(frozen=True, kw_only=True)
 class UnwrapOptions:
     """When a pause is a gap, and when a step is the start of an encoder's next turn.
+
+    Half and twice the values change nothing on seven reference logs (four made, three recorded;
+    ``scripts/reference``), which have no gaps and no turns.
 
     Attributes:
         gap: Pause between rows, in median periods, after which nothing is assumed of what was
@@ -49,6 +52,26 @@ FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
 
 
+class Written(NamedTuple):
+    """How a file writes the angles of a log: angle = factor * number + shift.
+
+    Attributes:
+        path: The file, or the dataset or bag.
+        episode: The episode of a dataset; None for a file of one recording.
+        column: The column of the requested angles; "" where there are no columns by joint.
+        unit: What the numbers are in, such as "deg", "ticks" or "percent".
+        factor: What one of them is [rad, or shares of a range].
+        shift: What their zero is [rad, or shares of a range].
+    """
+
+    path: str
+    episode: int | None
+    column: str
+    unit: str
+    factor: float
+    shift: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
     """Requested against actual angles of one joint; the arrays are read-only copies.
@@ -62,7 +85,10 @@ class Log:
         joint: Name of the joint, or empty.
         unit: "rad" for angles, "1" for shares of a range (grippers, hands): everything that is
             said in radians then is a share.
+        load: Torque on the joint in the direction of positive angles [N m], shape (n,), each in
+            the time since the row before; None where it is not known.
         notes: What was guessed when the log was read, in words.
+        written: How the file wrote its requests, where it was read from one.
 
     Raises:
         InvalidTrajectory: Not finite, of unequal length, too short, or the time does not increase.
@@ -75,7 +101,9 @@ class Log:
     name: str = "log"
     joint: str = ""
     unit: str = "rad"
+    load: Array | None = None
     notes: tuple[str, ...] = ()
+    written: Written | None = None
 
     def __post_init__(self) -> None:
         """Copy and check every column once."""
@@ -90,6 +118,9 @@ class Log:
             values = as_trajectory(given, name=named, minimum=FEWEST_ROWS, largest=largest)
             object.__setattr__(self, column, values)
         rows = len(self.times)
+        if self.load is not None:
+            load = as_trajectory(self.load, name=f"{self.name}: load", minimum=FEWEST_ROWS)
+            object.__setattr__(self, "load", load)
         given = self.torque_on
         try:
             torque = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
@@ -102,7 +133,8 @@ class Log:
                 f"{self.name}: notes: got {shown(self.notes)}, expected a list of texts"
             )
         object.__setattr__(self, "notes", tuple(self.notes))
-        for column in ("requests", "angles", "torque_on"):
+        optional = () if self.load is None else ("load",)
+        for column in ("requests", "angles", "torque_on", *optional):
             shape = getattr(self, column).shape
             if shape != (rows,):
                 raise InvalidTrajectory(

@@ -14,21 +14,40 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.resampling import Grid
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, SpeedLaw, speed_law
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
 """Which parameters a fit may change, in the order of the fields of :class:`Parameters`."""
 
+MOST_ASYMMETRY = 0.5
+"""Share of v_max by which the top speeds differ at most without a load: 3 to 1."""
+
+MOST_SLOWING = 0.45
+"""Share of v_max by which the largest load changes them at most: both directions stay possible."""
+
+
+SEEN = 0.3
+"""Share of the highest speed of a log below which no top speed is looked for: what explains the
+rest of a log better then is no joint."""
+
 
 class Parameters(NamedTuple):
-    """A joint by what its motion shows; v_max may be infinite: then it never saturates."""
+    """A joint by what its motion shows; v_max may be infinite: then it never saturates.
+
+    ``v_offset`` and ``speed_per_torque`` are shares of v_max here, so that their bounds do not
+    depend on it.
+    """
 
     gain: float  # v_max / theta_0 [1/s]
     v_max: float  # [rad/s]
     lag: float  # [s]
     acceleration_time: float  # [s]
     offset: float  # [rad]
+    dead_band: float = 0.0  # [rad]
+    asymmetry: float = 0.0  # v_offset / v_max [-]
+    compliance: float = 0.0  # [rad/(N m)]
+    slowing: float = 0.0  # speed_per_torque / v_max [1/(N m)]
 
     @classmethod
     def of(cls, model: JointModel) -> Self:
@@ -39,7 +58,43 @@ class Parameters(NamedTuple):
             lag=model.lag,
             acceleration_time=model.acceleration_time,
             offset=model.offset,
+            dead_band=model.dead_band,
+            asymmetry=model.v_offset / model.v_max,
+            compliance=model.compliance,
+            slowing=model.speed_per_torque / model.v_max,
         )
+
+    @property
+    def linear(self) -> bool:
+        """Whether f is a line wherever it does not saturate."""
+        return self.dead_band == 0.0
+
+    def faster(self, load: Array | float = 0.0) -> Array | float:
+        """v_offset + speed_per_torque * load [rad/s], for any shape of the load."""
+        if math.isinf(self.v_max) or not (self.asymmetry or self.slowing):
+            return 0.0
+        return self.v_max * (self.asymmetry + self.slowing * load)
+
+    def law(self, load: Array | float = 0.0) -> SpeedLaw:
+        """F under a load [N m] of any shape that goes with the errors: (1a)."""
+        return speed_law(
+            gain=self.gain,
+            v_max=self.v_max,
+            dead_band=self.dead_band,
+            v_offset=self.faster(load),
+        )
+
+    def inside(self, errors: Array, load: Array | float = 0.0) -> npt.NDArray[np.bool_]:
+        """Whether f has the slope ``gain`` at each error: neither saturated nor in the band."""
+        called, faster = self.gain * self.beyond(errors), self.faster(load)
+        found = (called < self.v_max + faster) & (called > faster - self.v_max)
+        return found if self.linear else found & (np.abs(errors) > self.dead_band)
+
+    def beyond(self, errors: Array) -> Array:
+        """What the dead band leaves of errors [rad]."""
+        if self.linear:
+            return errors
+        return errors - np.clip(errors, -self.dead_band, self.dead_band)
 
     @property
     def whole_delay(self) -> float:
@@ -56,6 +111,10 @@ class Parameters(NamedTuple):
             tick=tick,
             hold=hold,
             offset=self.offset,
+            dead_band=self.dead_band,
+            v_offset=self.asymmetry * self.v_max,
+            compliance=self.compliance,
+            speed_per_torque=self.slowing * self.v_max,
         )
 
 
@@ -78,18 +137,15 @@ class Coordinate(NamedTuple):
     open_end: float = 0.0
 
 
-LARGEST_GAIN = 1.9
-"""Largest gain times tick; from 2 on the joint would not come to rest."""
-
 COORDINATES: dict[str, Coordinate] = {
     "gain": Coordinate(
         unit=None,
         lower=lambda grid: 1e-3 / grid.reach,
-        upper=lambda grid: LARGEST_GAIN / grid.tick,
+        upper=lambda grid: 1.9 / grid.tick,  # from 2 on the joint would not come to rest
     ),
-    "v_max": Coordinate(  # no log tells a speed below or beyond these
+    "v_max": Coordinate(  # a joint is not slower than it was seen to be, but for noise
         unit=None,
-        lower=lambda grid: 1e-6 * grid.span / grid.reach,
+        lower=lambda grid: max(SEEN * grid.fastest, 1e-6 * grid.span / grid.reach),
         upper=lambda grid: 1e3 * grid.span / grid.tick,
     ),
     "lag": Coordinate(
@@ -112,12 +168,47 @@ COORDINATES: dict[str, Coordinate] = {
         scale=lambda grid, _: grid.span,
         open_end=-math.inf,
     ),
+    "dead_band": Coordinate(
+        unit=lambda grid: grid.span,
+        lower=lambda _: 0.0,
+        upper=lambda grid: 0.5 * grid.span,
+        scale=lambda grid, _: grid.span,
+    ),
+    "asymmetry": Coordinate(
+        unit=lambda _: 1.0,
+        lower=lambda _: -MOST_ASYMMETRY,
+        upper=lambda _: MOST_ASYMMETRY,
+        open_end=-math.inf,
+    ),
+    "compliance": Coordinate(
+        unit=lambda grid: grid.span / grid.heaviest,
+        lower=lambda _: 0.0,
+        upper=lambda grid: 10.0 * grid.span / grid.heaviest,
+        scale=lambda grid, _: grid.span / grid.heaviest,
+    ),
+    "slowing": Coordinate(
+        unit=lambda grid: 1.0 / grid.heaviest,
+        lower=lambda _: 0.0,
+        upper=lambda grid: MOST_SLOWING / grid.heaviest,
+        scale=lambda grid, _: 1.0 / grid.heaviest,
+    ),
 }
 """One row for each field of :class:`Parameters`, in the same order."""
 
 COUNT = len(COORDINATES)
 
-PARAMETERS = ("v_max", "theta_0", *Parameters._fields[2:])
+TERMS = {
+    "dead_band": "dead_band",
+    "asymmetry": "v_offset",
+    "compliance": "compliance",
+    "slowing": "speed_per_torque",
+}
+"""Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
+
+BASE = Parameters._fields[: -len(TERMS)]
+"""The parameters of the paper, and the offset: every fit has them."""
+
+PARAMETERS = ("v_max", "theta_0", *BASE[2:], *TERMS.values())
 """The same as attributes of a :class:`planner.JointModel`, in the order of a covariance."""
 
 
@@ -147,9 +238,13 @@ def units(grid: Grid, parameters: Parameters) -> Array:
 
 def model_derivatives(grid: Grid, parameters: Parameters) -> Array:
     """Derivatives of :data:`PARAMETERS` by the coordinates, shape (p, p)."""
-    theta_0 = parameters.v_max / parameters.gain
+    v_max, theta_0 = parameters.v_max, parameters.v_max / parameters.gain
     change = np.diag(units(grid, parameters))
-    change[:2, :2] = [[0.0, parameters.v_max], [-theta_0, theta_0]]
+    change[:2, :2] = [[0.0, v_max], [-theta_0, theta_0]]
+    for name in ("asymmetry", "slowing"):
+        row = Parameters._fields.index(name)
+        change[row] *= v_max
+        change[row, 1] = v_max * getattr(parameters, name)
     return change
 
 

@@ -18,17 +18,24 @@ from planner.trajectory import Array
 class ResamplingOptions:
     """Which rows count.
 
+    Half and twice the values change nothing on seven reference logs (four made, three recorded;
+    ``scripts/reference``), which have no glitches and no short runs.
+
     Attributes:
         fewest_used: Rows with torque below which a run tells nothing: its first angle is free.
         glitch_steps: A row that is off the median of five by more than so many of the largest
             steps that this median takes is no position of a joint. A real turning point is off
             by less than one such step.
         glitch_noise: Standard deviations of the noise that a row may be off in addition.
+        noisy_rows: Share of the rows that may be faster than what counts as the highest speed.
+        on_a_tick: Rows this close to a tick [ticks] are taken to be on it.
     """
 
     fewest_used: int = 3
     glitch_steps: float = 2.0
     glitch_noise: float = 6.0
+    noisy_rows: float = 0.002
+    on_a_tick: float = 1e-9
 
 
 OPTIONS = ResamplingOptions()
@@ -38,9 +45,6 @@ Rows = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
 Place = tuple[int, int]
 """A row of a log: number of the log, number of the row."""
-
-ON_A_TICK = 1e-9
-"""Rows this close to a tick [ticks] are taken to be on it."""
 
 
 class Run(NamedTuple):
@@ -72,6 +76,7 @@ class Grid:
         angles: Actual angle at each used row [rad], shape (rows,).
         firsts: For each run the first of its used rows in its log.
         places: For each log, which of its rows are used, in the same order, shape (n,) each.
+        loads: Torque on the joint at every tick [N m], shape (t,); 0 where none is known.
     """
 
     tick: float
@@ -87,6 +92,7 @@ class Grid:
     angles: Array
     firsts: tuple[Place, ...]
     places: tuple[Rows, ...]
+    loads: Array
 
     def at_rows(self, states: Array) -> Array:
         """Values at the used rows, between ticks on a straight line; along the first axis."""
@@ -113,6 +119,24 @@ class Grid:
         both = np.concatenate([self.requests, self.angles])
         return float(np.ptp(both)) or 1.0 if len(both) else 1.0
 
+    def speed_exceeded_by(self, share: float) -> float:
+        """Speed of the angles over five rows [rad/s] that this share of the rows exceeds."""
+        far = min(5, len(self.times) - 1)
+        same = self.run[far:] == self.run[: len(self.run) - far]
+        steps = (self.times[far:] - self.times[: len(self.times) - far])[same]
+        moved = np.abs(self.angles[far:] - self.angles[: len(self.angles) - far])[same]
+        return float(np.quantile(moved / steps, 1.0 - share)) if len(steps) and far > 0 else 0.0
+
+    @cached_property
+    def fastest(self) -> float:
+        """Highest speed of the joint but for single rows, which are noise [rad/s]."""
+        return self.speed_exceeded_by(OPTIONS.noisy_rows)
+
+    @cached_property
+    def heaviest(self) -> float:
+        """Largest torque [N m]; 1 without any."""
+        return float(np.max(np.abs(self.loads), initial=0.0)) or 1.0
+
     def per_log(self, values: Array, fill: float = np.nan) -> tuple[Array, ...]:
         """Values of the used rows, sorted back into one array per log."""
         arrays, done = [], 0
@@ -134,7 +158,9 @@ def runs_of(logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()
     found = []
     for number, log in enumerate(logs):
         for piece in pieces_of(log):
-            unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
+            unknown = (
+                0.0 if (number, piece.start) in settled else burn_in * (1.0 - OPTIONS.on_a_tick)
+            )
             usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
             usable[: piece.start] = usable[piece.stop :] = False
             turns = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
@@ -186,6 +212,7 @@ def resampled(
     starts: list[int] = []
     before: list[npt.NDArray[np.int_]] = []
     share: list[Array] = []
+    loads: list[Array] = []
     number: list[npt.NDArray[np.int_]] = []
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [~glitches(log.angles) for log in logs]
@@ -200,11 +227,12 @@ def resampled(
         places: Array = (times - times[0]) / tick
         whole = np.round(places)
         places = np.where(
-            np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole), whole, places
+            np.abs(places - whole) <= OPTIONS.on_a_tick * np.maximum(1.0, whole), whole, places
         )
         count = int(np.ceil(places[-1]))
         below = np.minimum(np.floor(places).astype(int), count - 1)
         ticks.append(times[0] + tick * np.arange(1, count + 1))
+        loads.append(_torques(logs[run.log], axis.shifted[run.log], ticks[-1], tick))
         states.append(total + np.arange(1, count + 1))
         starts.append(total)
         firsts.append((run.log, int(kept[0])))
@@ -226,7 +254,16 @@ def resampled(
         angles=_joined([log.angles[rows] for log, rows in zip(logs, used, strict=True)]),
         firsts=tuple(firsts),
         places=used,
+        loads=_joined(loads),
     )
+
+
+def _torques(log: Log, times: Array, ticks: Array, tick: float) -> Array:
+    """Torque at ticks of a log [N m]: that of the row which ends the time it acts in."""
+    if log.load is None:
+        return np.zeros(len(ticks))
+    rows = np.searchsorted(times, ticks - OPTIONS.on_a_tick * tick)
+    return np.asarray(log.load[np.minimum(rows, len(times) - 1)])
 
 
 class _Axis:

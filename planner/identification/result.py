@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
+from planner.model.evidence import Evidence, Run, errors_by_acceleration
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
@@ -43,6 +45,26 @@ class Alternative:
     rms: float
     held_out_rms: float | None
     parameters: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """What one parameter beside the paper's would bring: dry friction, asymmetry or load.
+
+    Attributes:
+        name: As an attribute of the model.
+        kept: Whether it reduces the loss enough; if not, it is exactly 0 in the model.
+        rms_without: Error over all rows without it, and with the terms that were kept before [rad].
+        rms_with: Error with it [rad].
+        interval: Where it lies with 95 % confidence, whether kept or not; infinite where the logs
+            do not separate it from other parameters.
+    """
+
+    name: str
+    kept: bool
+    rms_without: float
+    rms_with: float
+    interval: Interval
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,17 +109,24 @@ class Identification:
         rms: Its error over all used rows [rad].
         held_out_rms: Error on the second part of each log, by a model fitted to the first [rad];
             None where nothing was held out.
-        noise: Standard deviation of what the model leaves unexplained, outliers aside [rad].
+        noise: Standard deviation of what changes from row to row at random, by the differences of
+            neighbouring residuals, without outliers [rad].
+        unexplained: Standard deviation of what the model leaves unexplained beside it [rad].
         signal: Standard deviation of the actual angles about their mean in each log [rad].
-        intervals: 95 % interval of v_max [rad/s], theta_0 [rad], lag [s], acceleration_time [s] and
-            offset [rad]; infinite where the data does not determine the parameter.
+        intervals: 95 % interval of v_max [rad/s], theta_0 [rad], lag [s], acceleration_time [s],
+            offset [rad] and every term that is kept; infinite where the data does not determine
+            the parameter.
         gain_interval: 95 % interval of v_max / theta_0 [1/s], known even if the joint never
             saturates.
-        covariance: Of the parameters in the order of ``intervals``, SI units, shape (5, 5); None
+        covariance: Of the parameters in the order of ``intervals``, SI units, shape (p, p); None
             where one of them is not determined.
         alternatives: Simpler descriptions of the same rows.
+        terms: What dry friction, asymmetry and load would bring, those that were tried.
         warnings: What to know before the model is used, in words.
-        accepted: Whether the model describes the joint well enough to plan with.
+        accepted: Whether the model describes the joint well enough to plan with: not refused.
+        fastest: Highest speed of the joint in the logs [rad/s].
+        heaviest: Largest torque on it in the logs [N m]; 0 where none is known.
+        verdict: "holds", "usable" (with how far off: ``expected_error``) or "refused".
     """
 
     model: JointModel
@@ -112,10 +141,35 @@ class Identification:
     alternatives: tuple[Alternative, ...]
     warnings: tuple[str, ...]
     accepted: bool
+    terms: tuple[Term, ...] = ()
+    unexplained: float = 0.0
+    fastest: float = math.nan
+    heaviest: float = 0.0
+    verdict: str = "holds"
 
     def __post_init__(self) -> None:
-        """Freeze the array."""
+        """Freeze the array, and let the model carry what it was tested on."""
         freeze(self.covariance)
+        object.__setattr__(self, "model", self.model.with_evidence(self.tested))
+
+    @property
+    def expected_error(self) -> float:
+        """Error to expect on the robot: of held-out rows, where there are any [rad], rms."""
+        return self.rms if self.held_out_rms is None else max(self.rms, self.held_out_rms)
+
+    @property
+    def tested(self) -> Evidence:
+        """What the model file says of errors to expect, and of the motion they were seen in."""
+        angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
+        return Evidence(
+            self.expected_error,
+            self.fastest,
+            self.heaviest,
+            (float(np.min(angles)), float(np.max(angles)))
+            if len(angles)
+            else (-math.inf, math.inf),
+            errors_by_acceleration([run for fit in self.fits for run in _runs(fit)]),
+        )
 
     @property
     def gain(self) -> float:
@@ -138,10 +192,15 @@ class Identification:
             "model": {f.name: getattr(self.model, f.name) for f in fields(self.model)},
             "unit": self.unit,
             "accepted": self.accepted,
+            "verdict": self.verdict,
+            "expected_error": self.expected_error,
+            "fastest": self.fastest if math.isfinite(self.fastest) else None,
+            "heaviest": self.heaviest,
             "warnings": list(self.warnings),
             "rms": self.rms,
             "held_out_rms": self.held_out_rms,
             "noise": self.noise,
+            "unexplained": self.unexplained,
             "signal": self.signal,
             "intervals": {name: _ends(of) for name, of in self.intervals.items()},
             "gain": self.gain,
@@ -156,6 +215,16 @@ class Identification:
                 }
                 for other in self.alternatives
             ],
+            "terms": [
+                {
+                    "name": term.name,
+                    "kept": term.kept,
+                    "rms_without": term.rms_without,
+                    "rms_with": term.rms_with,
+                    "interval": _ends(term.interval),
+                }
+                for term in self.terms
+            ],
             "logs": [
                 {
                     "name": fit.log.name,
@@ -168,6 +237,14 @@ class Identification:
                 for fit in self.fits
             ],
         }
+
+
+def _runs(fit: LogFit) -> list[Run]:
+    """The rows of a log that were used and follow one another, piece by piece."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], fit.used, [False]]).astype(int)))
+    period = float(np.median(np.diff(fit.log.times)))
+    pieces = (slice(first, end) for first, end in edges.reshape(-1, 2).tolist())
+    return [Run(fit.predicted[rows], fit.residuals[rows], period) for rows in pieces]
 
 
 def _ends(interval: Interval) -> list[float | None]:
@@ -209,9 +286,13 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
         log, middle - model.lag - model.acceleration_time, middle - model.lag
     )
     errors, low, high = (values + model.offset - here for values in (mean, least, most))
-    saturated = (low >= model.theta_0) | (high <= -model.theta_0)
-    inside = (low >= -model.theta_0) & (high <= model.theta_0)
-    return SpeedPoints(errors, speeds, saturated, ~(inside | saturated))
+    down, *band, up = model.corners().tolist()
+    saturated = (low >= up) | (high <= down)
+    edges = [down, *(band if model.dead_band else ()), up]
+    one_piece = np.zeros(len(errors), dtype=bool)
+    for least, most in pairwise(edges):
+        one_piece |= (low >= least) & (high <= most)
+    return SpeedPoints(errors, speeds, saturated, ~(one_piece | saturated))
 
 
 def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]:

@@ -47,7 +47,10 @@ def active_requests(grid: Grid, parameters: Parameters) -> ActiveRequests:
     overlap[first[:, np.newaxis] + np.arange(width) > last] = 0.0
     np.maximum(overlap, 0.0, out=overlap)
     overlap /= np.sum(overlap, axis=1, keepdims=True)
-    return ActiveRequests(overlap, grid.requests[numbers] + parameters.offset)
+    targets = grid.requests[numbers] + parameters.offset
+    if parameters.compliance:
+        targets += parameters.compliance * grid.loads[:, np.newaxis]
+    return ActiveRequests(overlap, targets)
 
 
 def respond(
@@ -60,8 +63,8 @@ def respond(
 ) -> Array:
     """Angles at all states: Equation 3, run.
 
-    A joint that does not saturate answers to the mean of the requests in its window, which is one
-    request a tick; where the guess does not saturate that is tried first.
+    A joint without a dead band that does not saturate answers to the mean of the requests in its
+    window, which is one request a tick; where the guess does not saturate that is tried first.
 
     Args:
         grid: The runs.
@@ -74,20 +77,23 @@ def respond(
         Angles [rad], shape (s,).
     """
     active = active or active_requests(grid, parameters)
-    gain, v_max = parameters.gain, parameters.v_max
-    if v_max == math.inf or (guess is not None and not _saturated(grid, parameters, active, guess)):
+    never = parameters.v_max == math.inf
+    likely = guess is not None and not _saturated(grid, parameters, active, guess)
+    if parameters.linear and (never or likely):
         mean = np.sum(active.weights * active.targets, axis=1, keepdims=True)
-        chunks = _Chunks(grid, np.ones_like(mean), mean, gain, math.inf)
+        chunks = _Chunks(grid, np.ones_like(mean), mean, parameters._replace(v_max=math.inf))
         states = _joined(grid, chunks, starts, guess)
-        if v_max == math.inf or not _saturated(grid, parameters, active, states):
+        if never or not _saturated(grid, parameters, active, states):
             return states
-    return _joined(grid, _Chunks(grid, active.weights, active.targets, gain, v_max), starts, guess)
+    chunks = _Chunks(grid, active.weights, active.targets, parameters)
+    return _joined(grid, chunks, starts, guess)
 
 
 def _saturated(grid: Grid, parameters: Parameters, active: ActiveRequests, states: Array) -> bool:
     """Whether any request that counts calls for more than the top speed."""
-    errors = np.abs(active.targets - states[grid.states - 1][:, np.newaxis])
-    return bool(np.any((errors * parameters.gain >= parameters.v_max) & (active.weights > 0.0)))
+    errors = active.targets - states[grid.states - 1][:, np.newaxis]
+    inside = parameters.inside(errors, grid.loads[:, np.newaxis])
+    return not bool(np.all(inside | (active.weights <= 0.0)))
 
 
 def _joined(grid: Grid, chunks: _Chunks, starts: Array, guess: Array | None) -> Array:
@@ -136,12 +142,10 @@ def _moved(begins: Array, meant: Array, slopes: Array) -> Array:
 
 
 class _Chunks:
-    """The ticks of a grid, one column a chunk; columns that are too short end in idle ticks."""
+    """The ticks of a grid, a column a chunk; short columns are padded with ticks of weight 0."""
 
-    def __init__(
-        self, grid: Grid, weights: Array, targets: Array, gain: float, v_max: float
-    ) -> None:
-        self._gain, self._v_max = gain, v_max
+    def __init__(self, grid: Grid, weights: Array, targets: Array, parameters: Parameters) -> None:
+        self._joint = parameters
         count = len(grid.ticks)
         length = max(1, round(CHUNKS_PER_TICK * math.sqrt(count)))
         run_begins = grid.starts - np.arange(len(grid.starts))  # a start is no tick
@@ -150,26 +154,31 @@ class _Chunks:
         beyond = np.append(begins[1:], count)
         ticks = np.minimum(begins + np.arange(length)[:, np.newaxis], count)
         ticks[ticks >= beyond] = count
-        idle = np.zeros_like(weights[:1])
+        padding = np.zeros_like(weights[:1])
         self.before = grid.states[begins] - 1  # the state from which each chunk sets out
         self.last = grid.states[beyond - 1]
         self.states = np.append(grid.states, len(grid.states) + len(grid.starts))[ticks]
         places = ticks[:, np.newaxis, :], np.arange(weights.shape[1])[:, np.newaxis]
-        self._weights = np.vstack([weights * grid.tick, idle])[places]  # (length, m, chunks)
-        self._targets = np.vstack([targets, idle])[places]
+        self._weights = np.vstack([weights * grid.tick, padding])[places]  # (length, m, chunks)
+        self._targets = np.vstack([targets, padding])[places]
+        self._loads = np.append(grid.loads, 0.0)[ticks] if parameters.slowing else None
 
     def angles(self, some: npt.NDArray[np.int_], begin: Array) -> Array:
         """Angles of some chunks, (length, some), from where they begin."""
         weights, targets = self._of(some)
-        return run_columns(begin, targets, weights=weights, gain=self._gain, v_max=self._v_max)
+        if self._loads is None:
+            return run_columns(begin, targets, weights=weights, speed=self._joint.law())
+        laws = (self._joint.law(load) for load in self._loads[:, some])
+        return run_columns(begin, targets, weights=weights, speed=laws)
 
     def slopes(self, some: npt.NDArray[np.int_], begin: Array, angles: Array) -> Array:
         """Derivative of each chunk's end by its beginning, (some,)."""
         weights, targets = self._of(some)
-        if self._v_max < math.inf:
+        if self._joint.v_max < math.inf or not self._joint.linear:
             before = np.vstack([begin, angles[:-1]])[:, np.newaxis, :]
-            weights = weights * (self._gain * np.abs(targets - before) < self._v_max)
-        return np.asarray(np.prod(1.0 - self._gain * np.sum(weights, axis=1), axis=0))
+            load = 0.0 if self._loads is None else self._loads[:, np.newaxis, some]
+            weights = weights * self._joint.inside(targets - before, load)
+        return np.asarray(np.prod(1.0 - self._joint.gain * np.sum(weights, axis=1), axis=0))
 
     def _of(self, some: npt.NDArray[np.int_]) -> tuple[Array, Array]:
         """Weights times tick, and targets, of some chunks."""

@@ -20,28 +20,35 @@ from planner.validation import as_number, as_whole, shown
 class TimingOptions:
     """How the period of the rows is read and divided into ticks.
 
+    Half and twice the values were tried on 29 reference logs (20 made, 9 recorded;
+    ``scripts/reference``). Where nothing is said they change neither ticks nor fits.
+
     Attributes:
         slowest_own_tick: Logs of this period and less are modelled with one tick a row [s]: the
-            paper's robot.
+            paper's robot. Half divides the rows of the made logs: errors -0.1 to +0.15 %.
         longest_tick: Slower ones with ticks of at most this [s]: a joint that closes in by 50 a
             second then covers a quarter of its error a tick, and finer ticks predict recordings
-            no better (docs/math.md).
+            no better (docs/math.md). At half and twice the STS3250 is fitted 0.8 and 0.9 % worse,
+            and held out 17 and 4 %.
         most_hold: Ticks in a period at most, unless more are asked for: logs of less than 10
             rows a second do not show what 5 ms would.
         slack: A tick may exceed these two by this factor: periods of 20.06 and 20.55 ms are 4
-            ticks, not 5.
+            ticks, not 5. It is a margin of a share: half or twice it has no meaning.
         agreement: A given tick and hold must agree with the log's period to this share of it
             and ``sure`` standard deviations.
         sure: Standard deviations by which a period estimated from uneven pauses may be off.
         unequal: Logs whose periods differ by more than this share are of several clocks.
         reach_periods: Periods that lag and acceleration time may span together.
         reach_time: Time that they may always span together [s].
-        reach_share: Share of the longest log that they may span together.
+        reach_share: Share of the longest log that they may span together. Half: one interval 1.3
+            times wider, the errors unchanged.
         near_whole: Pauses within this share of a period of whole periods tell how long it is.
         most_dropped: Longest pause that tells the period [periods].
         rounds: Estimates of a period, each of which says anew which pauses tell it.
         dropped: A pause that is short of whole periods by less than this share of one is as
             many: less likely a dropped row than a late one.
+        digits: Decimals of a period [s]: differences of the times that a log counts up are no
+            better. With 4 the period of 20.06 ms would be 20.1.
     """
 
     slowest_own_tick: float = 0.008
@@ -58,13 +65,10 @@ class TimingOptions:
     most_dropped: float = 10.0
     rounds: int = 3
     dropped: float = 0.3
+    digits: int = 9
 
 
 OPTIONS = TimingOptions()
-
-
-DIGITS = 9
-"""Decimals of a period [s]: differences of the times that a log counts up are no better."""
 
 
 class Timing(NamedTuple):
@@ -99,7 +103,7 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     mean = _mean_period(pauses, median)
     period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
     unsure = OPTIONS.sure * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
-    period = round(period, DIGITS) or period
+    period = round(period, OPTIONS.digits) or period
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(
         min(max(OPTIONS.reach_periods * period, OPTIONS.reach_time), OPTIONS.reach_share * longest),

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import as_number, is_one_of, shown
@@ -65,28 +65,79 @@ def checked_limits(limits: tuple[float, float], *, of: str = "limits") -> Limits
         )
     if lower > upper:
         raise Infeasible(
-            f"{of}: the lower one, {lower:g} rad, is above the upper one, {upper:g} rad; "
-            "swap them, or check their units"
+            f"{of}: the lower one, {angle_text(lower)}, is above the upper one, "
+            f"{angle_text(upper)}; swap them, or check their units"
         )
     return lower, upper
 
 
-def check_within(limits: Limits, *, desired: Array, start: float | None, model: JointModel) -> None:
+def check_within(
+    limits: Limits,
+    *,
+    desired: Array,
+    start: float | None,
+    model: JointModel,
+    load: Array | None = None,
+) -> None:
     """Raise Infeasible where the start or a desired angle is one that no request can hold.
 
-    A negligible sag is left out of it: the joint then stays that little short of the limit.
+    A negligible sag is left out of it: the joint then stays that little short of the limit. Dry
+    friction holds the joint wherever the request is within the dead band.
     """
     lower, upper = limits
-    angles = desired if start is None else np.append(desired, start)
-    beyond = np.maximum(lower - (angles - model.offset), (angles - model.offset) - upper)
-    worst = int(np.argmax(beyond))
-    if beyond[worst] > ON_THE_LIMIT + min(abs(model.offset), NEGLIGIBLE_SAG):
+    angles, torques = desired, np.zeros(len(desired)) if load is None else load
+    if start is not None:
+        angles, torques = np.append(desired, start), np.append(torques, torques[0])
+    sags = model.sag(torques)
+    beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - model.dead_band
+    worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
+    sag = float(sags[worst])
+    if beyond[worst] > ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG):
         what = f"desired: sample {worst}" if worst < len(desired) else "start: it"
         raise Infeasible(
-            f"{what} is {angles[worst]:.6g} rad, {beyond[worst]:.3g} rad beyond the angles "
-            f"{lower + model.offset:.6g} to {upper + model.offset:.6g} rad where the limits on the "
-            "requests let the joint rest; clip the trajectory, or widen the limits"
+            f"{what} is {angle_text(angles[worst])}, {angle_text(beyond[worst])} beyond the angles "
+            f"{angle_text(lower + sag - model.dead_band, upper + sag + model.dead_band)} where the "
+            "limits on the requests let the joint rest; clip the trajectory, or widen the limits"
         )
+
+
+def checked_max_step(max_step: float | None) -> float:
+    """The largest change from one request to the next [rad], inf where there is no limit.
+
+    Raises:
+        InvalidInput: It is no number above 0.
+    """
+    if max_step is None:
+        return math.inf
+    number = as_number(max_step, infinite=True)
+    if not number > 0.0:
+        raise InvalidInput(
+            f"max_step: got {shown(max_step)}, expected an angle above 0 [rad], the largest change "
+            "from one request to the next; leave it out for no limit"
+        )
+    return number
+
+
+SMOOTHNESS = 0.005
+"""Relative rise of the error that smoother requests may cost where nothing else is asked for [-].
+"""
+
+
+def checked_smoothness(smoothness: float | None) -> float:
+    """The relative rise of the error that smoother requests may cost [-].
+
+    Raises:
+        InvalidInput: It is no finite number, or below 0.
+    """
+    if smoothness is None:
+        return SMOOTHNESS
+    number = as_number(smoothness)
+    if not number >= 0.0:
+        raise InvalidInput(
+            f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
+            "added, 0 or more; 0.005 is half a per cent"
+        )
+    return number
 
 
 def checked_tolerance(tolerance: float | None) -> float | None:

@@ -11,12 +11,20 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear, lines_in_force
 from planner.approximation.curve_batch import CurveStack
 from planner.approximation.fit import fit_pwl
-from planner.exceptions import InvalidInput
-from planner.inversion.line_inverse import AT_TOP_SPEED, RULES, Rule, check_rule, offsets_of
+from planner.exceptions import InvalidInput, angle_text
+from planner.inversion.line_inverse import (
+    AT_TOP_SPEED,
+    RULES,
+    Rule,
+    check_rule,
+    load_of_the_moment,
+    offsets_of,
+    slope_limits,
+)
 from planner.inversion.pattern_search import refined_curve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking_problem import TrackingProblem, track
-from planner.model.joint import JointModel, checked_model
+from planner.model.joint import JointModel, checked_load, checked_model
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag
 
@@ -57,6 +65,7 @@ def invert_closed_form(
     segments: int | None = None,
     rule: Rule = "paper",
     refine: bool = True,
+    load: npt.ArrayLike | None = None,
 ) -> Inversion:
     """Requests by the paper's method: approximate by lines, invert each, switch between them early.
 
@@ -65,6 +74,9 @@ def invert_closed_form(
     before the approximation does (Section 4.3), at the true time, be it between two requests.
 
     From rest the joint rests at the first desired angle until the plan begins.
+
+    A dead band and the load of the moment are part of C_m, :func:`planner.line_offset`. Lines up
+    keep the top speed upwards, lines down the one downwards, the smallest under the load.
 
     Args:
         model: The joint.
@@ -76,22 +88,33 @@ def invert_closed_form(
         refine: Whether to move the knots of the approximation until the joint itself, not only the
             approximation, comes as close to ``desired`` as it can with these lines; this never
             makes the plan worse.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
+            entry k acts in the request period that ends in sample k.
 
     Returns:
         The requests, with the approximation behind them.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) that is long enough.
-        InvalidInput: The rule is unknown, or ``segments`` is not a number that the samples allow.
+        InvalidInput: The rule is unknown, ``segments`` is not a number that the samples allow, or
+            the load does not fit the samples or the joint.
         SolverFailed: The approximation was not found.
+
+    Example:
+        >>> import numpy as np
+        >>> desired = 0.5 * np.sin(2 * np.pi * np.arange(88) / 88)  # [rad], every 8 ms
+        >>> made = invert_closed_form(JointModel.ers210a(), desired)
+        >>> made.requests.shape, f"{np.degrees(made.rms):.2f} deg rms"
+        ((88,), '0.19 deg rms')
     """
     model = checked_model(model)
     check_rule(rule, model)
     desired = as_trajectory(desired, name="desired", minimum=3)
     cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
+    torques = checked_load(load, model, len(desired))
     start = None if cyclic else float(desired[0])
-    problem = track(model, desired, cyclic=cyclic, start=start)
-    curves = approximations(model, desired, cyclic=cyclic, segments=segments, refine=refine)
+    problem = track(model, desired, cyclic=cyclic, start=start, load=torques)
+    curves = approximations(problem, segments=segments, refine=refine)
     curve, column = inverted(problem, curves, rule=rule, refine=refine)
     requests = column[:, 0].copy()
     requests.setflags(write=False)
@@ -103,31 +126,47 @@ def invert_closed_form(
         cyclic=cyclic,
         start=start,
         approximation=curve,
+        load=torques,
     )
 
 
-def best_closed_form(problem: TrackingProblem, desired: Array) -> Array:
+def best_closed_form(problem: TrackingProblem) -> Array:
     """The requests of :func:`invert_closed_form`, by whichever rule does better [rad], (n, 1).
 
     They are planned without limits and then clipped to them.
     """
     (model,) = problem.models
     start = None if problem.start is None else float(problem.start[0])
-    free = track(model, desired, cyclic=problem.cyclic, start=start)
-    curves = approximations(model, desired, cyclic=problem.cyclic, segments=None, refine=True)
+    desired = problem.desired[:, 0]
+    free = track(model, desired, cyclic=problem.cyclic, start=start, load=problem.loads[0])
+    curves = approximations(free, segments=None, refine=True)
     columns = [inverted(free, curves, rule=rule, refine=True)[1] for rule in RULES]
     return min(map(problem.admissible, columns), key=problem.exact_error)
 
 
 def approximations(
-    model: JointModel, desired: Array, *, cyclic: bool, segments: int | None, refine: bool
+    problem: TrackingProblem, *, segments: int | None, refine: bool
 ) -> Sequence[PiecewiseLinear]:
     """The approximation, and where neither count nor knots are fixed one of two more segments."""
-    v_max, tick = model.v_max, model.period
-    curves = [fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=segments)]
+    (model,) = problem.models
+    desired, cyclic = problem.desired[:, 0], problem.cyclic
+    low, high = slope_limits(model, problem.loads[0])
+    least, most = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
+
+    def fitted(segments: int | None) -> PiecewiseLinear:
+        # The fit keeps one limit both ways: the larger, unless a line is then too steep one way.
+        for v_max in sorted({-low, high}, reverse=True):
+            curve = fit_pwl(
+                desired, v_max=v_max, tick=model.period, cyclic=cyclic, segments=segments
+            )
+            if np.min(curve.slopes) >= least and np.max(curve.slopes) <= most:
+                break
+        return curve
+
+    curves = [fitted(segments)]
     more = curves[0].segments + OPTIONS.more_segments
     if refine and segments is None and more <= desired.size - (not cyclic):
-        curves.append(fit_pwl(desired, v_max=v_max, tick=tick, cyclic=cyclic, segments=more))
+        curves.append(fitted(more))
     return curves
 
 
@@ -154,11 +193,13 @@ def _one_inverted(
     problem: TrackingProblem, curve: PiecewiseLinear, rule: Rule, refine: bool
 ) -> tuple[PiecewiseLinear, Array]:
     (model,) = problem.models
-    requests = problem.admissible(requests_along(model, curve, rule=rule)[:, np.newaxis])
+    load = problem.loads[0]
+    requests = problem.admissible(requests_along(model, curve, rule=rule, load=load)[:, np.newaxis])
     if refine:
         ahead = switching_time(model) / model.period
         refined = refined_curve(problem, curve, rule=rule, ahead=ahead)
-        answer = problem.admissible(requests_along(model, refined, rule=rule)[:, np.newaxis])
+        column = requests_along(model, refined, rule=rule, load=load)[:, np.newaxis]
+        answer = problem.admissible(column)
         if problem.exact_error(answer) < problem.exact_error(requests):
             curve, requests = refined, answer
     return curve, requests
@@ -169,9 +210,10 @@ def requests_along(
     curve: PiecewiseLinear,
     *,
     rule: Rule,
+    load: Array | None = None,
 ) -> Array:
     """The inverted lines of one curve, each until l + a/2 before the next begins [rad], (n,)."""
-    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule)[0]
+    requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, load=load)[0]
     return requests
 
 
@@ -180,6 +222,7 @@ def closed_form_requests(
     curves: PiecewiseLinear | Sequence[PiecewiseLinear] | CurveStack,
     *,
     rule: Rule = "paper",
+    load: npt.ArrayLike | None = None,
 ) -> Array:
     """The paper's requests for curves that are known already, all in one pass over arrays.
 
@@ -190,19 +233,24 @@ def closed_form_requests(
     Args:
         model: The joint; a curve's samples are ``model.period`` apart.
         curves: One curve, several of the same number of knots, or a :class:`planner.CurveStack`,
-            which takes m sets of knots and values as arrays. Slopes within ±v_max.
+            which takes m sets of knots and values as arrays. Slopes within the joint's top speeds.
         rule: How to invert a line, see :func:`planner.line_offset`.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,),
+            the same for every curve; entry k acts in the request period that ends in sample k.
 
     Returns:
         Requests [rad], shape (n,) for one curve, (m, n) for several or a stack.
 
     Raises:
-        InvalidInput: A slope is beyond ±v_max, the curves do not fit together or to the joint, or
-            the rule has another name.
+        InvalidInput: A slope is beyond the top speeds under the load, the curves do not fit
+            together or to the joint, the load does not, or the rule has another name.
 
     Example:
-        >>> stack = CurveStack(knots=knots, values=values, samples=88, tick=0.008, cyclic=True)
-        >>> requests = closed_form_requests(model, stack)
+        >>> model = JointModel.ers210a()
+        >>> desired = 0.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+        >>> curve = fit_pwl(desired, v_max=model.v_max, tick=model.period, segments=4)
+        >>> closed_form_requests(model, curve).shape
+        (88,)
     """
     model = checked_model(model)
     check_rule(rule, model)
@@ -210,26 +258,33 @@ def closed_form_requests(
         stack = curves
     else:
         stack = CurveStack.of([curves] if isinstance(curves, PiecewiseLinear) else curves)
-    requests = _checked_requests(model, stack, rule)
+    requests = _checked_requests(model, stack, rule, checked_load(load, model, stack.samples))
     requests.setflags(write=False)
     one: Array = requests[0]
     return one if isinstance(curves, PiecewiseLinear) else requests
 
 
-def _checked_requests(model: JointModel, stack: CurveStack, rule: Rule) -> Array:
+def _checked_requests(
+    model: JointModel, stack: CurveStack, rule: Rule, load: Array | None
+) -> Array:
     if abs(stack.tick - model.period) > SAME_PERIOD * model.period:
         raise InvalidInput(
             f"curves: got samples every {stack.tick:g} s, expected every {model.period:g} s, as "
             "often as requests are sent"
         )
-    steepest = np.max(np.abs(stack.slopes), axis=1)
-    if not np.all(steepest <= model.v_max * (1.0 + AT_TOP_SPEED)):
-        row = int(np.argmax(steepest))
+    low, high = slope_limits(model, load)
+    share = np.max(np.maximum(stack.slopes / high, stack.slopes / low), axis=1)
+    if not np.all(share <= 1.0 + AT_TOP_SPEED):
+        row = int(np.argmax(share))
+        steepest = float(np.max(np.abs(stack.slopes[row])))
+        within = f"from {angle_text(low)}/s to {angle_text(high)}/s"
+        if -low == high:
+            within = f"within ±v_max = ±{angle_text(high)}/s"
         raise InvalidInput(
-            f"curves: got {steepest[row]:g} rad/s in curve {row}, expected slopes within ±v_max = "
-            f"±{model.v_max:g} rad/s; no request makes the joint follow a steeper line"
+            f"curves: got {angle_text(steepest)}/s in curve {row}, expected slopes {within}; no "
+            "request makes the joint follow a steeper line"
         )
-    return requests_of(model, stack, rule=rule)
+    return requests_of(model, stack, rule=rule, load=load)
 
 
 def requests_of(
@@ -237,14 +292,15 @@ def requests_of(
     stack: CurveStack,
     *,
     rule: Rule,
+    load: Array | None = None,
 ) -> Array:
     """The inverted lines of every curve, each until l + a/2 before the next [rad], (m, n)."""
     ahead = switching_time(model) / model.period  # [samples]
-    slopes = np.clip(stack.slopes, -model.v_max, model.v_max)
+    slopes = np.clip(stack.slopes, *slope_limits(model, load))
     per_sample = slopes * stack.tick
     knots, values = stack.knots[:, : slopes.shape[1]], stack.values[:, : slopes.shape[1]]
     first = np.ceil(knots - ahead - SAME_TIME)  # request from which on a line counts, any cycle
-    raised = values + offsets_of(model, slopes, rule=rule)
+    raised = values if load is not None else values + offsets_of(model, slopes, rule=rule)
     at_first = raised + per_sample * (first - knots)
     line = lines_in_force(first.astype(np.intp), stack.samples, cyclic=stack.cyclic)
     since = np.arange(stack.samples) - np.take_along_axis(first, line, axis=1)
@@ -252,6 +308,11 @@ def requests_of(
         since = np.mod(since, stack.samples)
     requests = np.take_along_axis(per_sample, line, axis=1) * since
     requests += np.take_along_axis(at_first, line, axis=1)
+    if load is not None:
+        moment = load_of_the_moment(load, ahead, cyclic=stack.cyclic)
+        each = np.broadcast_to(moment, line.shape)
+        in_force = np.take_along_axis(slopes, line, axis=1)
+        requests += offsets_of(model, in_force, rule=rule, load=each)
     return np.asarray(requests)
 
 

@@ -7,15 +7,15 @@ them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Progra
     minimise    sum_k (M_k - D_k)^2 + alpha sum_k (R_k - D_k + c)^2        norm "rms"
                 n r^2 + alpha sum_k (R_k - D_k + c)^2,  |M_k - D_k| <= r   norm "max"
     subject to  M_k = F(M_(k-1), R_(k-first), ..., R_(k-last))             Equation 3
-                lower <= R_k <= upper
+                lower <= R_k <= upper,  |R_k - R_(k-1)| <= max_step
                 M_(-1) = M_(n-1),  R_(-j) = R_(n-j)                        cyclic
                 M_(-1) = start,    R_(-j) = R_0 = start - c                from rest
 
-F is one request period of the joint, with the corners of Equation 2 rounded, and first and last are
-the ages of the requests that act. The programme is solved for smaller and smaller radii of the
-corners, each time from the answer before. With sharp corners both solvers fail, or report success
-at two or three times the error; therefore every answer is judged by the exact model, and the best
-one is kept.
+with c + kappa tau_k for c under a load. F is one request period of the joint, with the corners of
+Equation 2 rounded, and first and last are the ages of the requests that act. The programme is
+solved for smaller and smaller radii of the corners, each time from the answer before. With sharp
+corners both solvers fail, or report success at two or three times the error; therefore every answer
+is judged by the exact model, and the best one is kept.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from typing import Any, Literal, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import SolverFailed
+from planner.exceptions import SolverFailed, angle_text
 from planner.inversion.arguments import Norm
 from planner.inversion.gauss_newton import State
 from planner.inversion.tracking_problem import TrackingProblem
@@ -78,7 +78,6 @@ class TranscriptionOptions:
 
 def transcribed_requests(
     problem: TrackingProblem,
-    desired: Array,
     begin: State,
     *,
     solver: NlpSolver,
@@ -88,7 +87,6 @@ def transcribed_requests(
 
     Args:
         problem: Joint, boundary, limits and norm.
-        desired: Desired angles [rad], shape (n,).
         begin: Requests and angles to set out from; the answer is at least as good.
         solver: "ipopt" or "fatrop".
         options: How to set the programme up.
@@ -101,11 +99,11 @@ def transcribed_requests(
     """
     import casadi
 
-    if not problem.cyclic and len(desired) <= problem.ages.youngest + 1:
+    if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return begin.requests  # none of the requests that may be chosen acts before the end
     options = options or TranscriptionOptions()
     unit = problem.models[0].theta_0
-    scaled = _Scaled.of(problem, desired, begin, options.weight)
+    scaled = _Scaled.of(problem, begin, options.weight)
     programme = _transcribed(scaled) if solver == "ipopt" else _transcribed_in_stages(scaled)
     settings = {**SOLVER_OPTIONS[solver], "max_iter": options.iterations}
     solve = casadi.nlpsol(
@@ -127,9 +125,11 @@ def transcribed_requests(
         point, solved = found, True
         requests = problem.resting.copy()
         requests[programme.chosen, 0] = unit * found[programme.places]
+        if problem.coupled and not problem.cyclic:  # those that act after the end
+            requests[programme.chosen[-1] :] = requests[programme.chosen[-1]]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
-        logging.getLogger(__name__).debug("%s, exact error %.4g rad", outcome, error)
+        logging.getLogger(__name__).debug("%s, exact error %s", outcome, angle_text(error))
         if error < least:
             best, least = requests, error
     if not solved:
@@ -156,24 +156,37 @@ class _Scaled(NamedTuple):
     ideal: Array  # (n,)
     first: Array  # (n,)
     limits: tuple[float, float]
+    max_step: float
     start: float | None  # None: cyclic
     norm: Norm
     weight: float
+    loads: Array  # (n,)
 
     @classmethod
-    def of(cls, problem: TrackingProblem, desired: Array, begin: State, weight: float) -> Self:
+    def of(cls, problem: TrackingProblem, begin: State, weight: float) -> Self:
         (model,) = problem.models
         unit = model.theta_0
         return cls(
-            replace(model, v_max=model.v_max / unit, theta_0=1.0, offset=model.offset / unit),
-            desired / unit,
+            replace(
+                model,
+                v_max=model.v_max / unit,
+                theta_0=1.0,
+                offset=model.offset / unit,
+                dead_band=model.dead_band / unit,
+                v_offset=model.v_offset / unit,
+                compliance=model.compliance / unit,
+                speed_per_torque=model.speed_per_torque / unit,
+            ),
+            problem.desired[:, 0] / unit,
             problem.resting[:, 0] / unit,
             begin.angles[:, 0] / unit,
             begin.requests[:, 0] / unit,
             (float(problem.lower.min()) / unit, float(problem.upper.max()) / unit),
+            float(problem.max_step[0]) / unit,
             None if problem.start is None else float(problem.start[0]) / unit,
             problem.norm,
             weight,
+            np.zeros(len(problem.desired)) if problem.loads[0] is None else problem.loads[0],
         )
 
 
@@ -204,11 +217,13 @@ def _transcribed(problem: _Scaled) -> _Programme:
     cost += problem.weight * casadi.sumsqr(requests - problem.resting)
 
     # Dynamics, and the boundary: a cycle, or from rest
-    step = _step(problem.model)
+    period_of = _step(problem.model)
     earlier = angles[-1] if problem.start is None else problem.start
     before = casadi.vertcat(earlier, angles[:-1])
     sent = np.maximum(acting(request_ages(problem.model), samples, cyclic=cyclic), 0).tolist()
-    reached = [step(before[k], requests[sent[k]], radius) for k in range(samples)]
+    reached = [
+        period_of(before[k], requests[sent[k]], radius, problem.loads[k]) for k in range(samples)
+    ]
     dynamics = angles - casadi.vertcat(*reached)
 
     # Limits
@@ -217,6 +232,12 @@ def _transcribed(problem: _Scaled) -> _Programme:
     upper = np.append(free, np.full(samples, problem.limits[1]))
     if not cyclic:
         lower[samples] = upper[samples] = problem.first[0]
+
+    # Changes of the requests
+    changes = casadi.SX()
+    if math.isfinite(problem.max_step):
+        changes = requests - casadi.vertcat(requests[-1], requests[:-1])
+        changes = changes if cyclic else changes[1:]
 
     # Largest error
     path = (
@@ -228,12 +249,14 @@ def _transcribed(problem: _Scaled) -> _Programme:
         initial.append(np.max(np.abs(problem.ideal - problem.desired), keepdims=True))
         lower, upper = np.append(lower, 0.0), np.append(upper, np.inf)
 
-    g = casadi.vertcat(dynamics, path)
-    above = np.append(np.zeros(samples), np.full(path.numel(), np.inf))
+    g = casadi.vertcat(dynamics, changes, path)
+    step = np.full(changes.numel(), problem.max_step)
+    below = np.concatenate([np.zeros(samples), -step, np.zeros(path.numel())])
+    above = np.concatenate([np.zeros(samples), step, np.full(path.numel(), np.inf)])
     return _Programme(
         {"x": casadi.vertcat(*unknowns), "p": radius, "f": cost, "g": g},
         np.concatenate(initial),
-        {"lbx": lower, "ubx": upper, "lbg": np.zeros(len(above)), "ubg": above},
+        {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},
         np.arange(samples),
         samples + np.arange(samples),
         {},
@@ -246,15 +269,20 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
     The lag is a pure shift, so stage k chooses the youngest request u_k that acts on sample k, and
     its state x_k is the angle before it and the other requests that act. What couples stages that
     are not neighbours is carried along as z_k: for a cycle the first state, where the last stage
-    has to end; for the norm "max" the largest error r. From rest the first stage is that of the
-    first request that may be chosen.
+    has to end; for the norm "max" the largest error r. Where changes of the requests are limited,
+    the state has the request before u_k, whether it acts or not. From rest the first stage is that
+    of the first request that may be chosen.
     """
     import casadi
 
     samples, cyclic = len(problem.desired), problem.start is None
     at = request_ages(problem.model)
     numbers = acting(at, samples, cyclic=cyclic)
-    held = problem.first[np.maximum(numbers, 0)]  # (n, width)
+    limited = math.isfinite(problem.max_step)
+    if limited and at.width == 1:
+        before = numbers - 1
+        numbers = np.hstack([numbers, before % samples if cyclic else np.maximum(before, -1)])
+    held = problem.first[np.maximum(numbers, 0)]  # (n, width), or one more
     begins = np.roll(problem.ideal, 1)
     if problem.start is not None:
         begins[0] = problem.start
@@ -285,12 +313,14 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
     for k in stages:
         u = unknown("u", held[k, :1])
         before, *older = casadi.vertsplit(x)
-        angle = step(before, casadi.vertcat(u, *older), radius)
+        angle = step(before, casadi.vertcat(u, *older)[: at.width], radius, problem.loads[k])
         error = angle - problem.desired[k]
         x_next = unknown("x", states[k + 1] if k + 1 < samples else opening)
         z_next = unknown("z", carried)
         condition(x_next - casadi.vertcat(angle, *[u, *older][: len(older)]))
         condition(z_next - z)
+        if limited:
+            condition(u - older[0], -problem.max_step, problem.max_step)
         if k == stages[0]:
             condition(x - (z[: len(opening)] if cyclic else opening))
         if problem.norm == "max":
@@ -326,10 +356,11 @@ def _transcribed_in_stages(problem: _Scaled) -> _Programme:
 
 
 def _step(model: JointModel) -> Any:
-    """F as a CasADi function of the angle before, the requests that act, and the radius."""
+    """F as a CasADi function of the angle before, the requests that act, the radius, the load."""
     import casadi
 
     angle, radius = casadi.SX.sym("M"), casadi.SX.sym("e")
     requests = casadi.SX.sym("R", request_ages(model).width)
-    after = period(model, angle, requests, radius=radius)
-    return casadi.Function("step", [angle, requests, radius], [after])
+    load = casadi.SX.sym("load")
+    after = period(model, angle, requests, radius=radius, load=load if model.feels_load else 0.0)
+    return casadi.Function("step", [angle, requests, radius, load], [after])

@@ -6,7 +6,8 @@ requests are unknowns both, so no step waits for a simulation (direct multiple s
 Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010). Until the steps
 have closed them, the dynamics have defects; an augmented Lagrangian judges the steps (J. Nocedal,
 S. J. Wright, *Numerical Optimization*, 2006, section 17.3), and the exact models the answers.
-Requests at a limit are held there by an active set.
+Requests at a limit are held there by an active set; where their changes are limited, or smoothed,
+each step is a quadratic programme.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from planner.inversion.kkt_step import (
     cost_of,
     kkt_step,
 )
+from planner.inversion.qp_step import qp_step
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.sensitivity import Response
 from planner.trajectory import Array
@@ -39,8 +41,8 @@ class Stage(NamedTuple):
         weight: Weight of the regularisation, alpha of (10), relative to that of the squared errors.
         power: The errors' exponent in the cost.
         steps: Steps at most: the next stage carries on where this one stops.
-        smoothing: Whether the regularisation is the sum of the squared changes from one request to
-            the next, not the squared distance from the requests that hold the desired angles.
+        smoothing: Whether the regularisation is the sum of the squared second differences of the
+            requests, not the squared distance from the requests that hold the desired angles.
     """
 
     radius: float
@@ -93,9 +95,6 @@ class GaussNewtonOptions:
             of one unit in a sum of squares [-]: with none the matrix of (12) could be singular.
         largest_share: Error in units from which on a cost counts as this large [-]: its highest
             power is still a number.
-        smoothing_curvature: Curvature that stands for that of the squared changes, which is 0 to 4
-            [-]: below the 4 of an upper bound, since steps are judged anyway and long ones save
-            some.
     """
 
     narrow: tuple[Stage, ...] = (
@@ -134,7 +133,6 @@ class GaussNewtonOptions:
     negligible_prediction: float = 0.1
     least_weight: float = 1e-6
     largest_share: float = 1e4
-    smoothing_curvature: float = 3.0
 
 
 OPTIONS = GaussNewtonOptions()
@@ -249,7 +247,9 @@ def iterate(
     errors = problem.goal.errors(angles)
     cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)
     if stage.smoothing:
-        regularisation = smoothing_term(requests, stage.weight, cyclic=problem.cyclic)
+        regularisation = Regularisation(
+            stage.weight, problem.second_differences(requests), second_differences=True
+        )
     else:
         regularisation = Regularisation(stage.weight, requests - problem.resting)
     defects = response.reached - angles
@@ -285,6 +285,17 @@ def _step_within_limits(
     held: Mask | None,
 ) -> tuple[Step, Mask | None]:
     """The Gauss-Newton step, and the requests held at the limits that they would leave."""
+    if problem.coupled or current.regularisation.second_differences:
+        step = qp_step(
+            problem,
+            current.requests,
+            current.response,
+            current.cost,
+            regularisation=current.regularisation,
+            defects=current.defects,
+            damping=_damping(problem, current, damping, multipliers),
+        )
+        return step, None
     below, above = current.requests <= problem.lower, current.requests >= problem.upper
     free = problem.movable if held is None else problem.movable & ~(held & (below | above))
     for _ in range(OPTIONS.active_set_rounds):
@@ -316,9 +327,11 @@ def _damping(
     """
     even = np.full_like(current.requests, damping)
     if multipliers is None:
-        return Damping(even, np.zeros_like(even))
+        return Damping(even, np.zeros_like(current.angles))
     bending = np.maximum(-multipliers * current.response.bending, 0.0)
     after = bending.sum(axis=0)[problem.windows.after]  # bends by the angle before each sample
+    if even.shape != after.shape:  # of several models under the same requests
+        bending = bending.sum(axis=-1, keepdims=True)
     return Damping(even + problem.windows.gathered(bending), after)
 
 
@@ -350,37 +363,3 @@ def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Qu
     if ridge > 0.0:
         curvature = curvature + ridge * np.eye(curvature.shape[-1])
     return Quadratic(value, gradient, curvature)
-
-
-def changes(requests: Array, *, cyclic: bool) -> Array:
-    """From each request to the next, in a cycle from the last to the first: (n, joints).
-
-    From rest there is one less.
-    """
-    if cyclic:
-        following: Array = np.concatenate([requests[1:], requests[:1]]) - requests
-        return following
-    steps: Array = requests[1:] - requests[:-1]
-    return steps
-
-
-def smoothing_term(requests: Array, weight: float, *, cyclic: bool) -> Regularisation:
-    """The regularisation that stands for ``weight`` times the squared changes of the requests.
-
-    With the matrix N of differences, ``|N (R + d)|^2 = |N R|^2 + 2 d' N'N R + |N d|^2`` couples
-    neighbours, which would fill (12). Here ``c |d|^2``, c the option ``smoothing_curvature``, takes
-    the place of the last term: each request is drawn towards the mean of its neighbours. Value and
-    slope are those of the squared changes.
-    """
-    steps = changes(requests, cyclic=cyclic)
-    slope = np.zeros_like(requests)  # N'N R
-    if cyclic:
-        slope[0] = steps[-1] - steps[0]
-        slope[1:] = steps[:-1] - steps[1:]
-    else:
-        slope[:-1] -= steps
-        slope[1:] += steps
-    curvature = OPTIONS.smoothing_curvature
-    away = slope / curvature
-    constant = float(np.vdot(steps, steps)) - curvature * float(np.vdot(away, away))
-    return Regularisation(weight * curvature, away, weight * constant)

@@ -40,11 +40,15 @@ class Quadratic(NamedTuple):
 
 
 class Regularisation(NamedTuple):
-    """``weight |requests - centre|^2 + constant``: decides among requests that track alike."""
+    """``weight |away|^2``: decides among requests that track alike.
+
+    What counts is the distance of the requests from a centre, or their second differences; only
+    ``qp_step`` knows the latter, which couple the requests.
+    """
 
     weight: float
-    away: Array  # requests - centre [rad], (n, joints)
-    constant: float = 0.0
+    away: Array  # requests - centre, or their second differences [rad], (.., joints)
+    second_differences: bool = False
 
 
 class Damping(NamedTuple):
@@ -114,8 +118,7 @@ def kkt_step(
 
 def cost_of(regularisation: Regularisation) -> float:
     """Its share of the cost."""
-    weight, away, constant = regularisation
-    return constant + weight * float(np.vdot(away, away))
+    return regularisation.weight * float(np.vdot(regularisation.away, regularisation.away))
 
 
 def _inverse(curvature: Array, added: Array) -> Array:

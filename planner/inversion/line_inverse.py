@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.model.joint import JointModel, checked_model
+from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
+from planner.model.joint import JointModel, SpeedLaw, checked_load, checked_model, speed_law
 from planner.model.response import advance
 from planner.trajectory import Array
 from planner.validation import is_one_of, shown
@@ -28,34 +28,55 @@ SOLVED = 1e-15
 TABLE = 513
 """Slopes from 0 to v_max at which C_m is tabulated."""
 
+CREEPING = 1e-9
+"""Slope from which on the table counts a joint with a dead band as moving [of its top speed]."""
+
 MOST_EVALUATIONS = 200
 """Halving an interval of doubles more often than this changes nothing."""
 
 
-def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact") -> float | Array:
+def line_offset(
+    model: JointModel,
+    slope: npt.ArrayLike,
+    *,
+    rule: Rule = "exact",
+    load: npt.ArrayLike | None = None,
+) -> float | Array:
     """What must be added to a line to get the requests that make the joint follow it: C_m.
 
     ``exact`` solves S(C) = m (Equation 6, with the model's own window), which is piecewise linear
-    and monotone, so that the joint follows the line without a steady error; at v_max, where every C
-    from some threshold on solves it, the threshold is taken. ``paper`` is Equations 10 to 12, which
-    replace the sum in S by an integral; at v_max they give the threshold theta_0 + (l + a) v_max.
+    and monotone, so that the joint follows the line without a steady error; at its top speed, where
+    every C from some threshold on solves it, the threshold is taken. ``paper`` is Equations 10 to
+    12, which replace the sum in S by an integral; at v_max they give theta_0 + (l + a) v_max.
 
-    With ``hold`` > 1 the requests are the line at the instants of the requests; with an ``offset``
-    the answer is C_m - offset, so that in every case requests = line + line_offset.
+    A dead band adds its half width in the direction of the slope; a slope of 0 is held in its
+    middle. With ``hold`` > 1 the requests are the line at the instants of the requests; with an
+    ``offset`` and a load the answer is C_m less the sag, so that in every case requests = line +
+    line_offset.
 
     Args:
         model: The joint.
-        slope: Slope m of the desired line [rad/s], scalar or array, |m| <= v_max.
+        slope: Slope m of the desired line [rad/s], scalar or array, within the joint's speeds in
+            either direction, :meth:`planner.JointModel.speed_limits`.
         rule: "exact" or "paper".
+        load: Torque on the joint in the direction of positive angles [N m], a number or an array
+            like ``slope``.
 
     Returns:
         Offset [rad], a float for a scalar slope, else an array like ``slope``.
 
     Raises:
-        InvalidInput: A slope is beyond ±v_max or not finite, or the rule has another name.
+        InvalidInput: A slope is beyond the speeds of the joint or not finite, the load does not fit
+            the slopes or the joint, or the rule has another name.
 
     Warns:
         OutsideEquation13: The paper's rule is asked for a model for which it was not derived.
+
+    Example:
+        >>> import numpy as np
+        >>> joint = JointModel.ers210a()
+        >>> float(np.degrees(line_offset(joint, 2.0)).round(2))  # requests ahead of the line [deg]
+        8.53
     """
     model = checked_model(model)
     check_rule(rule, model)
@@ -66,37 +87,102 @@ def line_offset(model: JointModel, slope: npt.ArrayLike, *, rule: Rule = "exact"
     if given.dtype.kind not in "iuf":
         raise InvalidInput(f"slope: got {shown(slope)}, expected a number or an array [rad/s]")
     slopes = given.astype(np.float64)
-    beyond = ~(np.abs(slopes) <= model.v_max * (1.0 + AT_TOP_SPEED))
-    if np.any(beyond):
-        raise InvalidInput(
-            f"slope: got {slopes[beyond].flat[0]:g} rad/s, expected within ±v_max = "
-            f"±{model.v_max:g} rad/s; no request makes the joint follow a steeper line"
-        )
-    offsets = offsets_of(model, slopes, rule=rule)
+    torques = _load_of(model, load, slopes)
+    check_slopes(model, slopes, torques)
+    offsets = offsets_of(model, slopes, rule=rule, load=torques)
     offsets.setflags(write=False)
     return float(offsets) if slopes.ndim == 0 else offsets
 
 
-def offsets_of(model: JointModel, slopes: Array, *, rule: Rule) -> Array:
-    """:func:`line_offset` of slopes within ±v_max [rad/s], without a warning: like ``slopes``."""
-    per_tick = np.minimum(np.abs(slopes) * model.tick, model.v_max_per_tick)
-    solve = _exact if rule == "exact" else _paper
-    lead = solve(model, per_tick.ravel()).reshape(slopes.shape)
-    return np.asarray(np.sign(slopes) * lead - model.offset)
+def check_slopes(model: JointModel, slopes: Array, load: npt.ArrayLike = 0.0) -> None:
+    """Raise InvalidInput where a slope [rad/s] is beyond what the joint can do under the load."""
+    low, high = model.speed_limits(load)
+    rounding = model.v_max * AT_TOP_SPEED
+    beyond = ~((slopes <= high + rounding) & (slopes >= low - rounding))
+    if not np.any(beyond):
+        return
+    each = (np.broadcast_to(values, slopes.shape)[beyond] for values in (slopes, low, high))
+    steep, least, most = (float(values.flat[0]) for values in each)
+    within = f"within ±v_max = ±{angle_text(most)}/s"
+    if -least != most:
+        within = f"from {angle_text(least)}/s to {angle_text(most)}/s"
+    raise InvalidInput(
+        f"slope: got {angle_text(steep)}/s, expected {within}; no request makes the joint follow a "
+        "steeper line"
+    )
 
 
-def interpolated_offset(model: JointModel, slope: Array, *, rule: Rule) -> Array:
-    """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0."""
-    slopes, offsets = _table(model, rule)
-    interpolated: Array = np.interp(slope, slopes, offsets)
-    return interpolated
+def _load_of(model: JointModel, load: npt.ArrayLike | None, slopes: Array) -> Array:
+    """The torque for every slope [N m], like ``slopes``, or 0 where it changes nothing."""
+    try:
+        each = np.broadcast_to(np.asarray(0.0 if load is None else load), slopes.shape).ravel()
+    except ValueError as error:
+        raise InvalidInput(
+            f"load: got {shown(load)}, expected a torque [N m], or one for every slope"
+        ) from error
+    torques = checked_load(each, model, slopes.size)
+    return np.zeros(()) if torques is None else torques.reshape(slopes.shape)
+
+
+def offsets_of(model: JointModel, slopes: Array, *, rule: Rule, load: npt.ArrayLike = 0.0) -> Array:
+    """:func:`line_offset` of slopes within the joint's speeds [rad/s], without a warning.
+
+    Args:
+        model: The joint.
+        slopes: Slopes m [rad/s].
+        rule: "exact" or "paper".
+        load: Torque on the joint [N m], a number or like ``slopes``.
+
+    Returns:
+        Offsets [rad], like ``slopes``.
+    """
+    sign = np.sign(slopes)
+    upwards = model.v_offset + model.speed_per_torque * np.asarray(load, dtype=np.float64)
+    lead = _lead(model, np.abs(slopes), rule, sign * upwards)
+    return np.asarray(sign * lead - model.sag(load))
+
+
+def interpolated_offset(
+    model: JointModel, slope: Array, *, rule: Rule, load: npt.ArrayLike = 0.0
+) -> Array:
+    """:func:`line_offset` from a table, for searches: fast, and good to some 1e-5 of theta_0.
+
+    The table is that of the joint without a load. A load that changes the top speed v^+ by the
+    factor s changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta
+    of the slope m becomes s times that of m / s, as long as no error in the window is below delta.
+    """
+    table = _table(model, rule)
+    if model.speed_per_torque == 0.0:
+        return np.asarray(np.interp(slope, *table) - model.compliance * np.asarray(load))
+    limits = zip(model.speed_limits(load), model.speed_limits(), strict=True)
+    down, up = (under / without for under, without in limits)
+    scale, band = np.where(slope < 0.0, down, up), np.sign(slope) * model.dead_band
+    beyond = np.interp(slope / scale, *table) + model.offset - band
+    return np.asarray(band + scale * beyond - model.sag(load))
+
+
+def slope_limits(model: JointModel, load: Array | None = None) -> tuple[float, float]:
+    """The slopes that the joint can follow whatever the sample: least and largest [rad/s]."""
+    low, high = model.speed_limits(0.0 if load is None else load)
+    return float(np.max(low)), float(np.min(high))
+
+
+def load_of_the_moment(load: Array, ahead: float, *, cyclic: bool) -> Array:
+    """The load when each request acts, so many samples later [N m], shape (n,)."""
+    samples = np.arange(len(load))
+    period = len(load) if cyclic else None
+    moment: Array = np.interp(samples + ahead, samples, load, period=period)
+    return moment
 
 
 @lru_cache(maxsize=32)
 def _table(model: JointModel, rule: Rule) -> tuple[Array, Array]:
-    """Slopes [rad/s], dense towards ±v_max where C_m is steepest, and their offsets [rad]."""
-    positive = model.v_max * (1.0 - np.linspace(1.0, 0.0, TABLE) ** 2)
-    slopes = np.concatenate([-positive[:0:-1], positive])
+    """Slopes [rad/s], dense towards top speed where C_m is steepest, and their offsets [rad]."""
+    shares = 1.0 - np.linspace(1.0, 0.0, TABLE) ** 2
+    if model.dead_band:  # C_m jumps at 0
+        shares = np.insert(shares, 1, CREEPING)
+    low, high = model.speed_limits()
+    slopes = np.concatenate([float(low) * shares[:0:-1], float(high) * shares])
     return slopes, offsets_of(model, slopes, rule=rule)
 
 
@@ -117,33 +203,72 @@ def check_rule(rule: str, model: JointModel) -> None:
         )
 
 
-def _paper(model: JointModel, slope: Array) -> Array:
-    """Equations 10 to 12 for slopes m >= 0 [rad/tick]."""
-    v_max, theta_0 = model.v_max_per_tick, model.theta_0
+def _lead(model: JointModel, slopes: Array, rule: Rule, faster: Array) -> Array:
+    """C_m plus the sag for slopes m >= 0 [rad/s], of a joint that is this much faster than v_max.
+
+    Args:
+        model: The joint.
+        slopes: Slopes m [rad/s].
+        rule: "exact" or "paper".
+        faster: By how much the top speed in the direction of each slope exceeds v_max [rad/s].
+    """
+    even = not np.any(faster)  # then one number serves all slopes
+    excess = 0.0 if even else np.broadcast_to(faster, slopes.shape).ravel() * model.tick
+    per_tick = np.minimum(slopes.ravel() * model.tick, model.v_max_per_tick + excess)
+    solve = _exact if rule == "exact" else _paper
+    return solve(model, per_tick, excess).reshape(slopes.shape)
+
+
+def _paper(model: JointModel, slope: Array, excess: Array | float) -> Array:
+    """Equations 10 to 12 for slopes m >= 0 [rad/tick], beyond the dead band.
+
+    v_max and theta_0 are those of the direction: v_max plus ``excess`` [rad/tick], and theta_0 as
+    much larger, so that v_max / theta_0 is the joint's own.
+    """
+    v_max = model.v_max_per_tick + excess
+    theta_0 = model.theta_0 * (v_max / model.v_max_per_tick)
     lag, acceleration = model.lag_ticks, model.acceleration_ticks
     proportional = slope * (theta_0 / v_max + acceleration / 2.0) < theta_0  # (10)
     below = slope * (theta_0 / v_max + lag + acceleration / 2.0)  # (11)
     root = np.sqrt(2.0 * theta_0 * slope * acceleration * (v_max - slope) / v_max)
     above = theta_0 + slope * (lag + acceleration) - root  # (12), m taken under the root
     # A held request is older by (hold - 1) / 2 ticks on average.
-    return np.where(proportional, below, above) + slope * (model.hold - 1) / 2.0
+    lead = np.where(proportional, below, above) + slope * (model.hold - 1) / 2.0
+    return np.asarray(lead + model.dead_band)
 
 
-def _exact(model: JointModel, slope: Array) -> Array:
-    """The smallest C with S(C) = m for slopes m >= 0 [rad/tick]."""
+def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
+    """The smallest C with S(C) = m for slopes m >= 0 [rad/tick].
+
+    The top speed is v_max plus ``excess`` [rad/tick] in the direction of the slope, and v_max less
+    ``excess`` in the other.
+    """
     ages = model.window.first + np.arange(len(model.window.weights))
     ticks = np.arange(model.hold)  # the ticks between two requests
     # Where the held line stands, at each tick and age, relative to the angle of the line there.
     steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
     behind = float(np.max(ticks[:, np.newaxis] - steps))
     target = slope * model.hold
+    forth, back = model.v_max_per_tick + excess, model.v_max_per_tick - excess
     # At these ends every term of S is saturated, even though the joint may stray from the line
     # until the next request.
-    low = -model.theta_0 - (model.v_max_per_tick + slope) * (model.hold - 1)
-    high = model.theta_0 + slope * behind + (model.v_max_per_tick - slope) * (model.hold - 1)
-    moved_low, moved_high = _moved(model, slope, steps, low), _moved(model, slope, steps, high)
+    low = -model.theta_0 * (back / model.v_max_per_tick) - model.dead_band
+    low = low - (back + slope) * (model.hold - 1)
+    high = model.theta_0 * (forth / model.v_max_per_tick) + model.dead_band + slope * behind
+    high = high + (forth - slope) * (model.hold - 1)
+    law = speed_law(
+        gain=model.gain_per_tick,
+        v_max=model.v_max_per_tick,
+        dead_band=model.dead_band,
+        v_offset=excess,
+    )
+
+    def moved_by(offset: Array) -> Array:
+        return _moved(model, slope, steps, offset, law)
+
+    moved_low, moved_high = moved_by(low), moved_by(high)
     solution = high.copy()
-    open_ = slope < model.v_max_per_tick * (1.0 - AT_TOP_SPEED)
+    open_ = slope < forth * (1.0 - AT_TOP_SPEED)
     for evaluation in range(MOST_EVALUATIONS):
         if not np.any(open_):
             break
@@ -152,7 +277,7 @@ def _exact(model: JointModel, slope: Array) -> Array:
         # Every third time the interval is halved, in case the secant moves one end only.
         share = share if evaluation % 3 else np.full_like(share, 0.5)
         middle = low + np.clip(share, 0.0, 1.0) * (high - low)
-        moved = _moved(model, slope, steps, middle)
+        moved = moved_by(middle)
         solution = np.where(open_, middle, solution)
         open_ &= np.abs(moved - target) > SOLVED * model.v_max_per_tick * model.hold
         open_ &= high - low > 0.0
@@ -167,7 +292,9 @@ def _exact(model: JointModel, slope: Array) -> Array:
     return solution
 
 
-def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array) -> Array:
+def _moved(
+    model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array, law: SpeedLaw
+) -> Array:
     """How far the joint moves in one request period when it is ``offset`` behind the line."""
     angle = np.zeros_like(slope)
     for held in steps:
@@ -175,8 +302,7 @@ def _moved(model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset:
             angle,
             [offset + slope * step for step in held],
             weights=model.window.weights.tolist(),
-            gain=model.gain_per_tick,
-            v_max=model.v_max_per_tick,
+            speed=law,
         )
     moved: Array = angle
     return moved

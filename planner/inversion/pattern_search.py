@@ -1,4 +1,4 @@
-"""Lines for the joint: the knots of an approximation moved until the joint tracks better.
+"""A pattern search for the knots of a closed form, by the simulated tracking error.
 
 A pattern search (R. Hooke, T. A. Jeeves, "Direct search" solution of numerical and statistical
 problems, Journal of the ACM 8, 1961) on the simulated error. The approximation nearest to the
@@ -14,7 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.line_inverse import AT_TOP_SPEED, Rule, interpolated_offset
+from planner.inversion.line_inverse import (
+    AT_TOP_SPEED,
+    Rule,
+    interpolated_offset,
+    load_of_the_moment,
+    slope_limits,
+)
 from planner.inversion.tracking_problem import TrackingProblem
 from planner.trajectory import Array
 
@@ -63,29 +69,42 @@ class TrackingError:
         self.problem = problem
         self.curve = curve
         self.ahead = ahead
-        self.samples = np.arange(curve.samples, dtype=np.float64)
+        self.moments = np.arange(curve.samples, dtype=np.float64) + ahead
         (self.model,) = problem.models
         self.rule = rule
+        load = problem.loads[0]
+        low, high = slope_limits(self.model, load)
+        self.limits = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
+        self.load = None if load is None else load_of_the_moment(load, ahead, cyclic=curve.cyclic)
         self.work = 0
 
     def __call__(self, knots: Array, values: Array) -> float:
         """Sum of squared errors [rad^2]; inf beyond v_max, or below a sample a segment."""
         curve = self.curve
-        ends = np.append(knots, knots[0] + curve.samples) if curve.cyclic else knots
-        heights = np.append(values, values[0]) if curve.cyclic else values
-        lengths = np.diff(ends)
-        if np.min(lengths) < 1.0:
+        ends, heights = knots, values
+        if curve.cyclic:
+            ends = np.concatenate([knots, knots[:1] + curve.samples])
+            heights = np.concatenate([values, values[:1]])
+        lengths = ends[1:] - ends[:-1]
+        if lengths.min() < 1.0:
             return np.inf
-        slopes = np.diff(heights) / (lengths * curve.tick)
-        if np.max(np.abs(slopes)) > self.model.v_max * (1.0 + AT_TOP_SPEED):
+        slopes = (heights[1:] - heights[:-1]) / (lengths * curve.tick)
+        low, high = self.limits
+        if slopes.max() > high or slopes.min() < low:
             return np.inf
-        when = self.samples + self.ahead - knots[0]
-        since = np.mod(when, curve.samples) if curve.cyclic else when
-        segment = np.searchsorted(knots - knots[0], since, side="right") - 1
-        segment = np.clip(segment, 0, len(slopes) - 1)
-        past = (since - (knots[segment] - knots[0]) - self.ahead) * curve.tick
-        offsets = interpolated_offset(self.model, slopes, rule=self.rule)
-        requests = heights[segment] + slopes[segment] * past + offsets[segment]
+        since = self.moments - knots[0]
+        if curve.cyclic:
+            since %= curve.samples
+        places = knots - knots[0]
+        segment = places.searchsorted(since, side="right") - 1
+        segment = np.minimum(np.maximum(segment, 0), len(slopes) - 1)
+        past = (since - places[segment] - self.ahead) * curve.tick
+        if self.load is None:
+            offsets = interpolated_offset(self.model, slopes, rule=self.rule)[segment]
+        else:
+            in_force = slopes[segment]
+            offsets = interpolated_offset(self.model, in_force, rule=self.rule, load=self.load)
+        requests = heights[segment] + slopes[segment] * past + offsets
         self.work += curve.samples
         angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
         if angles is None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,9 +13,13 @@ from planner.inversion.arguments import Norm, Solver
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.error_norm import error_norm, relative_gap
+from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from planner.learning.history import Learning
 
 Method = Literal["closed_form", "optimal"]
 
@@ -35,9 +39,20 @@ class Inversion:
         cyclic: Whether the trajectory repeats for ever.
         norm: Error that was minimised, and that the bound and the gap are about.
         limits: Smallest and largest request allowed [rad]; None where there was no limit.
+        max_step: Largest change allowed from one request to the next [rad]; None for any.
+        smoothness: Relative rise of the error that smoother requests were allowed to cost [-].
+        models: All models for which the requests are, the nominal one first; () for that alone.
+        robust: Whether the "mean" or the "worst" of their errors was minimised; None for one model.
         start: From rest: angle at which the joint rests before the first request [rad].
         approximation: The piecewise linear trajectory behind a closed form, else None.
         tolerance: Error that was asked for, in the plan's norm [rad]; None where none was.
+        load: Torque on the joint in the period that ends in each sample [N m], shape (n,); None
+            where there is none, or the joint does not feel it.
+        load_of_pose: Whether that is the load of the predicted angles. Other requests would meet
+            another load, so that there is no lower bound on their error: it is 0.
+        disturbance: What executed cycles add to the model's angles [rad], shape (n,): see
+            :func:`planner.refine`; None before any was measured.
+        learning: The executed cycles that the plan has learnt from; None where there are none.
     """
 
     model: JointModel
@@ -48,14 +63,28 @@ class Inversion:
     cyclic: bool = True
     norm: Norm = "rms"
     limits: tuple[float, float] | None = None
+    max_step: float | None = None
+    smoothness: float = 0.0
+    models: tuple[JointModel, ...] = ()
+    robust: Literal["mean", "worst"] | None = None
     start: float | None = None
     approximation: PiecewiseLinear | None = None
     tolerance: float | None = None
+    load: Array | None = None
+    load_of_pose: bool = False
+    disturbance: Array | None = None
+    learning: Learning | None = None
 
     @cached_property
     def predicted(self) -> Array:
-        """Angles of the exact model under the requests [rad], shape (n,)."""
-        return simulate(self.model, self.requests, cyclic=self.cyclic, start=self.start)
+        """Angles of the exact model under the requests, plus the disturbance [rad], (n,)."""
+        angles = simulate(
+            self.model, self.requests, cyclic=self.cyclic, start=self.start, load=self.load
+        )
+        if self.disturbance is not None:
+            angles = angles + self.disturbance
+            angles.setflags(write=False)
+        return angles
 
     @cached_property
     def errors(self) -> Array:
@@ -80,10 +109,47 @@ class Inversion:
         return error_norm(self.errors, self.norm)
 
     @cached_property
+    def expected(self) -> Expectation:
+        """Error to expect on the robot, and in what the plan is outside of what was tested.
+
+        The error is NaN where nothing is known: see :attr:`planner.JointModel.evidence`. That is
+        about the model alone, so that it says nothing of a plan that has learnt from cycles.
+        """
+        return expectation(
+            self.model.evidence if self.disturbance is None else None,
+            self.desired,
+            self.predicted,
+            period=self.model.period,
+            cyclic=self.cyclic,
+            load=self.load,
+        )
+
+    @cached_property
+    def errors_of_models(self) -> Array:
+        """The error of each model in the plan's norm [rad], the nominal one first, (models,)."""
+        others = [replace(self, model=each, models=()).error for each in self.models[1:]]
+        errors = np.array([self.error, *others])
+        errors.setflags(write=False)
+        return errors
+
+    @property
+    def worst_error(self) -> float:
+        """The largest of them [rad]."""
+        return float(np.max(self.errors_of_models))
+
+    @cached_property
     def lower_bound(self) -> float:
         """Lower bound on the error of any requests, in the plan's norm [rad]: level "envelope"."""
-        problem = BoundProblem(self.model, self.desired, self.cyclic, self.norm, self.start)
+        if self.load_of_pose:
+            return 0.0
+        goal = self.desired if self.disturbance is None else self.desired - self.disturbance
+        problem = BoundProblem(self.model, goal, self.cyclic, self.norm, self.start, self.load)
         return linear_bound(problem, "envelope")
+
+    @property
+    def stopped(self) -> str:
+        """Why learning from executed cycles has ended; empty while it goes on, and before it."""
+        return "" if self.learning is None else self.learning.stopped
 
     @property
     def gap(self) -> float:

@@ -1,29 +1,33 @@
-"""Of two plans that track equally well the smoother one: a smaller sum of squared changes, Σ(ΔR)².
+"""Smoothing of a plan: the least sum of squared second differences at nearly the same error.
 
-More Gauss-Newton steps are taken with that sum as the regularisation, as strong as the error
-allows. Then, where a joint moves at top speed whatever the request, within bounds, the request is
-saturated: it is drawn to the average of its neighbours, as far as those bounds go.
+Gauss-Newton steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2
+the second differences of the requests. At the best weight w the smoothing costs about as much as J
+may rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests that
+it sets out from, with a factor c that grows while the exact error stays within what is allowed, and
+falls where it does not (``docs/math.md``, section 6).
 """
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from planner.exceptions import angle_text
 from planner.inversion.gauss_newton import (
     OPTIONS as SEARCH_OPTIONS,
 )
 from planner.inversion.gauss_newton import (
     Stage,
     State,
-    changes,
     descend,
     power_cost,
     stages_for,
 )
-from planner.inversion.tracking_problem import Indices, TrackingProblem
+from planner.inversion.reversals import OPTIONS as DEAD_BAND
+from planner.inversion.tracking_problem import TrackingProblem
 from planner.trajectory import Array
 
 
@@ -31,36 +35,34 @@ from planner.trajectory import Array
 class SmoothingOptions:
     """What steers the smoothing.
 
-    In brackets what half and twice the value do to Σ(ΔR)² over 109 plans; the error follows
-    ``error_share``.
-
     Attributes:
-        error_share: Relative rise of the error that smoother requests may cost (+2.8 %, -1.7 %).
-        stages: The stages of a round. Their weights are in units of the one under which all the
-            squared changes cost as much as the rise (of the weights: +1.6 %, +1.7 %, and more
-            time). Wide corners first: where they are sharp the requests hardly leave the place
-            where they are. The first plan that the error bears is taken.
-        growth: How much larger the weights become from one round to the next.
-        averages: How often the saturated requests are drawn to their moving average (+1.3 %,
-            -1.0 %; never: +14 %).
+        encoder_step: Step of the encoder by which errors count, 12 bits for a turn [rad].
+        radii: Radius of the corners in each step [theta_0].
+        factor: Factor c of the first weight [-].
+        growth: By this c grows at most after a step within the allowed error [-].
+        reduction: By this c falls at most after one beyond it [-].
+        least_used: Share of the allowed rise below which c grows as if it were this [-].
+        enough: Share of the allowed rise from which on an answer is kept if it was no large gain.
+        large_gain: Ratio of the second differences after a step to those before up to which it was
+            a large gain, so that another one follows [-].
+        unchanged: Relative change of the second differences after which no step follows [-].
     """
 
-    error_share: float = 2e-4
-    stages: tuple[Stage, ...] = tuple(
-        Stage(radius, weight, steps=3, smoothing=True)
-        for radius, weight in ((0.1, 16.0), (0.04, 16.0), (0.015, 8.0), (0.006, 2.0))
-    )
-    growth: float = 4.0
-    averages: int = 6
+    encoder_step: float = 2.0 * math.pi / 4096.0
+    radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 10)
+    factor: float = 1.0
+    growth: float = 3.0
+    reduction: float = 0.5
+    least_used: float = 0.01
+    enough: float = 0.8
+    large_gain: float = 0.5
+    unchanged: float = 0.02
 
 
 OPTIONS = SmoothingOptions()
 
 UNCHANGED = 1e-24
-"""Sum of squared changes from which on requests count as constant [rad^2]."""
-
-SATURATED = 1.0 + 1e-9
-"""Error from which on a joint moves at top speed, beyond rounding [theta_0]."""
+"""Sum of squared second differences up to which requests count as straight [rad^2]."""
 
 SAME_ERROR = 1e-13
 """Errors that differ by no more than this are equal: rounding [rad]."""
@@ -70,127 +72,114 @@ def smoothed(
     problem: TrackingProblem,
     requests: Array,
     *,
+    smoothness: float,
     at_most: float = math.inf,
     boundary: Array | None = None,
-    rounds: int = 1,
 ) -> Array:
-    """Requests that track as well as the given ones, to 2 parts in 10,000, but change less.
+    """Smoother requests whose error is larger by a share ``smoothness`` at most.
 
     Args:
         problem: What is to be reached, and within which limits.
         requests: A good plan [rad], shape (n, joints).
+        smoothness: Relative rise of the error that is allowed, see :func:`allowed_error` [-].
         at_most: Error that is not to be passed in any case.
         boundary: Angles near which a cycle's boundary is sought [rad], shape (joints,).
-        rounds: How often at most the stages are gone through, each time with larger weights.
 
     Returns:
         The smoother requests, or the given ones.
     """
+    if smoothness == 0.0:
+        return requests
     angles = problem.exact_angles(requests, boundary)
     if angles is None:
         return requests
-    most = min(problem.error(angles) * (1.0 + OPTIONS.error_share), at_most)
-    smoother = _with_fewer_changes(problem, State(requests, angles), most, rounds)
-    return saturated_averaged(problem, smoother.requests, smoother.angles)
+    given, error = State(requests, angles), problem.error(angles)
+    most = min(allowed_error(error, smoothness), at_most)
+    smoothest = _smoothest(problem, given, error, most)
+    if any(model.dead_band for model in problem.models):
+        smoothest = _without_needless_crossings(problem, given, error, smoothest)
+    return smoothest.requests
 
 
-def saturated_averaged(problem: TrackingProblem, requests: Array, angles: Array) -> Array:
-    """Requests under which the joints do the same, saturated ones nearer to their neighbours.
+def allowed_error(error: float, smoothness: float) -> float:
+    """The error to which smoother requests may raise one.
 
-    Args:
-        problem: The joints, and the limits on their requests.
-        requests: Requests [rad], shape (n, joints).
-        angles: What the exact models make of them [rad], shape (n, joints).
+    Errors count as a sensor measures them, its noise added in quadrature: with sigma the root mean
+    square of the rounding of an encoder, the answer e meets
+    ``e^2 + sigma^2 = (1 + smoothness)^2 (error^2 + sigma^2)``.
     """
-    lower, upper = room_of_saturated(problem, requests, angles)
-    smoother, around = requests, neighbours(problem)
-    for _ in range(OPTIONS.averages):
-        smoother = np.clip(smoother.take(around, axis=0).mean(axis=0), lower, upper)
-    same = problem.exact_error(smoother, angles[-1]) <= problem.error(angles) + SAME_ERROR
-    return smoother if same else requests
+    variance = OPTIONS.encoder_step**2 / 12.0
+    return math.sqrt((1.0 + smoothness) ** 2 * (error**2 + variance) - variance)
 
 
-def squared_changes(requests: Array, *, cyclic: bool) -> float:
-    """The sum of the squared changes, Σ(ΔR)² [rad^2]."""
-    steps = changes(requests, cyclic=cyclic)
-    return float(np.vdot(steps, steps))
+def roughness(problem: TrackingProblem, requests: Array) -> float:
+    """The sum of the squared second differences of requests [rad^2]."""
+    differences = problem.second_differences(requests)
+    return float(np.vdot(differences, differences))
 
 
-def _with_fewer_changes(problem: TrackingProblem, given: State, most: float, rounds: int) -> State:
-    """The smoothest requests of all rounds that the error bears, with their angles."""
+def _without_needless_crossings(
+    problem: TrackingProblem, given: State, error: float, smoother: State
+) -> State:
+    """Requests that cross the dead band only where that reduces the error by enough.
+
+    To follow a path's noise, requests would jump from one edge of the dead band to the other and
+    back. What of the second differences can be spared within the errors that ``DeadBandOptions``
+    allow consists of such jumps.
+    """
+    bands = np.array([model.dead_band for model in problem.models])
+    band = float(np.sqrt(np.mean(bands**2)))
+    worth = DEAD_BAND.worth * roughness(problem, given.requests)
+    for error_share in DEAD_BAND.error_shares:
+        most = math.hypot(error, error_share * band)
+        answer = _smoothest(problem, smoother, error, most)
+        if roughness(problem, answer.requests) < roughness(problem, smoother.requests) - worth:
+            smoother = answer
+    return smoother
+
+
+def _smoothest(problem: TrackingProblem, given: State, error: float, most: float) -> State:
+    """The smoothest requests that are met within the allowed error, with their angles."""
     power = stages_for(problem, SEARCH_OPTIONS.narrow)[-1].power
-    unit = max(problem.error(given.angles), np.finfo(np.float64).tiny)
-    cost = power_cost(problem.goal.errors(given.angles), power=power, unit=unit, ridge=0.0)
-    # What the cost rises by when every error rises by the share of it that may be added.
-    allowed = power * OPTIONS.error_share * cost.value
-    smoothest = state = given
-    for number in range(rounds):
-        weight = OPTIONS.growth**number * allowed
-        smoother, state = _one_round(problem, smoothest, state, most, weight, power)
-        if smoother is None:
+    allowed = _allowed_rise(problem, given, error, most, power)
+    state, best, least = given, given, roughness(problem, given.requests)
+    factor = OPTIONS.factor
+    for radius in OPTIONS.radii:
+        before = roughness(problem, state.requests)
+        if before <= UNCHANGED or allowed <= 0.0:
             break
-        smoothest = smoother
-    return smoothest
-
-
-def _one_round(
-    problem: TrackingProblem,
-    smoothest: State,
-    state: State,
-    most: float,
-    weight: float,
-    power: float,
-) -> tuple[State | None, State]:
-    """The first smoother requests that the error bears, None if there are none; the last met."""
-    sum_now = squared_changes(state.requests, cyclic=problem.cyclic)
-    least = squared_changes(smoothest.requests, cyclic=problem.cyclic)
-    for stage in OPTIONS.stages:
-        if sum_now <= UNCHANGED:
-            break
-        weighted = stage._replace(weight=stage.weight * weight / sum_now, power=power)
-        state = descend(problem, state, weighted)
-        sum_now = squared_changes(state.requests, cyclic=problem.cyclic)
-        if stage.radius >= SEARCH_OPTIONS.simulated or sum_now >= least:
-            continue
+        stage = Stage(radius, factor * allowed / before, power=power, steps=1, smoothing=True)
+        state = descend(problem, state, stage)
         angles = problem.exact_angles(state.requests, state.angles[-1])
-        if angles is not None and problem.error(angles) <= most:
-            return State(state.requests, angles), state
-    return None, state
-
-
-def room_of_saturated(
-    problem: TrackingProblem, requests: Array, angles: Array
-) -> tuple[Array, Array]:
-    """Smallest and largest value of each request that change nothing, others unchanged (n, joints).
-
-    Args:
-        problem: The joints, and the limits on their requests.
-        requests: Requests [rad], shape (n, joints).
-        angles: What the exact models make of them [rad], shape (n, joints).
-    """
-    windows = problem.windows
-    before = angles[windows.before]
-    if problem.start is not None:
-        before[0] = problem.start
-    before = before - problem.offsets
-    # Between two samples a held request is met by angles this much further on at most.
-    beyond = np.array(
-        [SATURATED * m.theta_0 + (m.hold - 1) * m.v_max_per_tick for m in problem.models]
+        reached = math.inf if angles is None else problem.error(angles)
+        now = roughness(problem, state.requests)
+        used = (reached - error) / (most - error)
+        if used <= 1.0 and angles is not None:
+            if now < least:
+                best, least = State(state.requests, angles), now
+            if used > OPTIONS.enough and now > OPTIONS.large_gain * before:
+                break
+            factor *= min(max(used, OPTIONS.least_used) ** -0.5, OPTIONS.growth)
+        else:
+            factor *= max(1.0 / used, OPTIONS.reduction)
+        if used <= 1.0 and 0.0 < abs(now / before - 1.0) < OPTIONS.unchanged:
+            break
+    logging.getLogger(__name__).debug(
+        "smoothing: error %s of %s, second differences %s",
+        angle_text(problem.error(best.angles)),
+        angle_text(most),
+        angle_text(math.sqrt(least)),
     )
-    sent = windows.of(requests)
-    above, below = sent >= before + beyond, sent <= before - beyond
-    unsaturated = windows.gathered(np.where(above | below, 0.0, 1.0))
-    saturated = problem.movable & (unsaturated == 0.0)
-    lower = windows.gathered(np.where(above, before + beyond, -np.inf), np.maximum, -np.inf)
-    upper = windows.gathered(np.where(below, before - beyond, np.inf), np.minimum, np.inf)
-    return (
-        np.where(saturated, np.maximum(lower, problem.lower), requests),
-        np.where(saturated, np.minimum(upper, problem.upper), requests),
-    )
+    return best
 
 
-def neighbours(problem: TrackingProblem) -> Indices:
-    """For each request those around it, as many as act on a joint at once: (2 half + 1, n)."""
-    half, count = max(problem.ages.width // 2, 1), len(problem.resting)
-    around = np.arange(count) + np.arange(-half, half + 1)[:, np.newaxis]
-    return around % count if problem.cyclic else around.clip(0, count - 1)
+def _allowed_rise(
+    problem: TrackingProblem, given: State, error: float, most: float, power: float
+) -> float:
+    """By how much the cost rises when all errors grow until theirs is the one that is allowed."""
+    if power == 2.0:
+        return len(given.requests) * (most**2 - error**2)
+    if error == 0.0:
+        return 0.0
+    cost = power_cost(problem.goal.errors(given.angles), power=power, unit=error, ridge=0.0)
+    return cost.value * float((most / error) ** power - 1.0)

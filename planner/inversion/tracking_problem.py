@@ -13,9 +13,17 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import Limits, Norm
 from planner.inversion.error_norm import error_norm
-from planner.model.joint import JointModel, RequestAges, acting, request_ages
+from planner.model.joint import (
+    JointModel,
+    Loads,
+    RequestAges,
+    acting,
+    request_ages,
+    rest_requests,
+    sags,
+)
 from planner.model.response import steady_cycle
-from planner.model.sensitivity import Response, periods, request_ages_of_all
+from planner.model.sensitivity import Periods, Response, periods, request_ages_of_all
 from planner.model.symbolic import exact_run
 from planner.trajectory import Array
 
@@ -28,10 +36,14 @@ class TrackingProblem:
     Attributes:
         models: The joints, whose requests are sent together.
         goal: What they should do.
+        desired: Desired angles, of a foot those that bring it nearest [rad], (n, joints).
+        loads: Torque on each joint in the period that ends in each sample [N m], (n,), or None.
+        sags: Where the joints rest beside their requests [rad], (joints,), or (n, joints) by loads.
         resting: Requests that would hold the desired angles, R* of (10) [rad], (n, joints).
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that counts.
         lower, upper: Limits on the requests [rad], shape (joints,).
+        max_step: Largest change from one request to the next [rad], shape (joints,), inf for none.
         start: From rest: angles at which the joints rest before the plan [rad], shape (joints,).
         movable: Requests that may be chosen, shape (n, joints): from rest the first ones hold the
             joints where they are.
@@ -42,13 +54,15 @@ class TrackingProblem:
         self,
         models: Sequence[JointModel],
         goal: Goal,
-        resting: Array,
+        desired: Array,
         *,
         cyclic: bool,
         norm: Norm = "rms",
         limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+        max_step: npt.ArrayLike = math.inf,
         start: Array | None = None,
         ridge: float = 0.0,
+        loads: Loads | None = None,
     ) -> None:
         """Take the problem as it is: the callers have checked it."""
         self.models = tuple(models)
@@ -57,18 +71,30 @@ class TrackingProblem:
         self.norm = norm
         limits = (-math.inf, math.inf) if limits is None else limits
         self.lower, self.upper = (np.asarray(limit, dtype=np.float64) for limit in limits)
+        self.max_step = np.broadcast_to(np.asarray(max_step, dtype=np.float64), desired.shape[1:])
         self.start = start
-        self.offsets = np.array([model.offset for model in self.models])
-        self.resting = self.admissible(resting)
+        self.desired = desired
+        self.loads = tuple(loads or [None] * len(self.models))
+        self.sags = sags(self.models, self.loads)
+        self.resting = self.resting_requests()
         self.ridge = ridge
-        self.movable = np.ones(resting.shape, dtype=np.bool_)
+        self.movable = np.ones(desired.shape, dtype=np.bool_)
         if not cyclic:
             self.movable[0] = False
+
+    def resting_requests(self) -> Array:
+        """Requests within the limits that would hold the desired angles [rad], (n, joints)."""
+        return self.admissible(rest_requests(self.models, self.desired, self.loads))
 
     @cached_property
     def limited(self) -> bool:
         """Whether any request has a limit."""
         return bool(np.any(np.isfinite(self.lower)) or np.any(np.isfinite(self.upper)))
+
+    @cached_property
+    def coupled(self) -> bool:
+        """Whether the change from any request to the next has a limit."""
+        return bool(np.any(np.isfinite(self.max_step)))
 
     def within(self, limits: tuple[Array, Array]) -> TrackingProblem:
         """The same problem with other limits."""
@@ -82,12 +108,14 @@ class TrackingProblem:
         return TrackingProblem(
             self.models,
             self.goal,
-            self.resting,
+            self.desired,
             cyclic=self.cyclic,
             norm=norm,
             limits=limits,
+            max_step=self.max_step,
             start=self.start,
             ridge=self.ridge,
+            loads=self.loads,
         )
 
     @cached_property
@@ -96,16 +124,52 @@ class TrackingProblem:
         return request_ages_of_all(self.models)
 
     @cached_property
+    def ages_of_each(self) -> tuple[slice, ...]:
+        """Which of these ages are those of the single joints."""
+        every = [request_ages(model) for model in self.models]
+        firsts = [own.youngest - self.ages.youngest for own in every]
+        return tuple(
+            slice(first, first + own.width) for first, own in zip(firsts, every, strict=True)
+        )
+
+    @cached_property
     def windows(self) -> Windows:
         """Where requests act."""
         return windows_of(self.ages, *self.resting.shape, cyclic=self.cyclic)
 
+    @cached_property
+    def periods(self) -> Periods:
+        """The request periods of the smoothed models."""
+        if all(load is None for load in self.loads):
+            return periods(self.models, len(self.desired))
+        return Periods(self.models, len(self.desired), self.loads)
+
+    def sag(self, sample: int) -> Array:
+        """Where the joints rest beside their requests at a sample [rad], (joints,)."""
+        each: Array = self.sags if self.sags.ndim == 1 else self.sags[sample]
+        return each
+
     def admissible(self, requests: Array) -> Array:
-        """The nearest requests within the limits, from rest with those that hold the start."""
+        """Requests near the given ones within the limits, from rest the first holds the start.
+
+        Without ``max_step`` they are the nearest ones, with it see :func:`within_step`.
+        """
         nearest = requests.copy()
         if self.start is not None:
-            nearest[0] = self.start - self.offsets
-        return np.clip(nearest, self.lower, self.upper)
+            nearest[0] = self.start - self.sag(0)
+        if self.limited:
+            nearest = np.clip(nearest, self.lower, self.upper)
+        if self.coupled:
+            first = None if self.start is None else nearest[0]
+            nearest = within_step(nearest, self.max_step, cyclic=self.cyclic, first=first)
+            nearest = np.clip(nearest, self.lower, self.upper)  # rounding
+        return nearest
+
+    def second_differences(self, requests: Array) -> Array:
+        """Second differences of requests [rad], (n, joints), from rest (n - 1, joints)."""
+        if self.cyclic:
+            return np.roll(requests, 1, axis=0) - 2.0 * requests + np.roll(requests, -1, axis=0)
+        return np.diff(requests, n=2, axis=0, prepend=requests[:1])
 
     def error(self, angles: Array) -> float:
         """The error of the angles in the norm that counts."""
@@ -124,13 +188,15 @@ class TrackingProblem:
             boundary: Angles near which the cycles' boundaries are sought [rad], shape (joints,).
         """
         windows = self.windows.of(requests)
-        boundary = self.resting[-1] + self.offsets if boundary is None else boundary
+        if boundary is None:
+            boundary = self.resting[-1] + self.sag(-1)
         answer = np.empty_like(requests)
-        for joint, model in enumerate(self.models):
-            own = request_ages(model)
-            first = own.youngest - self.ages.youngest
-            acting = np.ascontiguousarray(windows[first : first + own.width, :, joint].T)
-            angles = self._run(model, acting, float(boundary[joint]), joint)
+        for joint, (model, ages) in enumerate(zip(self.models, self.ages_of_each, strict=True)):
+            near = float(boundary[joint])
+            if model.dead_band:  # a cycle need not be unique: the one that simulations find
+                near = float(requests[0, joint] + self.sag(0)[joint])
+            acting = windows[ages, :, joint].T
+            angles = self._run(model, acting, requests[:, joint], near, joint)
             if angles is None:
                 return None
             answer[:, joint] = angles
@@ -147,19 +213,24 @@ class TrackingProblem:
         before = angles[self.windows.before]
         if self.start is not None:
             before[0] = self.start
-        evaluate = periods(self.models, len(angles))
-        response = evaluate(before, self.windows.of(requests), radius)
+        response = self.periods(before, self.windows.of(requests), radius)
         if self.start is not None:
             response.by_angle[0] = 0.0  # nothing comes before the first sample that could change
         return response
 
-    def _run(self, model: JointModel, windows: Array, boundary: float, joint: int) -> Array | None:
-        compiled = exact_run(model, len(windows))
+    def _run(
+        self, model: JointModel, windows: Array, requests: Array, near: float, joint: int
+    ) -> Array | None:
+        compiled, load = exact_run(model, len(windows)), self.loads[joint]
         if self.start is not None:
-            return compiled(float(self.start[joint]), windows)
+            return compiled(float(self.start[joint]), windows, load)
         try:
             return steady_cycle(
-                model, lambda start: compiled(start, windows), windows + model.offset, near=boundary
+                model,
+                lambda start: compiled(start, windows, load),
+                requests + model.offset,
+                near=near,
+                load=load,
             )
         except NoSteadyCycle:
             return None
@@ -172,26 +243,81 @@ def track(
     cyclic: bool,
     norm: Norm = "rms",
     limits: Limits | None = None,
+    max_step: float = math.inf,
     start: float | None = None,
+    load: Array | None = None,
 ) -> TrackingProblem:
-    """The problem of one joint that should follow desired angles [rad], shape (n,)."""
+    """The problem of one joint that should follow desired angles [rad] under a load, both (n,)."""
     return TrackingProblem(
         [model],
         FollowAngles(desired),
-        desired[:, np.newaxis] - model.offset,
+        desired[:, np.newaxis],
         cyclic=cyclic,
         norm=norm,
         limits=limits,
+        max_step=max_step,
         start=None if start is None else np.array([start]),
+        loads=[load],
     )
 
 
-def within_attainable_range(model: JointModel, angles: Array, start: float) -> Array:
+ROOM_FOR_ROUNDING = 1e-9
+"""Share of the largest step that is left unused, so that rounding never exceeds it [-]."""
+
+
+def within_step(
+    requests: Array, max_step: npt.ArrayLike, *, cyclic: bool, first: Array | float | None = None
+) -> Array:
+    """Requests near the given ones that change by at most ``max_step`` from one to the next.
+
+    With s the largest step they are the middle between the largest requests below the given ones
+    that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``;
+    in a cycle distances are those around it. Requests that keep it already stay as they are, and
+    none leaves the range of the given ones, so that limits still hold. Time: O(n).
+
+    Args:
+        requests: Requests [rad], shape (n, ...).
+        max_step: Largest change from one to the next [rad], inf where there is no limit.
+        cyclic: Whether the last request precedes the first.
+        first: From rest: the first request, which stays [rad], within the range of the requests.
+    """
+    step = (1.0 - ROOM_FOR_ROUNDING) * np.asarray(max_step, dtype=np.float64)
+    limited = np.isfinite(step)
+    step = np.where(limited, step, 0.0)
+    count = len(requests)
+    travelled = step * np.arange(count).reshape(-1, *(1,) * (requests.ndim - 1))
+    near = requests
+    if first is not None:
+        near = np.clip(near, first - travelled, first + travelled)
+    turns = np.concatenate([near] * (3 if cyclic else 1))
+    travelled = step * np.arange(len(turns)).reshape(-1, *(1,) * (requests.ndim - 1))
+    below, above = _majorised(turns, travelled), -_majorised(-turns, travelled)
+    begin = count if cyclic else 0
+    middle = (below + above)[begin : begin + count] / 2.0
+    if first is not None:
+        middle[0] = first
+    return np.where(limited, middle, requests)
+
+
+def _majorised(values: Array, travelled: Array) -> Array:
+    """``min_j (values_j + |travelled_j - travelled_k|)`` for each k along the first axis."""
+    rising = np.minimum.accumulate(values - travelled, axis=0) + travelled
+    falling = np.minimum.accumulate((values + travelled)[::-1], axis=0)[::-1] - travelled
+    return np.minimum(rising, falling)
+
+
+def within_attainable_range(
+    model: JointModel, angles: Array, start: float, load: Array | None = None
+) -> Array:
     """Angles, clipped to what a joint that rests at the start can attain by then [rad], (n,)."""
     resting = request_ages(model).youngest + 1  # samples before the second request acts
     moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
-    farthest = model.v_max * model.period * moving
-    return np.clip(angles, start - farthest, start + farthest)
+    if load is None:
+        low, high = (limit * model.period * moving for limit in model.speed_limits())
+    else:
+        steps = np.diff(moving, prepend=0.0)  # 1 once it moves
+        low, high = (np.cumsum(limit * model.period * steps) for limit in model.speed_limits(load))
+    return np.clip(angles, start + low, start + high)
 
 
 class Errors(NamedTuple):

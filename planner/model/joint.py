@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidModel
+from planner.exceptions import InvalidInput, InvalidModel
+from planner.model.evidence import Evidence
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -28,11 +30,14 @@ MOST_HOLD = 10_000
 Clip = Callable[[Any, Any, Any], Any]
 """Brings a value between two limits."""
 
+SpeedLaw = Callable[[Any], Any]
+"""The speed that an error calls for: floats, arrays or CasADi expressions."""
+
 
 class Window(NamedTuple):
     """The requests that drive the joint at one tick, and how much each of them counts.
 
-    ``M(t) = M(t-1) + sum_j weights[j] * f(R(t - first - j) + offset - M(t-1))``
+    ``M(t) = M(t-1) + sum_j weights[j] * f(R(t - first - j) + sag - M(t-1))``
 
     Attributes:
         first: Age of the youngest request that counts [ticks], at least 1.
@@ -67,31 +72,74 @@ def rounded_clip(radius: Any) -> Clip:
     return rounded
 
 
-def saturation(error: Any, *, gain: Any, v_max: Any, clip: Clip = clip) -> Any:
-    """Speed that an error between request and angle calls for: f of Equation 2.
+def speed_law(
+    *, gain: Any, v_max: Any, dead_band: float = 0.0, v_offset: Any = 0.0, clip: Clip = clip
+) -> SpeedLaw:
+    """Equation 2 with dry friction and load, (1a) of ``docs/math.md``, as a function of the error.
 
-    ``f(x) = clip(gain x, -v_max, v_max)``, with gain = v_max / theta_0. All simulations use this
-    function; floats, arrays, CasADi expressions and rounded corners differ by the function that
-    clips. Where f stands in another form, that form has to change with it: its derivatives in
-    ``model/sensitivity.py``, ``identification/simulation.py`` and ``sensitivities.py``, its extreme
-    values in ``inversion/line_inverse.py`` and ``inversion/smoothing.py``, and the conditions of
-    ``inversion/bounds``.
+    ``f(x) = clip(gain (x - clip(x, -dead_band, dead_band)), v_offset - v_max, v_offset + v_max)``
+
+    All simulations use this function; floats, arrays, CasADi expressions and rounded corners differ
+    by the function that clips. These restate f in other forms and must change with it:
+    its zeros in :func:`rest_requests` and :func:`rest_angles`; its derivatives in
+    ``model/sensitivity.py``, ``identification/simulation.py`` and ``sensitivities.py``; where it
+    saturates in ``inversion/line_inverse.py``, ``inversion/smoothing.py`` and
+    ``bounds/hull_cuts.py``; its symmetry in the lead of ``inversion/line_inverse.py``; and the
+    conditions of ``inversion/bounds``.
 
     Args:
-        error: Request plus offset minus angle [rad].
         gain: v_max / theta_0 [1/s], or [1/tick].
         v_max: Top speed in the unit of time of ``gain``; may be infinite.
+        dead_band: Error up to which the joint stays where it is [rad], 0 or more.
+        v_offset: How much faster the joint is in the positive direction, and slower in the other,
+            in the unit of time of ``gain``; less than ``v_max``.
         clip: Called with a value, its lower and its upper limit.
 
     Returns:
-        Speed in the unit of time of ``gain``, like ``error``; within ±v_max.
+        f: called with requests plus offset and sag minus angles [rad], it returns speeds like
+        them, in the unit of time of ``gain``. It increases with the error, by ``gain`` at most.
     """
-    return clip(gain * error, -v_max, v_max)
+    low, high = -(v_max - v_offset), v_max + v_offset
+
+    def frictionless(error: Any) -> Any:
+        return clip(gain * error, low, high)
+
+    def with_dead_band(error: Any) -> Any:
+        rising = clip(gain * (error - dead_band), 0.0, high)
+        return rising + clip(gain * (error + dead_band), low, 0.0)
+
+    return with_dead_band if dead_band else frictionless
+
+
+Loads = Sequence["Array | None"]
+"""For each joint the torque on it at every sample [N m], shape (n,), or None."""
+
+
+def sags(models: Sequence[JointModel], loads: Loads | None = None) -> Array:
+    """Angle at rest less request, c + kappa tau of (2) [rad], (joints,) or (n, joints)."""
+    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
+    each = [model.sag(load) for model, load in zip(models, torques, strict=True)]
+    return np.stack(np.broadcast_arrays(*each), axis=-1)
+
+
+def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | None = None) -> Array:
+    """Requests that hold joints at these angles, in the middle of the dead band [rad].
+
+    There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
+    """
+    held: Array = angles - sags(models, loads)
+    return held
+
+
+def rest_angles(models: Sequence[JointModel], requests: Array, loads: Loads | None = None) -> Array:
+    """Angles at which joints rest under these requests, as :func:`rest_requests` [rad]."""
+    resting: Array = requests + sags(models, loads)
+    return resting
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointModel:
-    """How a position-controlled joint answers requests (paper, Section 3; ``docs/math.md``).
+    """A position-controlled joint and its parameters (paper, Section 3; ``docs/math.md``).
 
     Attributes:
         v_max: Top speed [rad/s].
@@ -101,6 +149,12 @@ class JointModel:
         tick: Time step of the model [s].
         hold: Number of ticks for which one request is held.
         offset: Static sag: the joint comes to rest at request + offset [rad].
+        dead_band: Dry friction: error between request and angle that does not move it [rad].
+        v_offset: How much faster it is in the positive direction than v_max, and slower in the
+            other [rad/s].
+        compliance: Sag by a torque on the joint [rad/(N m)], beside ``offset``.
+        speed_per_torque: Change of its top speeds by that torque [rad/(s N m)], beside
+            ``v_offset``.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
@@ -114,6 +168,10 @@ class JointModel:
     tick: float = field(default=0.008, metadata={"unit": "s"})
     hold: int = field(default=1, metadata={"unit": "ticks"})
     offset: float = field(default=0.0, metadata={"unit": "rad"})
+    dead_band: float = field(default=0.0, metadata={"unit": "rad"})
+    v_offset: float = field(default=0.0, metadata={"unit": "rad/s"})
+    compliance: float = field(default=0.0, metadata={"unit": "rad/(N m)"})
+    speed_per_torque: float = field(default=0.0, metadata={"unit": "rad/(s N m)"})
 
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model can be trusted."""
@@ -125,8 +183,17 @@ class JointModel:
         for name in ("v_max", "theta_0", "acceleration_time", "tick"):
             if getattr(self, name) <= 0.0:
                 raise InvalidModel(f"{name}: got {getattr(self, name):g}, expected more than 0")
-        if self.lag < 0.0:
-            raise InvalidModel(f"lag: got {self.lag:g} s, expected 0 or more")
+        for name in ("lag", "dead_band", "compliance", "speed_per_torque"):
+            if getattr(self, name) < 0.0:
+                unit = self.__dataclass_fields__[name].metadata["unit"]
+                raise InvalidModel(
+                    f"{name}: got {getattr(self, name):g} {unit}, expected 0 or more"
+                )
+        if abs(self.v_offset) >= self.v_max:
+            raise InvalidModel(
+                f"v_offset: got {self.v_offset:g} rad/s, expected within ±v_max = "
+                f"±{self.v_max:g} rad/s; beyond it the joint could move in one direction only"
+            )
         if self.lag + self.acceleration_time > LONGEST_WINDOW * self.tick:
             raise InvalidModel(
                 f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
@@ -151,6 +218,83 @@ class JointModel:
             tick=tick,
         )
 
+    def requested_every(self, period: float) -> Self:
+        """The same joint, with a request every ``period`` [s].
+
+        Lag, acceleration time and speeds stay what they are; the tick becomes the longest one that
+        divides the period and is no longer than it was.
+
+        Raises:
+            InvalidModel: The period is not a finite time above 0.
+        """
+        if not as_number(period) > 0.0:
+            raise InvalidModel(f"period: got {shown(period)}, expected more than 0 s")
+        least = (self.lag + self.acceleration_time) / LONGEST_WINDOW
+        most = MOST_HOLD * self.tick
+        if not least <= period <= most:
+            raise InvalidModel(
+                f"period: got a request every {period:g} s, expected one every {least:g} to "
+                f"{most:g} s"
+            )
+        hold = max(math.ceil(period / self.tick - WHOLE_TICKS), 1)
+        return replace(self, tick=period / hold, hold=hold).with_evidence(self.evidence)
+
+    @property
+    def evidence(self) -> Evidence | None:
+        """How far off the identified model was, and on what it was tested; None where unknown.
+
+        It is no parameter: equal models may have different evidence, and a copy with other
+        parameters (``dataclasses.replace``) has none.
+        """
+        evidence: Evidence | None = self.__dict__.get("_evidence")
+        return evidence
+
+    def with_evidence(self, evidence: Evidence | None) -> Self:
+        """The same joint, with this evidence."""
+        model = replace(self)
+        object.__setattr__(model, "_evidence", evidence)
+        return model
+
+    @classmethod
+    def from_toml(cls, path: Path | str, joint: str | None = None) -> JointModel:
+        """Read a model from TOML, as :meth:`to_toml` and ``request-planner identify`` write it.
+
+        Args:
+            path: The file, or ``-`` for standard input.
+            joint: The joint, in a file with a table for each; without it, the model above all
+                tables, or the only one.
+
+        Raises:
+            InvalidFile: The file holds no model, none of this joint, or several and no joint is
+                named.
+
+        Example:
+            >>> from pathlib import Path
+            >>> from tempfile import TemporaryDirectory
+            >>> with TemporaryDirectory() as folder:
+            ...     JointModel.ers210a().to_toml(Path(folder, "knee.toml"))
+            ...     model = JointModel.from_toml(Path(folder, "knee.toml"))
+            >>> model == JointModel.ers210a()
+            True
+        """
+        from planner.files.joint_model import read_model_file  # files know models, not vice versa
+
+        file = read_model_file(path)
+        return file.one() if joint is None else file.for_joints([joint])[0]
+
+    def to_toml(self, path: Path | str) -> None:
+        """Write the model as TOML, each key with its unit.
+
+        Args:
+            path: The file, or ``-`` for standard output.
+
+        Raises:
+            InvalidFile: The file cannot be written.
+        """
+        from planner.files.joint_model import write_model  # files know models, not vice versa
+
+        write_model(path, self)
+
     @property
     def period(self) -> float:
         """Time between requests [s]."""
@@ -160,6 +304,11 @@ class JointModel:
     def v_max_per_tick(self) -> float:
         """Top speed [rad/tick]."""
         return self.v_max * self.tick
+
+    @property
+    def v_max_per_period(self) -> float:
+        """Farthest that the joint moves between two requests [rad]."""
+        return self.v_max * self.period
 
     @property
     def gain_per_tick(self) -> float:
@@ -182,10 +331,62 @@ class JointModel:
         reached = self.v_max_per_tick * max(1.0, self.acceleration_ticks / 4.0)
         return self.theta_0 > reached
 
-    def speed(self, error: npt.ArrayLike) -> Array:
-        """Speed [rad/s] that errors between request and angle [rad] call for: Equation 2."""
-        errors = np.asarray(error, dtype=np.float64)
-        return np.asarray(saturation(errors, gain=self.v_max / self.theta_0, v_max=self.v_max))
+    @property
+    def feels_load(self) -> bool:
+        """Whether a torque on the joint changes its answer."""
+        return self.compliance != 0.0 or self.speed_per_torque != 0.0
+
+    def sag(self, load: npt.ArrayLike = 0.0) -> Array:
+        """Where the joint rests under a load beside its request [rad]: c + kappa tau of (2).
+
+        Args:
+            load: Torque on the joint in the direction of positive angles [N m].
+        """
+        return np.asarray(self.offset + self.compliance * np.asarray(load, dtype=np.float64))
+
+    def speed_limits(self, load: npt.ArrayLike = 0.0) -> tuple[Array, Array]:
+        """Least and largest speed under a load [rad/s]: -v^- and v^+ of (1a)."""
+        faster = self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64)
+        return np.asarray(-(self.v_max - faster)), np.asarray(self.v_max + faster)
+
+    def corners(self, load: npt.ArrayLike = 0.0) -> Array:
+        """Errors at which the slope of f changes, increasing [rad], shape (4, ...).
+
+        Between the first two and the last two f has the slope v_max / theta_0, elsewhere 0.
+        """
+        low, high = (self.theta_0 * (limit / self.v_max) for limit in self.speed_limits(load))
+        band = np.broadcast_to(self.dead_band, low.shape)
+        return np.stack([low - band, -band, band, high + band])
+
+    def speed(self, error: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
+        """Speed [rad/s] that errors call for: f of Equation 2 and of (1a).
+
+        Args:
+            error: Request plus :meth:`sag` minus angle [rad].
+            load: Torque on the joint in the direction of positive angles [N m].
+        """
+        law = speed_law(
+            gain=self.v_max / self.theta_0,
+            v_max=self.v_max,
+            dead_band=self.dead_band,
+            v_offset=self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64),
+        )
+        return np.asarray(law(np.asarray(error, dtype=np.float64)))
+
+    def law_per_tick(self, load: Any = 0.0, *, clip: Clip = clip) -> SpeedLaw:
+        """Equation 2 in rad/tick, for :func:`planner.model.response.advance`.
+
+        Args:
+            load: Torque on the joint [N m], a float, an array or a CasADi expression.
+            clip: See :func:`speed_law`.
+        """
+        return speed_law(
+            gain=self.gain_per_tick,
+            v_max=self.v_max_per_tick,
+            dead_band=self.dead_band,
+            v_offset=(self.v_offset + self.speed_per_torque * load) * self.tick,
+            clip=clip,
+        )
 
     @cached_property
     def window(self) -> Window:
@@ -224,7 +425,7 @@ def request_ages(model: JointModel) -> RequestAges:
 def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
     """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
 
-    From rest -1 stands for the requests before the first, which the first one stands in for.
+    From rest the index is -1 for requests before the first; they equal the first one.
     """
     each = ages.youngest + np.arange(ages.width)
     numbers = np.arange(samples)[:, np.newaxis] - each
@@ -246,8 +447,8 @@ def joint_of_top_speed(v_max: float) -> JointModel:
     """The paper's joint with another top speed: a model to begin with where only that is known.
 
     Lag, acceleration time and tick are those of Table 1, and so is the time v_max takes to cover
-    theta_0. A robot's description tells none of them, and the effort that it tells says little
-    about a servo's own controller.
+    theta_0. A URDF has none of them, and its effort limit says little about the controller of
+    a servo.
 
     Args:
         v_max: Top speed [rad/s].
@@ -263,13 +464,54 @@ def joint_of_top_speed(v_max: float) -> JointModel:
 
 
 def checked_model(model: object) -> JointModel:
-    """The model, or InvalidModel where it is none."""
+    """The model; raise InvalidModel where it is no JointModel."""
     if not isinstance(model, JointModel):
         raise InvalidModel(
             f"model: got {type(model).__name__}, expected a planner.JointModel, such as "
             "JointModel.ers210a()"
         )
     return model
+
+
+def checked_load(load: npt.ArrayLike | None, model: JointModel, samples: int) -> Array | None:
+    """The load at every sample [N m], shape (samples,); None where it changes nothing.
+
+    Args:
+        load: Torque on the joint in the direction of positive angles [N m], a number or one a
+            sample; it acts in the request period that ends in the sample.
+        model: The joint.
+        samples: Number of requests.
+
+    Raises:
+        InvalidInput: The load is not finite or of another shape, or so large that the joint could
+            not move against it.
+    """
+    if load is None:
+        return None
+    try:
+        given = np.asarray(load)
+    except ValueError:  # rows of different lengths
+        given = np.asarray("ragged")
+    if given.dtype.kind not in "iuf" or given.shape not in ((), (samples,)):
+        got = f"shape {given.shape}" if given.dtype.kind in "iuf" else shown(load)
+        raise InvalidInput(
+            f"load: got {got}, expected a torque [N m], or one for each of the {samples} requests"
+        )
+    torques = np.array(np.broadcast_to(given, samples), dtype=np.float64)
+    if not np.all(np.isfinite(torques)):
+        raise InvalidInput("load: got values that are not finite, expected torques [N m]")
+    low, high = model.speed_limits(torques)
+    blocked = np.flatnonzero((low >= 0.0) | (high <= 0.0))
+    if blocked.size:
+        at = int(blocked[0])
+        way = "down" if low[at] >= 0.0 else "up"
+        raise InvalidInput(
+            f"load: got {torques[at]:g} N m at sample {at}, against which the joint cannot move "
+            f"{way}: v_max = {model.v_max:g} rad/s, v_offset = {model.v_offset:g} rad/s, "
+            f"speed_per_torque = {model.speed_per_torque:g} rad/(s N m); is the load in N m?"
+        )
+    torques.setflags(write=False)
+    return torques if model.feels_load else None
 
 
 def _number(name: str, value: object) -> float:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import repeat
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import Clip, JointModel, Window, checked_model, clip, saturation
+from planner.model.joint import JointModel, SpeedLaw, Window, checked_load, checked_model
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag, as_number, shown
 
@@ -37,27 +38,41 @@ def simulate(
     *,
     cyclic: bool = True,
     start: float | None = None,
+    load: npt.ArrayLike | None = None,
 ) -> Array:
     """Angles of the joint under ``requests``: the exact model, Equation 3, which judges every plan.
 
     Cyclic, the answer is the steady cycle, whose ends agree to 1e-12 rad; it is found by the secant
-    method on the angle at which a cycle starts. From rest, the requests before the first are taken
-    to have been the first.
+    method on the angle at which a cycle starts. With a dead band there may be many: the answer is
+    the one nearest to where the first request holds the joint, into which the motion from there
+    settles (``docs/math.md``, section 1). From rest, the requests before the first are taken to
+    have been the first.
 
     Args:
         model: The joint.
         requests: Requests [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the requests repeat for ever.
         start: From rest only: angle one tick before the first request [rad]. By default the joint
-            rests where the first request holds it, at request + offset.
+            rests where the first request holds it, at request + offset, in the middle of the dead
+            band.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape
+            (n,); entry k acts in the request period that ends in sample k.
 
     Returns:
         Angles [rad], shape (n,), read-only; sample k is taken right after request k.
 
     Raises:
         InvalidTrajectory: ``requests`` is not a finite array of shape (n,) with n >= 2.
-        InvalidInput: ``start`` is given for a cycle, or not finite.
+        InvalidInput: ``start`` is given for a cycle, or not finite; ``load`` is of another shape,
+            not finite, or so large that the joint could not move against it.
         NoSteadyCycle: The response does not settle.
+
+    Example:
+        >>> import numpy as np
+        >>> joint = JointModel.ers210a()
+        >>> angles = simulate(joint, np.radians([0.0] + 20 * [30.0]), cyclic=False)
+        >>> [round(float(each), 1) for each in np.degrees(angles[[1, 4, 8, 20]])]
+        [0.0, 0.0, 2.2, 28.1]
     """
     model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
@@ -67,43 +82,46 @@ def simulate(
             f"requests: got {requests.size}, each held for {model.hold} ticks, expected at most "
             f"{MOST_TICKS} ticks; simulate them part by part"
         )
+    torques = checked_load(load, model, len(requests))
     targets = np.repeat(requests + model.offset, model.hold)
     padded = _with_history(targets, model.window, cyclic=cyclic)
+    rest = float(targets[0] if torques is None else targets[0] + model.compliance * torques[0])
     if cyclic:
-        near = float(targets[0])
-        angles = steady_cycle(model, lambda angle: _run(model, padded, angle), targets, near=near)
+        angles = steady_cycle(
+            model,
+            lambda angle: _run(model, padded, angle, torques),
+            targets,
+            near=rest,
+            load=torques,
+        )
     else:
-        angles = _run(model, padded, float(targets[0]) if start is None else start)
+        angles = _run(model, padded, rest if start is None else start, torques)
     sampled = angles[:: model.hold].copy()
     sampled.setflags(write=False)
     return sampled
 
 
-def advance(
-    angle: Any, targets: Any, *, weights: Any, gain: Any, v_max: Any, clip: Clip = clip
-) -> Any:
+def advance(angle: Any, targets: Any, *, weights: Any, speed: SpeedLaw) -> Any:
     """Angle one tick later: Equation 3, ``M(t) = M(t-1) + sum_j W_j f(R_j - M(t-1))``.
 
     Args:
         angle: M(t-1) [rad], a float, an array or a CasADi expression.
-        targets: The requests of the window plus the model's offset [rad], youngest first; a
+        targets: The requests of the window plus the model's sag [rad], youngest first; a
             sequence of whatever ``angle`` is.
         weights: Weight of each of them, summing to 1.
-        gain: v_max / theta_0 [1/tick].
-        v_max: Top speed [rad/tick].
-        clip: See :func:`planner.model.joint.saturation`.
+        speed: f [rad/tick]: :meth:`planner.JointModel.law_per_tick`.
 
     Returns:
         M(t) [rad], like ``angle``.
     """
     moved = angle
     for weight, target in zip(weights, targets, strict=True):
-        moved = moved + weight * saturation(target - angle, gain=gain, v_max=v_max, clip=clip)
+        moved = moved + weight * speed(target - angle)
     return moved
 
 
 def run_columns(
-    starts: Array, targets: Array, *, weights: Array, gain: float, v_max: float
+    starts: Array, targets: Array, *, weights: Array, speed: SpeedLaw | Iterable[SpeedLaw]
 ) -> Array:
     """Many runs of Equation 3 side by side, tick by tick; a column each.
 
@@ -112,37 +130,45 @@ def run_columns(
 
     Args:
         starts: Angle before the first tick of each run [rad], shape (c,).
-        targets: Request plus offset of each tick's window [rad], shape (t, m, c).
+        targets: Request plus sag of each tick's window [rad], shape (t, m, c).
         weights: Weight of each of them times the time of a tick, shape (t, m, c).
-        gain: v_max / theta_0, for the unit of time of the weights.
-        v_max: Top speed in that unit; may be infinite.
+        speed: f, for the unit of time of the weights: :func:`planner.model.joint.speed_law`; or
+            one for each tick.
 
     Returns:
         Angles after each tick [rad], shape (t, c).
     """
     angles = np.empty((len(targets), len(starts)))
     angle = starts
-    for weight, target, after in zip(weights, targets, angles, strict=True):
-        np.add.reduce(weight * saturation(target - angle, gain=gain, v_max=v_max), out=after)
+    laws = repeat(speed, len(targets)) if callable(speed) else speed
+    for weight, target, law, after in zip(weights, targets, laws, angles, strict=True):
+        np.add.reduce(weight * law(target - angle), out=after)
         after += angle
         angle = after
     return angles
 
 
 def steady_cycle(
-    model: JointModel, run: Callable[[float], Array], targets: Array, *, near: float
+    model: JointModel,
+    run: Callable[[float], Array],
+    targets: Array,
+    *,
+    near: float,
+    load: Array | None = None,
 ) -> Array:
     """Angles of the cycle that repeats itself: what ``run`` makes of the angle where it closes.
 
     The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
     start, of slope within [-1, 1]: the secant method finds where they agree, between two angles
-    that are known to be on either side of it.
+    that are known to be on either side of it. With a dead band they may agree in a whole range of
+    angles; then the answer is the one in it that is nearest to ``near``.
 
     Args:
         model: The joint.
         run: Angles of one cycle, given the angle before it [rad].
         targets: All requests plus offset [rad], of any shape.
         near: Angle near which the ends of the cycle are sought [rad].
+        load: The torques under which ``run`` runs the joint [N m], if there are any.
 
     Returns:
         Angles of the cycle [rad], as ``run`` returns them.
@@ -150,11 +176,16 @@ def steady_cycle(
     Raises:
         NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES`.
     """
-    # A joint with v_max > theta_0 a tick overshoots a request by as much as their difference.
+    torques = np.zeros(1) if load is None else load
     beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
-    low, high = float(np.min(targets)) - beyond, float(np.max(targets)) + beyond
+    if beyond:  # the joint overshoots a request by as much as their difference
+        beyond *= float(np.max(np.abs(model.speed_limits(torques)))) / model.v_max
+    low = float(targets.min()) + model.compliance * float(torques.min()) - beyond
+    high = float(targets.max()) + model.compliance * float(torques.max()) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     start, earlier = min(max(near, low), high), None
+    if model.dead_band:
+        return _nearest_cycle(run, start, (low, high), tolerance)
     for cycle in range(MOST_CYCLES):
         angles = run(start)
         end = float(angles[-1])
@@ -172,6 +203,37 @@ def steady_cycle(
         else:
             start = end if cycle < FIXED_POINT_CYCLES else middle
     raise NoSteadyCycle(mismatch, MOST_CYCLES)
+
+
+def _nearest_cycle(
+    run: Callable[[float], Array], start: float, ends: tuple[float, float], tolerance: float
+) -> Array:
+    """Angles of the steady cycle that is nearest to ``start``: fixed-point iteration, bisected.
+
+    How much further a cycle ends than it starts does not increase with the angle where it starts.
+    So the steady cycles start in one range, on the side of ``start`` to which a cycle from there
+    moves. Where v_max <= theta_0 a tick the iteration cannot pass the near end of that range.
+    """
+    angles = run(start)
+    end = float(angles[-1])
+    if abs(end - start) <= tolerance:
+        return angles
+    sign, far = (1.0, ends[1]) if end > start else (-1.0, ends[0])
+    for cycle in range(1, MOST_CYCLES):
+        bisecting = cycle > FIXED_POINT_CYCLES and cycle % 2 == 1
+        bisecting |= sign * (far - end) <= 0.0
+        trial = (start + far) / 2.0 if bisecting else end
+        angles = run(trial)
+        ahead = sign * (float(angles[-1]) - trial)
+        if ahead > tolerance:
+            start, end = trial, float(angles[-1])
+        elif abs(ahead) <= tolerance and not bisecting:
+            return angles
+        else:
+            far = trial
+        if abs(far - start) <= tolerance:
+            return angles
+    raise NoSteadyCycle(abs(end - start), MOST_CYCLES)
 
 
 def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
@@ -202,16 +264,21 @@ def _with_history(targets: Array, window: Window, *, cyclic: bool) -> list[float
     return [*history.tolist(), *targets.tolist()]
 
 
-def _run(model: JointModel, targets: list[float], angle: float) -> Array:
+def _run(model: JointModel, targets: list[float], angle: float, load: Array | None = None) -> Array:
     """Angles at every tick after ``angle``; ``targets`` starts with the history of the window."""
     first, last = model.window.first, model.window.last
     weights = model.window.weights.tolist()
-    gain, v_max = model.gain_per_tick, model.v_max_per_tick
     youngest_first = targets[::-1]
+    laws: Iterable[tuple[float, SpeedLaw]] = repeat((0.0, model.law_per_tick(clip=_clip)))
+    if load is not None:
+        # The torque at a sample acts in the ticks since the sample before.
+        torques = np.roll(np.repeat(load, model.hold), 1 - model.hold).tolist()
+        laws = ((model.compliance * t, model.law_per_tick(t, clip=_clip)) for t in torques)
     angles = []
-    for start in range(len(targets) - last - 1 + first, first - 1, -1):
+    windows = range(len(targets) - last - 1 + first, first - 1, -1)
+    for start, (sag, speed) in zip(windows, laws, strict=False):
         window = youngest_first[start : start + last - first + 1]
-        angle = advance(angle, window, weights=weights, gain=gain, v_max=v_max, clip=_clip)
+        angle = sag + advance(angle - sag, window, weights=weights, speed=speed)
         angles.append(angle)
     return np.array(angles)
 

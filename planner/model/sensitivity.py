@@ -18,10 +18,13 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import (
     JointModel,
+    Loads,
     RequestAges,
     acting,
+    checked_load,
     checked_model,
     request_ages,
+    sags,
     weights_by_tick,
 )
 from planner.model.response import simulate
@@ -38,11 +41,12 @@ def sensitivities(
     *,
     cyclic: bool = True,
     start: float | None = None,
+    load: npt.ArrayLike | None = None,
 ) -> Array:
     """Derivatives of the angles with respect to the requests.
 
     They follow from the derivatives of one request period by one forward recursion; at a corner of
-    the saturation they are the mean of the two one-sided derivatives.
+    f they are the mean of the two one-sided derivatives.
 
     Args:
         model: The joint.
@@ -50,41 +54,57 @@ def sensitivities(
         cyclic: Whether the requests repeat for ever; then the derivatives are those of the cycle.
         start: From rest: see :func:`planner.simulate`. By default the start moves with the first
             request, which holds the joint there.
+        load: Torque on the joint [N m]: see :func:`planner.simulate`.
 
     Returns:
         d angles[k] / d requests[j], shape (n, n). Memory grows with n squared.
 
     Raises:
         InvalidTrajectory, InvalidInput, NoSteadyCycle: as :func:`planner.simulate`; NoSteadyCycle
-            also where a cycle has no derivative because no tick of it is unsaturated.
+            also where a cycle has no derivative because no tick of it is unsaturated. With a dead
+            band the cycle then moves with the first request, beside which it was sought.
+
+    Example:
+        >>> import numpy as np
+        >>> requests = np.radians(20.0 * np.sin(2 * np.pi * np.arange(50) / 50))
+        >>> sensitivities(JointModel.ers210a(), requests).shape  # angles by requests
+        (50, 50)
     """
     model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
     n = len(requests)
-    angles = simulate(model, requests, cyclic=cyclic, start=start)
+    angles = simulate(model, requests, cyclic=cyclic, start=start, load=load)
+    torques = checked_load(load, model, n)
     numbers = np.maximum(acting(request_ages(model), n, cyclic=cyclic), 0)
     windows = requests[numbers.T, np.newaxis]
-    response = periods((model,), n)(np.roll(angles, 1)[:, np.newaxis], windows, 0.0)
+    evaluate = periods((model,), n) if torques is None else Periods((model,), n, (torques,))
+    response = evaluate(np.roll(angles, 1)[:, np.newaxis], windows, 0.0)
     by_angle, by_request = response.by_angle[:, 0], response.by_request[:, :, 0].T
     if cyclic:
         contraction = float(np.prod(by_angle))
-        if contraction >= 1.0:
+        before = np.zeros(n)
+        if contraction < 1.0:
+            open_ended = _recursion(by_angle, by_request, numbers, before)
+            before = open_ended[-1] / (1.0 - contraction)
+        elif model.dead_band:
+            before[0] = 1.0
+        else:
             raise NoSteadyCycle(0.0, 1)
-        open_ended = _recursion(by_angle, by_request, numbers, np.zeros(n))
-        rows = _recursion(by_angle, by_request, numbers, open_ended[-1] / (1.0 - contraction))
+        rows = _recursion(by_angle, by_request, numbers, before)
     else:
         first = np.zeros((1, n))
-        first[0, 0] = 1.0 if start is None else _slope(model, requests[0] + model.offset - start)
+        torque = 0.0 if torques is None else float(torques[0])
+        first[0, 0] = 1.0 if start is None else _slope(model, requests[0] - start, torque)
         later = _recursion(by_angle[1:], by_request[1:], numbers[1:], first[0])
         rows = np.vstack([first, later])
     freeze(rows)
     return rows
 
 
-def _slope(model: JointModel, error: float) -> float:
+def _slope(model: JointModel, error: float, load: float) -> float:
     """Derivative of f of Equation 2; at a corner the mean of those on either side."""
-    inside = np.sign(error + model.theta_0) - np.sign(error - model.theta_0)
-    return float(model.gain_per_tick * inside / 2.0)
+    sides = np.sign(error + model.sag(load) - model.corners(load))
+    return float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
 
 
 def _recursion(
@@ -116,8 +136,20 @@ class Response(NamedTuple):
 class Periods:
     """The request periods of joints that are sent their requests together."""
 
-    def __init__(self, models: Sequence[JointModel], samples: int) -> None:
-        """Work out which request counts how much at each tick of a period."""
+    def __init__(
+        self,
+        models: Sequence[JointModel],
+        samples: int,
+        loads: Loads | None = None,
+    ) -> None:
+        """Work out which request counts how much at each tick of a period.
+
+        Args:
+            models: The joints.
+            samples: Number of samples.
+            loads: For each joint the torque on it in the period that ends in each sample [N m],
+                shape (samples,), or None.
+        """
         self.ages = request_ages_of_all(models)
         ticks = max(model.hold for model in models)
         weights = np.zeros((ticks, self.ages.width, len(models)))
@@ -130,9 +162,23 @@ class Periods:
         shape = (self.ages.width, samples, len(models))
         # Spelled out for every sample, so that no array below is stretched to fit another.
         self._gains = _repeated(weights[:, :, np.newaxis] * speeds / (2.0 * theta_0), shape)
-        self._corners = _repeated(np.stack([theta_0, -theta_0])[:, np.newaxis, np.newaxis], shape)
         self._theta_0 = _repeated(theta_0[np.newaxis, np.newaxis, np.newaxis], shape)[0]
-        self._offsets = np.array([model.offset for model in models])
+        torques = [
+            np.zeros(1) if load is None else load for load in (loads or [None] * len(models))
+        ]
+        each = [model.corners(load) for model, load in zip(models, torques, strict=True)]
+        corners = np.stack([np.broadcast_to(own, (4, samples)) for own in each], axis=-1)
+        if not any(model.dead_band for model in models):
+            corners = corners[[0, 3]]  # the inner two are one
+        self._corners = _repeated(-corners[:, np.newaxis], shape)
+        self._sags = np.broadcast_to(sags(models, loads), shape[1:])
+        # Half the sum of the least and the largest speed, in each tick of a period.
+        limits = [
+            sum(m.speed_limits(load)) * m.tick for m, load in zip(models, torques, strict=True)
+        ]
+        middle = np.stack([np.broadcast_to(both / 2.0, samples) for both in limits], axis=-1)
+        running = weights.sum(axis=1)[:, np.newaxis]  # 0 where a joint has fewer ticks
+        self._middles = running * middle if np.any(middle) else None
 
     def __call__(self, before: Array, windows: Array, radius: float) -> Response:
         """The response to requests.
@@ -140,14 +186,16 @@ class Periods:
         Args:
             before: Angle before each sample [rad], shape (n, joints).
             windows: Requests that act before each sample, youngest first [rad], (width, n, joints).
-            radius: Radius of the saturation's corners [theta_0].
+            radius: Radius of the corners of f [theta_0].
         """
         rounded = (max(radius, LEAST_RADIUS) * self._theta_0) ** 2
         reached = before
         for number, gains in enumerate(self._gains):
-            errors = windows - (reached - self._offsets)
-            speeds, slopes, bends = _rounded_saturation(errors, self._corners, rounded, gains)
+            errors = windows - (reached - self._sags)
+            speeds, slopes, bends = _rounded_law(errors, self._corners, rounded, gains)
             moved = speeds.sum(axis=0)
+            if self._middles is not None:
+                moved += self._middles[number]
             kept = 1.0 - slopes.sum(axis=0)
             reached = reached + moved
             if number == 0:
@@ -159,22 +207,23 @@ class Periods:
         return Response(reached, by_angle, by_request, bending)
 
 
-def _rounded_saturation(
+def _rounded_law(
     errors: Array, corners: Array, rounded: Array, gains: Array
 ) -> tuple[Array, Array, Array]:
     """Equation 2 with rounded corners, and its first and second derivative by the error.
 
-    ``f(x) = g (sqrt((x + theta_0)^2 + e^2) - sqrt((x - theta_0)^2 + e^2))``:
-    :func:`planner.model.joint.saturation` with :func:`planner.model.joint.rounded_clip`,
-    multiplied out.
+    ``f(x) = g sum_i ±sqrt((x - k_i)^2 + e^2)`` with signs that alternate, plus half the sum of the
+    least and the largest speed: :func:`planner.model.joint.speed_law` with
+    :func:`planner.model.joint.rounded_clip`, multiplied out.
 
     Args:
-        errors: Request plus offset minus angle x [rad].
-        corners: theta_0 and -theta_0, shape (2, ...) [rad].
+        errors: Request plus sag minus angle x [rad].
+        corners: The negative corners -k_i of f, increasing in i, two or four of them, shape
+            (corners, ...) [rad].
         rounded: Square of the radius e [rad^2].
         gains: Factor g: gain / 2 times the request's weight.
     """
-    beyond = corners + errors  # of either corner
+    beyond = corners + errors  # of each corner
     squares = beyond * beyond
     squares += rounded
     lengths = np.sqrt(squares)
@@ -182,10 +231,16 @@ def _rounded_saturation(
     squares *= lengths
     np.divide(rounded, squares, out=squares)
     return (
-        (lengths[0] - lengths[1]) * gains,
-        (beyond[0] - beyond[1]) * gains,
-        (squares[0] - squares[1]) * gains,
+        _alternating(lengths) * gains,
+        _alternating(beyond) * gains,
+        _alternating(squares) * gains,
     )
+
+
+def _alternating(values: Array) -> Array:
+    """The sum of two or four values, of alternating sign."""
+    first = values[0] - values[1]
+    return np.asarray(first if len(values) == 2 else first + (values[2] - values[3]))
 
 
 def _repeated(array: Array, shape: tuple[int, ...]) -> Array:

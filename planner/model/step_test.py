@@ -23,6 +23,11 @@ def step_test(amplitude: float, *, samples: int = 88) -> Array:
 
     Raises:
         InvalidInput: The amplitude is not finite, or the cycle cannot be halved.
+
+    Example:
+        >>> import numpy as np
+        >>> np.degrees(step_test(0.5, samples=8)).round(1)
+        array([28.6, 28.6, 28.6, 28.6,  0. ,  0. ,  0. ,  0. ])
     """
     angle = as_number(amplitude)
     if math.isnan(angle):

@@ -1,19 +1,49 @@
-"""The report as one HTML page that needs nothing else."""
+"""A page: one HTML file that needs nothing else, built from a list of sections.
+
+A page is a heading with its verdict, key figures, sections, and lists of where it comes from. A
+section is a title and a template, in which tables and figures are values: copy a section into a
+page of your own, or change its words.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+import base64
+import gzip
+import json
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from urllib.parse import quote
 
-from planner.report.figures import Picture
-from planner.report.live_page import live_head, live_scripts
-from planner.report.paper_tables import GAPS, KEPT, foot_rows, table2_rows
-from planner.report.render import to_inline_svg
+from planner._version import __version__
+from planner.report.figure import Figure
+from planner.report.matplotlib_figure import to_inline_svg
+from planner.report.plotly_figure import live
 from planner.report.style import ROLES
+from planner.report.table import Column, Row, Table, percent, signed
 
 if TYPE_CHECKING:
     import jinja2
     from markupsafe import Markup
+
+    from planner.model.joint import JointModel
+
+SCRIPTS = ("live.js", "plots.js", "leg.js", "moment.js", "tables.js")
+"""In the order in which they run."""
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+)
+"""What the browser lets a page do: run what stands in it, and load nothing."""
+
+LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
+"""Whose numbers and figures these are."""
 
 PARAMETERS = {
     "v_max": "top speed [rad/s]",
@@ -23,83 +53,136 @@ PARAMETERS = {
     "tick": "time step of the model [s]",
     "hold": "ticks for which a request is held",
     "offset": "static sag [rad]",
+    "dead_band": "dead band [rad]",
+    "v_offset": "difference of the top speeds up and down, half of it [rad/s]",
+    "compliance": "sag per torque [rad/(N m)]",
+    "speed_per_torque": "loss of top speed per torque [rad/(s N m)]",
 }
 """What the parameters of a joint are called in words."""
 
-FEATURED = ("figure8_foot_paths", "joints_by_method")
-"""The pictures after the key figures: the moving leg and its joints."""
+OPTIONAL = ("dead_band", "v_offset", "compliance", "speed_per_torque")
+"""Parameters that are shown only where they are not zero."""
+
+MANY = 6
+"""So many figures stand in columns, each below the one before, and not in rows."""
+
+BREAKS = "/_-"
+"""After these a long name of a file may break."""
 
 
-def page(results: Mapping[str, Any], pictures: Sequence[Picture], files: Sequence[str]) -> str:
-    """The whole page.
+class Card(NamedTuple):
+    """A key figure: the number, its unit, and what it says."""
 
-    Args:
-        results: The content of ``results.json``.
-        pictures: The pictures, in order; drawn into the page.
-        files: Files of the run to link to, relative to the page.
+    figure: str
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page.
+
+    Attributes:
+        title: Its heading; none where it is empty.
+        template: Its content, a Jinja template; ``{{ table }}`` is a table, ``{{ show(figure) }}``
+            a figure, and ``{{ figures(several) }}`` draws several side by side.
+        context: What the template knows.
     """
-    return experiment_page(
-        "report.html",
-        results,
-        pictures,
-        files,
-        featured=FEATURED,
-        gap_of=GAPS,
-        kept=KEPT,
-        parameters=PARAMETERS,
-    )
+
+    title: str
+    template: str
+    context: Mapping[str, Any]
 
 
-def experiment_page(
-    template: str,
-    results: Mapping[str, Any],
-    pictures: Sequence[Picture],
-    files: Sequence[str],
-    *,
-    featured: Sequence[str],
-    **more: object,
-) -> str:
-    """The page of an experiment whose results are shaped like those of the paper's.
+class Listing(NamedTuple):
+    """A list at the end of a page: a title, and pairs of a name and what belongs to it."""
 
-    Args:
-        template: Name of the template.
-        results: The content of ``results.json``.
-        pictures: The pictures, in order; drawn into the page.
-        files: Files of the run to link to, relative to the page.
-        featured: Names of the pictures after the key figures.
-        more: What else the template needs.
+    title: str
+    pairs: Sequence[tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page.
+
+    Attributes:
+        heading: What it is about, in words.
+        eyebrow: What made it, above the heading.
+        verdict: The answer in a few words, and what it is worth; plain text, or markup.
+        sections: What follows, in order.
+        footer: Whose model it is.
+        note: What the verdict rests on, in small letters.
+        good: Whether the verdict is good news.
+        remarks: What should be known first.
+        cards: Key figures.
+        figure: The figure beside the heading; the key figures stand there without one.
+        listings: The lists at the end.
+        downloads: Whether the figures are also in files beside the page.
     """
-    live = {picture.name: picture.live for picture in pictures if picture.live is not None}
-    return (
-        environment()
-        .get_template(template)
-        .render(
-            results=results,
-            table2=table2_rows(results),
-            foot=foot_rows(results),
-            pictures=pictures,
-            drawn=drawn,
-            featured=[picture for picture in pictures if picture.name in featured],
-            live_head=live_head(),
-            live_scripts=live_scripts(live),
-            files=files,
+
+    heading: str
+    eyebrow: Any
+    verdict: Any
+    sections: Sequence[Section]
+    footer: Any
+    note: Any = ""
+    good: bool = True
+    remarks: Sequence[str] = ()
+    cards: Sequence[Card] = ()
+    figure: Figure | None = None
+    listings: Sequence[Listing] = ()
+    downloads: bool = False
+
+    def html(self) -> str:
+        """The whole page; the same content makes the same page."""
+        drawing = _Drawing(self.downloads)
+        made = environment()
+        made.globals |= {"show": drawing.show, "figures": drawing.several}
+        figure = None if self.figure is None else drawing.show(self.figure)
+        bodies = [made.from_string(each.template).render(each.context) for each in self.sections]
+        from markupsafe import Markup
+
+        return made.get_template("base.html").render(
+            page=self,
+            figure=figure,
+            sections=[
+                (section.title, Markup(body))  # escaped where it was rendered
+                for section, body in zip(self.sections, bodies, strict=True)
+            ],
             roles=ROLES,
-            **more,
+            live_head=live_head(),
+            live_scripts=live_scripts(drawing.live),
         )
-    )
 
 
-def drawn(picture: Picture) -> Markup:
-    """The picture as an element of a page."""
-    from markupsafe import Markup
+class _Drawing:
+    """Draws the figures of a page, and keeps what is live of them."""
 
-    return Markup(  # its words are escaped where it is drawn
-        to_inline_svg(picture.figure, name=picture.name, description=picture.description)
-    )
+    def __init__(self, downloads: bool) -> None:
+        self.live: dict[str, Mapping[str, Any]] = {}
+        self._downloads = downloads
+
+    def show(self, figure: Figure) -> Markup:
+        """A figure as an element of the page."""
+        from markupsafe import Markup
+
+        if figure.live:
+            self.live[figure.name] = live(figure)
+        drawn = Markup(to_inline_svg(figure))  # its words are escaped where it is drawn
+        template = environment().get_template("figure.html")
+        return Markup(template.render(figure=figure, drawn=drawn, downloads=self._downloads))
+
+    def several(self, figures: Iterable[Figure]) -> Markup:
+        """Figures side by side."""
+        from markupsafe import Markup
+
+        shown = [self.show(figure) for figure in figures]
+        kind = "pictures many" if len(shown) >= MANY else "pictures"
+        return Markup('<div class="{}">\n{}\n</div>').format(kind, Markup("\n").join(shown))
 
 
 def environment() -> jinja2.Environment:
-    """Where every page finds its template, and how it writes numbers."""
+    """Where templates are found, and how they write numbers."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -110,5 +193,173 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters["fixed"] = lambda value, digits=2: f"{value:.{digits}f}"
-    environment.filters["percent"] = lambda share, digits=1: f"{100.0 * share:.{digits}f} %"
+    environment.filters["percent"] = percent
+    environment.filters["signed"] = signed
+    environment.filters["breakable"] = _breakable
+    environment.globals["hints"] = _hints()
     return environment
+
+
+def live_head() -> Markup:
+    """The elements of a page's head that keep it from the network."""
+    from markupsafe import Markup
+
+    return Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">')
+
+
+def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
+    """The elements at the end of a page's body that bring its figures to life.
+
+    Plotly is packed, which makes a page of 5 MB one of 2 MB. A browser without scripts, or too old
+    to unpack it, shows the figures as on paper.
+
+    Args:
+        figures: By the identifier of a ``figure`` element, what replaces what is drawn in it: from
+            :func:`planner.report.plotly_figure.live`.
+    """
+    from markupsafe import Markup
+
+    # Within a script no "<" may stand that could end it.
+    data = json.dumps(figures, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    parts = [f'<script type="application/json" id="live-figures">{data}</script>']
+    if any(figure["kind"] == "plot" for figure in figures.values()):
+        parts.append(f'<script type="text/plain" id="plotly">{_library()}</script>')
+    parts += [f"<script>\n{_source(name)}</script>" for name in SCRIPTS]
+    return Markup("\n".join(parts))  # our own, and JSON without markup
+
+
+def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
+    """The parameters of every joint."""
+    return Table(
+        "parameter",
+        tuple(Column(name) for name in names),
+        tuple(
+            Row(words, tuple(f"{getattr(model, name):.5g}" for model in models))
+            for name, words in parameters_of([asdict(model) for model in models]).items()
+        ),
+        label="Models",
+    )
+
+
+def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
+    """The parameters to show for some models, by name, in words."""
+    return {
+        name: words
+        for name, words in PARAMETERS.items()
+        if name not in OPTIONAL or any(model.get(name) for model in models)
+    }
+
+
+def versions(*more: str) -> dict[str, str]:
+    """Versions of this project, of Python, and of the libraries whose numbers these are."""
+    found = {"request-planner": __version__, "python": platform.python_version()}
+    for library in (*LIBRARIES, *more):
+        try:
+            found[library] = version(library)
+        except PackageNotFoundError:  # installed by other means than a package
+            found[library] = "unknown"
+    return found
+
+
+class LinkedFile(NamedTuple):
+    """A file that a page links to.
+
+    Attributes:
+        role: What it is, such as "requests".
+        name: Its path from the page's folder.
+        href: Where it is as seen from the page, as a browser takes it.
+    """
+
+    role: str
+    name: str
+    href: str
+
+
+def linked_files(
+    page: Path | str, files: Iterable[tuple[str, Path | str | None]]
+) -> list[LinkedFile]:
+    """The files of a run as its page links to them: relative, so that they may move together.
+
+    Args:
+        page: Where the page will stand.
+        files: What each file is, and where; those that are standard input or output ("-"), or not
+            there at all (None, ""), are left out, and so are those named twice.
+    """
+    folder = Path(page).resolve().parent
+    found: dict[str, LinkedFile] = {}
+    for role, file in files:
+        if not file or str(file) == "-":
+            continue
+        name, href = _seen_from(folder, Path(file).resolve())
+        found.setdefault(href, LinkedFile(role, name, href))
+    return list(found.values())
+
+
+def origin_lists(origins: Sequence[tuple[str, str]], linked: Sequence[LinkedFile]) -> list[Listing]:
+    """Where a page comes from: what it was made from, its files, and versions."""
+    from markupsafe import Markup
+
+    links = [
+        (each.role, Markup('<a href="{}">{}</a>').format(each.href, _breakable(each.name)))
+        for each in linked
+    ]
+    lists = [
+        Listing("Where it comes from", [(name, _breakable(which)) for name, which in origins]),
+        Listing("Files of this run", links),
+        Listing("Versions", list(versions().items())),
+    ]
+    return [each for each in lists if each.pairs]
+
+
+def file_links(files: Sequence[str]) -> Listing:
+    """The files of a folder, relative to its page."""
+    from markupsafe import Markup
+
+    links = [(Markup('<a href="{0}">{0}</a>').format(file), "") for file in files]
+    return Listing("Files of this run", links)
+
+
+def heading(name: str) -> str:
+    """An identifier as words, to begin a line with."""
+    words = name.replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def _breakable(name: str) -> Markup:
+    """A name of a file that may break between its parts, not inside a word."""
+    from markupsafe import Markup, escape
+
+    parts = "".join(f"{letter}\0" if letter in BREAKS else letter for letter in name).split("\0")
+    return Markup("<wbr>").join(escape(part) for part in parts)
+
+
+def _hints() -> Markup:
+    from markupsafe import Markup
+
+    return Markup(
+        '<p class="note hints">Drag in a plot (on a touch screen, use its buttons) to zoom into '
+        "it; plots over time zoom together. Double-click to see everything again. An entry of a "
+        "legend hides its curve.</p>"
+    )
+
+
+def _seen_from(folder: Path, file: Path) -> tuple[str, str]:
+    """The file's path from the folder, and the same as a browser takes it."""
+    try:
+        relative = Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # on another drive
+        return str(file), file.as_uri()
+    address = quote(relative)
+    return relative, f"./{address}" if ":" in relative.split("/")[0] else address
+
+
+def _source(name: str) -> str:
+    return files("planner.report").joinpath("scripts", name).read_text("utf-8")
+
+
+@cache
+def _library() -> str:
+    """Plotly's script, packed; the same bytes every time."""
+    from plotly.offline import get_plotlyjs
+
+    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), mtime=0)).decode()

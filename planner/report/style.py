@@ -1,4 +1,4 @@
-"""How every picture looks: one colour and one line per role, told apart without colours too."""
+"""The looks of every figure: a colour and a line for each role, distinct without colours too."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ MUTED = Role("muted", "#6b7280", "#9aa3ad")
 GRID = Role("grid", "#dfe3e8", "#32383f", width=0.7)
 SURFACE = Role("surface", "#fefefe", "#16191d")
 
-DESIRED = Role("desired", "#15181c", "#f4f6f8", width=1.5, dashes=(0, (4, 1.6)))
+DESIRED = Role("desired", "#b4becb", "#66717e", width=5.0)
+"""Wide and pale: the curves that should lie on it are drawn over it, and both are seen."""
+
 REQUESTED = Role("requested", "#d18b00", "#f2b441", width=1.4)
 DIRECT = Role("direct", "#c8501a", "#f28a54")
 SHIFT = Role("best time shift", "#8a4b9f", "#cc96dd", width=1.4, dashes=(0, (1.2, 1.2)))
@@ -98,8 +100,10 @@ SETTINGS: Mapping[str, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "legend.handlelength": 2.4,
+    "legend.columnspacing": 1.4,
     "lines.solid_capstyle": "round",
     "lines.dash_capstyle": "butt",
+    "path.simplify_threshold": 0.5,  # [pt]: halves the size of a long log
     "xtick.color": MUTED.light,
     "ytick.color": MUTED.light,
     "xtick.labelcolor": INK.light,
@@ -111,6 +115,14 @@ SETTINGS: Mapping[str, Any] = {
     "svg.hashsalt": "request-planner",
 }
 """Matplotlib's settings for every picture."""
+
+
+def variable(role: Role) -> str:
+    """The colour of a role as a page names it, which is light or dark with the page."""
+    for name, known in ROLES.items():
+        if known.light == role.light:
+            return f"var(--{name})"
+    raise KeyError(f"no colour of the page is {role.light}: give the role one of ROLES")
 
 
 def applied() -> AbstractContextManager[None]:

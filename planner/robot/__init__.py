@@ -1,1 +1,1 @@
-"""From requests to a robot: when each is due, and a player that keeps to it."""
+"""From requests to a robot: schedules, resampling and playback."""

@@ -1,33 +1,60 @@
-"""Drive a robot: every request at its time, through whatever function sends it."""
+"""Send requests to a robot, each at its time, through a function of the caller."""
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import chain, pairwise
-from typing import Any
+from functools import partial
+from itertools import chain, count, pairwise
+from typing import Any, NamedTuple
 
+import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.robot.ramp import ramp
-from planner.robot.schedule import as_rows
-from planner.robot.timed_requests import TimedRequest, timed_requests
+from planner.robot.resample import MOST_ROWS
+from planner.robot.schedule import as_rows, check_cycles, check_period
 from planner.trajectory import Array
-from planner.validation import shown
+from planner.validation import as_number, shown
 
 Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""
 
 
+class Answer(NamedTuple):
+    """What a stream answers at a tick.
+
+    Attributes:
+        requests: What to send to every joint [rad], shape (k,); not sent where it is not finite.
+        held: Whether the last request of a joint is repeated.
+    """
+
+    requests: Array
+    held: bool
+
+
+class TimedRequest(NamedTuple):
+    """One row of requests.
+
+    Attributes:
+        time: When it is due, from the first one on [s].
+        requests: What to send to every joint [rad], shape (k,), read-only.
+    """
+
+    time: float
+    requests: Array
+
+
 @dataclass(frozen=True, kw_only=True)
 class Playback:
-    """How well a player kept its times.
+    """What a player sent, and how late.
 
     Attributes:
         sent: Requests that were sent, those of the ramp included.
         skipped: Requests that were not, because the next one was due when they could be.
+        held: Ticks of a stream at which the last request of a joint was repeated.
         overruns: Requests that were not yet sent, ``send`` having returned, when the next was due.
         latest: Largest time by which ``send`` was called after a request was due [s].
         mean_lateness: Mean of these times [s].
@@ -38,6 +65,7 @@ class Playback:
 
     sent: int = 0
     skipped: int = 0
+    held: int = 0
     overruns: int = 0
     latest: float = 0.0
     mean_lateness: float = 0.0
@@ -46,9 +74,11 @@ class Playback:
 
     def __str__(self) -> str:
         end = "failed" if self.failed else "interrupted" if self.interrupted else "finished"
+        held = f", {self.held} held" if self.held else ""
         return (
             f"{end} after {self.sent} requests: {1e3 * self.mean_lateness:.2f} ms late on average, "
             f"{1e3 * self.latest:.2f} ms at most, {self.overruns} overruns, {self.skipped} skipped"
+            f"{held}"
         )
 
 
@@ -65,7 +95,7 @@ def play(
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], object] = time.sleep,
 ) -> Playback:
-    """Send every request at its time, and say afterwards how well that went.
+    """Send every request at its time, and return how late and how many were sent.
 
     Request k is due at k periods from the first one, so that lateness does not add up. A request
     that is late is sent at once, but skipped where the next one is due already: the robot stays in
@@ -80,7 +110,7 @@ def play(
         current: Where the joints are [rad], shape (k,): they are led from there to the first
             request. Without it, the first request is sent at once, however far it is.
         speed: Top speed on the way there [rad/s]; needed with ``current``.
-        on_stop: Called once at the end, whatever ends it: the last request, Ctrl-C, or an error.
+        on_stop: Called once at the end: after the last request, Ctrl-C, or an error.
             Nothing is sent any more: the joints hold the last request that reached them, unless
             this function does otherwise, such as take their torque.
         report: Called once after ``on_stop``, with what was sent and how late, whatever ended it:
@@ -89,16 +119,22 @@ def play(
         sleep: Waits for a time [s].
 
     Returns:
-        What was sent, and how late. Ctrl-C is an end like any other and is told there; any other
-        error passes through after ``on_stop`` and ``report``.
+        What was sent, and how late, also where Ctrl-C was the end; any other error passes through
+        after ``on_stop`` and ``report``.
 
     Raises:
         InvalidInput: Before anything is sent: a period, speed or number of cycles that is not
             positive, or ``current`` without ``speed``.
         InvalidTrajectory: Requests that are not a finite array of one of these shapes.
+
+    Example:
+        >>> sent = []
+        >>> report = play([[0.1], [0.2]], period=0.002, cycles=2, send=sent.append)
+        >>> len(sent) + report.skipped
+        4
     """
-    _check_functions(send=send, now=now, sleep=sleep)
-    _check_functions(optional=True, on_stop=on_stop, report=report)
+    check_functions(send=send, now=now, sleep=sleep)
+    check_functions(optional=True, on_stop=on_stop, report=report)
     rows = as_rows(requests, name="requests")
     timed = timed_requests(rows, period=period, cycles=cycles)
     if (current is None) != (speed is None):
@@ -106,11 +142,27 @@ def play(
     way: Iterable[Array] = ()
     if current is not None and speed is not None:
         way = ramp(current, rows[0], speed=speed, period=period)
-    player = _Player(send, now, sleep, period)
+    player = Player(send, now, sleep, period)
+    run = partial(_lead_and_play, player, way, timed)
+    return conduct(player, run, on_stop=on_stop, report=report)
+
+
+def _lead_and_play(player: Player, way: Iterable[Array], timed: Iterable[TimedRequest]) -> None:
+    player.keep_to_times(timed, start=player.lead(way))
+
+
+def conduct(
+    player: Player,
+    run: Callable[[], object],
+    *,
+    on_stop: Callable[[], object] | None,
+    report: Callable[[Playback], object] | None,
+) -> Playback:
+    """Run a player to its end, to Ctrl-C or to an error, and say what it sent: see :func:`play`."""
     interrupted, failed = False, True
     try:
         try:
-            player.keep_to_times(timed, start=player.lead(way))
+            run()
             failed = False
         except KeyboardInterrupt:
             interrupted, failed = True, False
@@ -124,14 +176,15 @@ def play(
     return playback
 
 
-def _check_functions(*, optional: bool = False, **given: object) -> None:
+def check_functions(*, optional: bool = False, **given: object) -> None:
+    """Raise InvalidInput for what cannot be called."""
     for name, each in given.items():
         if not callable(each) and not (optional and each is None):
             raise InvalidInput(f"{name}: got {shown(each)}, expected a function")
 
 
-class _Player:
-    """Sends requests and keeps the books about it."""
+class Player:
+    """Sends requests and counts what was sent, skipped and late."""
 
     def __init__(
         self,
@@ -141,7 +194,7 @@ class _Player:
         period: float,
     ) -> None:
         self._send, self._now, self._sleep, self._period = send, now, sleep, period
-        self._sent = self._skipped = self._overruns = 0
+        self._sent = self._skipped = self._held = self._overruns = 0
         self._late = self._latest = 0.0
 
     def lead(self, way: Iterable[Array]) -> float:
@@ -164,10 +217,38 @@ class _Player:
             if following is None:
                 self._wait_until(start + request.time + self._period)
 
+    def keep_in_step(self, answer: Callable[[int, int], Answer | None]) -> None:
+        """At each tick ask for requests and send them, until there is no answer.
+
+        Args:
+            answer: Given the number of the tick, and how many were missed since the last one;
+                called when the tick is due.
+        """
+        start, tick, missed = self._now(), 0, 0
+        while True:
+            late = int((self._now() - start) / self._period) - tick
+            if late > 0:
+                tick, missed = tick + late, missed + late
+                self._skipped += late
+            due = start + tick * self._period
+            self._wait_until(due)
+            answered = answer(tick, missed)
+            if answered is None:
+                return
+            requests, held = answered
+            self._held += held
+            missed = 0
+            if np.isfinite(requests).all():
+                self._send_at(due, requests)
+            self._overruns += self._now() >= due + self._period
+            tick += 1
+
     def playback(self, *, interrupted: bool, failed: bool) -> Playback:
+        """What was sent until now, and what ended it."""
         return Playback(
             sent=self._sent,
             skipped=self._skipped,
+            held=self._held,
             overruns=self._overruns,
             latest=self._latest,
             mean_lateness=self._late / max(self._sent, 1),
@@ -188,3 +269,83 @@ class _Player:
     def _wait_until(self, due: float) -> None:
         while (left := due - self._now()) > 0.0:
             self._sleep(left)
+
+
+def timed_requests(
+    requests: npt.ArrayLike, *, period: float, cycles: int | None = None
+) -> Iterator[TimedRequest]:
+    """Each row of requests with its time, which is its number times the period and never drifts.
+
+    Args:
+        requests: What to send to the joints [rad], shape (n, k), or (n,) for one joint.
+        period: Time between requests [s].
+        cycles: How often to go through them; for ever by default.
+
+    Returns:
+        An iterator of times and rows; the input is checked at once, before the first is taken.
+
+    Raises:
+        InvalidInput: A period or a number of cycles that is not positive.
+        InvalidTrajectory: Requests that are not a finite array of one of these shapes.
+
+    Example:
+        >>> rows = timed_requests([[0.1], [0.2]], period=0.02, cycles=1)
+        >>> [(time, row.tolist()) for time, row in rows]
+        [(0.0, [0.1]), (0.02, [0.2])]
+    """
+    rows = as_rows(requests, name="requests")
+    check_period(period)
+    if cycles is not None:
+        check_cycles(cycles)
+    numbers = count() if cycles is None else range(cycles * len(rows))
+    return (TimedRequest(k * period, rows[k % len(rows)]) for k in numbers)
+
+
+def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: float) -> Array:
+    """Evenly spaced requests from the present angles to the first request, both left out.
+
+    The joints set out and arrive together: the one with the longest way turns at most at ``speed``.
+
+    Args:
+        current: Where the joints are [rad], shape (k,).
+        first: The first request [rad], shape (k,).
+        speed: Top speed of the ramp [rad/s].
+        period: Time between requests [s].
+
+    Returns:
+        Requests [rad], shape (m, k); none where one period suffices.
+
+    Raises:
+        InvalidInput: A speed or period that is not positive, a ramp without end, or angles that do
+            not fit the requests.
+    """
+    check_period(period)
+    if not as_number(speed) > 0.0:
+        raise InvalidInput(f"speed: got {shown(speed)}, expected a positive number of rad/s")
+    start = _row(current, name="current")
+    goal = _row(first, name="first")
+    if start.shape != goal.shape:
+        raise InvalidInput(
+            f"current: got {len(start)} angles, expected {len(goal)}, one per joint of the requests"
+        )
+    steps = float(np.max(np.abs(goal - start))) / (speed * period)
+    if steps > MOST_ROWS:
+        raise InvalidInput(
+            f"speed: got {speed:g} rad/s, for a ramp of {steps * period:.3g} s; expected a faster "
+            "one"
+        )
+    shares = np.arange(1, math.ceil(steps))[:, None] / max(math.ceil(steps), 1)
+    rows: Array = start + shares * (goal - start)
+    return rows
+
+
+def _row(angles: npt.ArrayLike, *, name: str) -> Array:
+    """One angle per joint [rad], shape (k,)."""
+    try:
+        given = np.asarray(angles)
+    except ValueError:  # rows of different lengths
+        given = np.empty((0, 0))
+    if given.ndim > 1:
+        raise InvalidInput(f"{name}: got {shown(angles)}, expected one angle per joint, shape (k,)")
+    row: Array = as_rows(np.atleast_2d(given), name=name)[0]
+    return row

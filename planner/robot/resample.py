@@ -38,9 +38,10 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
     """The schedule as a controller with another rate sends it.
 
     A request is a zero-order hold, r(t) = r_k for k T ≤ t < (k + 1) T, and by default every row is
-    what r is at its time: rows between two requests repeat the earlier one, and at a rate below
-    that of the requests some are never sent. "linear" follows the straight line from each request
-    to the next instead, which is as if every request came half a period early; the last is held.
+    what r is at its time: rows between two requests repeat the earlier one. At a rate at which some
+    requests would never be sent the joint would not move as planned, so that is refused. "linear"
+    follows the straight line from each request to the next instead, at any rate, which is as if
+    every request came half a period early; the last is held.
 
     Args:
         schedule: The requests.
@@ -51,7 +52,8 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
         Rows at 0, 1/rate, 2/rate ... as long as the schedule lasts.
 
     Raises:
-        InvalidInput: A rate that is not positive and finite, or more than :data:`MOST_ROWS` rows.
+        InvalidInput: A rate that is not positive and finite, or at which held requests are left
+            out, or more than :data:`MOST_ROWS` rows.
     """
     if not 0.0 < rate < math.inf:
         raise InvalidInput(f"rate: got {rate:g} Hz, expected a positive number")
@@ -65,6 +67,13 @@ def resampled(schedule: Schedule, rate: float, *, between: Between = "hold") -> 
         known = np.arange(len(schedule.requests))
         rows = np.column_stack([np.interp(places, known, column) for column in schedule.requests.T])
     else:
+        if skipped := never_sent(schedule, rate):
+            raise InvalidInput(
+                f"rate: at {rate:g} Hz {skipped} of {len(schedule.requests)} requests would never "
+                f"be sent, as they are {schedule.period:g} s apart, and the joints would not move "
+                f"as planned; plan at this rate (plan --rate-hz {rate:g}), or send what is on the "
+                "straight lines between requests (--between linear)"
+            )
         rows = schedule.requests[_held(places, len(schedule.requests))]
     return Schedule(schedule.names, rows, 1.0 / rate)
 

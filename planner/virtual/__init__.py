@@ -1,1 +1,1 @@
-"""A robot in simulation: the front leg of the ERS-210A in MuJoCo, driven by physical servos."""
+"""Robots in simulation on physical servos, in MuJoCo: the ERS-210A's front leg, a pendulum."""

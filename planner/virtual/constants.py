@@ -12,7 +12,8 @@ GUESS = "guess"
 CHOICE = "choice"
 
 
-def _constant(value: float | int, unit: str, source: str) -> Any:
+def constant(value: float | int, unit: str, source: str) -> Any:
+    """A field of constants: its value, with unit and source as metadata."""
     return field(default=value, metadata={"unit": unit, "source": source})
 
 
@@ -25,51 +26,49 @@ class Constants:
     field carries its unit and its source as metadata; a guess is said to be one.
     """
 
-    terminal_resistance: float = _constant(2.83, "ohm", MOTOR)
-    torque_constant: float = _constant(5.35e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
-    rotor_inertia: float = _constant(7.1e-8, "kg m^2", MOTOR)
-    gear_ratio: float = _constant(
+    terminal_resistance: float = constant(2.83, "ohm", MOTOR)
+    torque_constant: float = constant(5.35e-3, "N m/A", f"{MOTOR}; in SI the back-EMF's as well")
+    rotor_inertia: float = constant(7.1e-8, "kg m^2", MOTOR)
+    gear_ratio: float = constant(
         235.0, "1", f"{CHOICE}: with this motor the leg's top speed comes near the paper's"
     )
-    coulomb_friction: float = _constant(
+    coulomb_friction: float = constant(
         0.1, "N m", f"{GUESS}: a thirtieth of the stall torque, for a train of small spur gears"
     )
-    viscous_friction: float = _constant(
+    viscous_friction: float = constant(
         0.01, "N m s/rad", f"{GUESS}: a fiftieth of what the back-EMF brakes"
     )
-    battery_voltage: float = _constant(7.2, "V", "nominal, two lithium-ion cells in series")
-    battery_resistance: float = _constant(0.1, "ohm", f"{GUESS}: two cells and their wires")
-    supply_noise: float = _constant(
+    battery_voltage: float = constant(7.2, "V", "nominal, two lithium-ion cells in series")
+    battery_resistance: float = constant(0.1, "ohm", f"{GUESS}: two cells and their wires")
+    supply_noise: float = constant(
         0.03, "V", f"{GUESS}: standard deviation, from what else draws current"
     )
-    supply_memory: float = _constant(0.1, "s", f"{GUESS}: time over which that noise forgets")
-    control_period: float = _constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
-    request_period: float = _constant(8e-3, "s", "Stronger and Stone: one request per frame")
-    transport_delay: float = _constant(
+    supply_memory: float = constant(0.1, "s", f"{GUESS}: time over which that noise forgets")
+    control_period: float = constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
+    request_period: float = constant(8e-3, "s", "Stronger and Stone: one request per frame")
+    transport_delay: float = constant(
         32e-3, "s", f"{CHOICE}: four frames between a request and its servo, after the paper"
     )
-    proportional_gain: float = _constant(
+    proportional_gain: float = constant(
         8.0, "1/rad", f"{CHOICE}: the whole voltage at an error of about 7 degrees"
     )
-    integral_gain: float = _constant(
+    integral_gain: float = constant(
         0.5, "1/(rad s)", f"{CHOICE}: slow, as the Aibo's own integral gain is small"
     )
-    derivative_gain: float = _constant(0.005, "s/rad", f"{CHOICE}: no overshoot to be seen")
-    derivative_filter: float = _constant(
-        4e-3, "s", f"{CHOICE}: time constant of the speed's filter"
-    )
-    integral_share: float = _constant(
+    derivative_gain: float = constant(0.005, "s/rad", f"{CHOICE}: no overshoot to be seen")
+    derivative_filter: float = constant(4e-3, "s", f"{CHOICE}: time constant of the speed's filter")
+    integral_share: float = constant(
         0.02, "1", f"{CHOICE}: largest duty that the integral may ask for, against wind-up"
     )
-    duty_steps: int = _constant(255, "1", "the Aibo's PWM saturates at 255 steps either way")
-    sensor_bits: int = _constant(10, "bit", "Sony: the potentiometer is read with 10 bits")
-    sensor_range: float = _constant(
+    duty_steps: int = constant(255, "1", "the Aibo's PWM saturates at 255 steps either way")
+    sensor_bits: int = constant(10, "bit", "Sony: the potentiometer is read with 10 bits")
+    sensor_range: float = constant(
         math.radians(300.0), "rad", f"{GUESS}: a turning range of 300 degrees; 0.29 degrees a count"
     )
-    sensor_noise: float = _constant(
+    sensor_noise: float = constant(
         math.radians(0.1), "rad", f"{GUESS}: standard deviation of the wiper and its converter"
     )
-    stop_margin: float = _constant(
+    stop_margin: float = constant(
         math.radians(3.0), "rad", "Sony: the stops lie 3 degrees beyond the limits"
     )
 

@@ -44,17 +44,18 @@ def front_leg(constants: Constants) -> mujoco.MjModel:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     for name in JOINTS:
-        joint = spec.joint(name)
-        joint.armature = constants.armature
-        joint.frictionloss = constants.coulomb_friction
-        joint.damping[0] = constants.viscous_friction
-        # Dry friction is a constraint that MuJoCo softens; this is as stiff as its step allows.
-        joint.solref_friction = [2.0 * constants.control_period, 1.0]
-        joint.range = [
-            joint.range[0] - constants.stop_margin,
-            joint.range[1] + constants.stop_margin,
-        ]
+        drive_joint(spec.joint(name), constants)
     return spec.compile()
+
+
+def drive_joint(joint: Any, constants: Constants) -> None:
+    """Give a joint what a URDF does not say: rotor, friction, and stops beyond its limits."""
+    joint.armature = constants.armature
+    joint.frictionloss = constants.coulomb_friction
+    joint.damping[0] = constants.viscous_friction
+    # Dry friction is a constraint that MuJoCo softens; this is as stiff as its step allows.
+    joint.solref_friction = [2.0 * constants.control_period, 1.0]
+    joint.range = [joint.range[0] - constants.stop_margin, joint.range[1] + constants.stop_margin]
 
 
 def load_mujoco() -> Any:

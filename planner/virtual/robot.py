@@ -1,4 +1,4 @@
-"""The virtual robot: requests in, angles out, as one would have from the Aibo."""
+"""The virtual robot: it takes requests and returns measured angles, like a real one."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from planner.exceptions import InvalidTrajectory
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
 from planner.virtual.leg import front_leg, load_mujoco
-from planner.virtual.servo import Servo
-from planner.virtual.supply import Supply
+from planner.virtual.pendulum import Pendulum
+from planner.virtual.servo import Servo, Supply
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Recording:
 
 
 class VirtualRobot:
-    """The left front leg of an ERS-210A in the air, three servos on one battery.
+    """The left front leg of an ERS-210A in the air, three servos on one battery, or a pendulum.
 
     A request that is made at the start of a period reaches its servo after the transport delay;
     until then the servo keeps the one before. Requests beyond a joint's limits are cut to them, as
@@ -47,20 +47,22 @@ class VirtualRobot:
         *,
         constants: Constants | None = None,
         seed: int = 0,
+        pendulum: Pendulum | None = None,
     ) -> None:
         """The robot at rest.
 
         Args:
-            start: Requests that it has been holding [rad], shape (3,).
+            start: Requests that it has been holding [rad], shape (3,), or (1,) of a pendulum.
             constants: What it is made of.
             seed: Of the noise of supply and sensors.
+            pendulum: What a single joint carries, in place of the leg.
 
         Raises:
             MissingExtra: MuJoCo is not installed.
         """
         mujoco = load_mujoco()
         self.constants = Constants() if constants is None else constants
-        self._model = front_leg(self.constants)
+        self._model = pendulum.model(self.constants) if pendulum else front_leg(self.constants)
         self._data = mujoco.MjData(self._model)
         self._step = mujoco.mj_step
         margin = self.constants.stop_margin
@@ -80,7 +82,7 @@ class VirtualRobot:
         """Make one row of requests after the other; the robot goes on from where it is.
 
         Args:
-            requests: One row per request period [rad], shape (n, 3).
+            requests: One row per request period [rad], shape (n, k).
 
         Raises:
             InvalidTrajectory: Not a finite array of that shape.
@@ -99,8 +101,12 @@ class VirtualRobot:
             array.setflags(write=False)
         return Recording(times, asked, sensed, angles)
 
+    def sense(self) -> Array:
+        """What the sensors say now [rad], shape (k,): before the next request is made."""
+        return self._sense()
+
     def rest(self, seconds: float, angles: npt.ArrayLike) -> None:
-        """Hold requests [rad], shape (3,), for so long [s]."""
+        """Hold requests [rad], shape (k,), for so long [s]."""
         rows = round(seconds / self.constants.request_period)
         self.play(np.tile(np.asarray(angles, dtype=np.float64), (rows, 1)))
 

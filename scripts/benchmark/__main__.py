@@ -10,7 +10,22 @@ from pathlib import Path
 import planner
 from benchmark import record
 from benchmark.machine import circumstances
-from benchmark.parts import Options, Part, fit, foot, identify, inversion, length, quality
+from benchmark.parts import (
+    Options,
+    Part,
+    fit,
+    foot,
+    friction,
+    identify,
+    inversion,
+    learning,
+    length,
+    pairs,
+    quality,
+    scale,
+    smooth,
+    stream,
+)
 from benchmark.table import Table
 
 PARTS: dict[str, Part] = {
@@ -20,6 +35,12 @@ PARTS: dict[str, Part] = {
     "foot": foot.measure,
     "fit": fit.measure,
     "identify": identify.measure,
+    "friction": friction.measure,
+    "smooth": smooth.measure,
+    "stream": stream.measure,
+    "pairs": pairs.measure,
+    "scale": scale.measure,
+    "learning": learning.measure,
 }
 
 QUICK = Options(instances=3, repeats=1, lengths=(88, 880), fit_lengths=(88, 880))
@@ -41,9 +62,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     where = circumstances()
     print("\n".join(f"{name}: {value}" for name, value in where.items()), end="\n\n")
-    wanted = [name for name in PARTS if name in given.parts or not given.parts]
+    chosen = [name for name in PARTS if name in given.parts or not given.parts]
     try:
-        tables = measured(wanted, given)
+        tables = measured(chosen, given)
     except planner.MissingExtra as error:
         parser.error(str(error))
     if earlier is not None:

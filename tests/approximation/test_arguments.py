@@ -173,8 +173,12 @@ def test_max_rms_is_kept_with_no_more_segments_than_it_takes(kind, cyclic):
 
 
 @pytest.mark.parametrize("shortest", [1.0, 3.0, 4.5])
-def test_hundreds_of_segments_keep_the_shortest_length_and_the_required_knots(shortest):
-    desired = np.resize(SINE, 1200) + 0.01 * np.random.default_rng(1).normal(size=1200)
+def test_hundreds_of_segments_are_as_good_as_few_and_keep_what_is_required(shortest):
+    """The six segments of one period, twenty times, are a fit too; the search may lose a fifth."""
+    noise = 0.01 * np.random.default_rng(1).normal(size=1200)
+    desired = np.resize(SINE, 1200) + noise
+    one_period = fit_pwl(SINE, v_max=0.3, tick=1.0, segments=6)
+    known = np.hypot(one_period.rms, np.sqrt(np.mean(noise**2)))
     for required in ((), (100.5, 701.0)):
         fit = fit_pwl(
             desired, v_max=0.3, tick=1.0, segments=120, shortest=shortest, required=required
@@ -182,7 +186,8 @@ def test_hundreds_of_segments_keep_the_shortest_length_and_the_required_knots(sh
         check(fit, 0.3, shortest)
         assert fit.segments == 120
         assert set(required) <= set(fit.knots.tolist())
-        assert fit.rms <= 0.1
+        residuals = fit(np.arange(1200)) - desired
+        assert np.sqrt(np.mean(residuals**2)) <= 1.2 * known
 
 
 REFUSED = [

@@ -11,9 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.branch_and_bound import BRANCHES, halves_of, proved_best
+from planner.approximation.branch_and_bound import BRANCHES, KnotsOnSamples, halves_of, proved_best
 from planner.approximation.fit import fit_pwl
-from planner.approximation.knots_on_samples import KnotsOnSamples
 from planner.approximation.lagrangian_bound import Relaxation, first_multipliers
 from planner.approximation.problem import Candidate, Problem
 from planner.exceptions import Infeasible, InvalidInput

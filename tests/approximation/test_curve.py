@@ -1,4 +1,4 @@
-"""The curve as a value: evaluation, slopes, the seam, immutability."""
+"""The curve as a value: evaluation, slopes, the cycle boundary, immutability."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_cycle_repeats_itself_before_and_after():
     np.testing.assert_allclose(CYCLE(index - 30.0), CYCLE(index), atol=1e-14)
 
 
-def test_the_seam_of_a_cycle_closes():
+def test_a_cycle_is_continuous_at_its_boundary():
     assert CYCLE(10.0) == CYCLE(0.0)
     np.testing.assert_allclose(CYCLE(np.nextafter(10.0, 0.0)), CYCLE(0.0), atol=1e-14)
 

@@ -1,4 +1,4 @@
-"""What the fitter promises: exact recovery, slopes, equivariance, the bound, errors that teach."""
+"""The invariants of a fit: exact recovery, slopes, equivariance, the bound, errors that teach."""
 
 from __future__ import annotations
 

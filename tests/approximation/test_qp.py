@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.qp import solve_values, within_slopes
-from planner.approximation.sqp import best_values, minimise_damped
+from planner.approximation.sqp import SmallQPs, best_values, minimise_damped
 
 
 def on_the_reference_of(problem, knots):
@@ -71,8 +71,8 @@ def test_values_within_their_limits_stay_as_they_are():
 def undamped_step(hessian, gradient, rows, bounds):
     """The step of one small QP, None where none was found."""
     free = np.ones((1, gradient.size), dtype=bool)
-    arrays = (each[np.newaxis] for each in (hessian, 0.0 * gradient))
-    found = minimise_damped(*arrays, np.ones(1), gradient[None], rows, bounds[None], free)
+    qps = SmallQPs(hessian[None], gradient[None], rows, bounds[None], free)
+    found = minimise_damped(qps, np.zeros((1, gradient.size)), np.ones(1))
     return found.steps[0] if found.solved[0] else None
 
 

@@ -7,8 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from planner.cli import cli
-from planner.files.foot_path import write_foot_path
-from planner.files.joint_path import write_joint_path
+from planner.files.paths import write_foot_path, write_joint_path
 
 
 @pytest.fixture

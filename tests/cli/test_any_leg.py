@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner.files.foot_path import read_foot_path
-from planner.files.joint_path import read_joint_path
+from planner.files.paths import read_foot_path, read_joint_path
 from tests.docs.blocks import ROOT
 from tests.docs.shell import commands
 
@@ -70,7 +69,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     page = (tmp_path / f"{name}.html").read_text()
     assert "The foot stays within" in page
     assert all(joint in page for joint in requests.names)
-    assert ("The models stand in" in page) == (name != "solo")
+    assert ("the rest of their models is assumed" in page) == (name != "solo")
 
 
 def test_a_file_is_a_leg_under_either_option(run, robot, foot):
@@ -138,7 +137,7 @@ def test_speeds_come_from_the_urdf(run, robot, foot):
     robot.write_text(slow.replace('velocity="2.454', 'velocity="1002.454'))
     result = run("plan", foot, "--leg", robot, *FRONT, "--model", "urdf")
     assert result.exit_code == 2
-    assert "the URDF has no top speed of joint 'front_left_rotator' that can be" in result.stderr
+    assert "the URDF has no usable top speed of joint 'front_left_rotator'" in result.stderr
 
 
 def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
@@ -147,7 +146,7 @@ def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
     page = (tmp_path / "plan.html").read_text()
     assert "The joints stay within" in page
     assert "The foot from the side" not in page
-    assert "no plan below" in page
+    assert "lower bound" in page
 
 
 def test_a_report_that_cannot_be_written_is_bad_usage(run, desired):

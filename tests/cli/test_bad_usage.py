@@ -1,208 +1,246 @@
-"""Whatever is wrong with the input: one line on standard error, exit status 2, nothing else."""
+"""Whatever is wrong with the input: one line on standard error, exit status 2, nothing written."""
 
 from __future__ import annotations
 
+import shlex
+
 import pytest
 
-FOR_THE_FOOT = ("plan", "foot.csv", "--leg", "front-left", "--method", "foot-optimal")
-
-WRONG = {
-    "no such command": (
-        ["bogus"],
-        "No such command 'bogus'. See 'request-planner --help'.",
-    ),
-    "no such option": (
-        ["gait", "--sampels", "3"],
-        "No such option '--sampels'. Did you mean '--samples'? See 'request-planner gait --help'.",
-    ),
-    "no path": (["plan"], "Missing argument 'PATH'. See 'request-planner plan --help'."),
-    "no such file": (["plan", "x.csv"], "x.csv: no such file; check the name and the folder"),
-    "a foot path without a leg": (
-        ["plan", "foot.csv"],
-        "foot.csv is a foot path: name its leg with --leg. See 'request-planner plan --help'.",
-    ),
-    "two legs": (
-        ["plan", "foot.csv", "--leg", "reference", "--base", "hip"],
-        "--leg is a shipped leg: leave out --urdf, --base, --foot and --lock. "
-        "See 'request-planner plan --help'.",
-    ),
-    "frames without a robot": (
-        ["plan", "foot.csv", "--base", "hip"],
-        "--base, --foot, --lock and --near are of a leg: add --leg. "
-        "See 'request-planner plan --help'.",
-    ),
-    "a robot without frames": (
-        ["plan", "foot.csv", "--urdf", "robot.urdf", "--base", "hip"],
-        "a URDF needs --base and --foot, the frames at the leg's two ends. "
-        "See 'request-planner plan --help'.",
-    ),
-    "no such leg": (
-        ["plan", "foot.csv", "--leg", "middle-left"],
-        "Invalid value for '--leg': 'middle-left' is not one of 'reference', 'front-left', "
-        "'front-right', 'hind-left', 'hind-right', nor a .urdf file. "
-        "See 'request-planner plan --help'.",
-    ),
-    "a robot twice": (
-        ["plan", "foot.csv", "--leg", "robot.urdf", "--urdf", "robot.urdf"],
-        "--leg and --urdf name a file each: leave one out. See 'request-planner plan --help'.",
-    ),
-    "a joint held nowhere": (
-        ["gait", "--leg", "robot.urdf", "--base", "hip", "--foot", "foot", "--lock", "wrist"],
-        "--lock: got 'wrist', expected JOINT=DEG, such as wrist=-90. "
-        "See 'request-planner gait --help'.",
-    ),
-    "a pose without a number": (
-        ["gait", "--leg", "front-left", "--near", "knee=bent"],
-        "--near: got 'knee=bent', expected JOINT=DEG, such as wrist=-90. "
-        "See 'request-planner gait --help'.",
-    ),
-    "a pose of a joint that the leg has not": (
-        ["gait", "--leg", "reference", "--near", "hip=10"],
-        "near: joint 'hip' is not on the leg; its joints: rotator, abductor, knee",
-    ),
-    "speeds of no robot": (
-        ["plan", "desired.csv", "--model", "urdf"],
-        "--model urdf takes speeds from a leg's URDF: name it with --leg. "
-        "See 'request-planner plan --help'.",
-    ),
-    "joints that the leg has not": (
-        ["plan", "desired.csv", "--leg", "reference"],
-        "joint 'hip' of desired.csv is not on the leg; its joints: rotator, abductor, knee. "
-        "See 'request-planner plan --help'.",
-    ),
-    "joints of a foot path": (
-        ["plan", "foot.csv", "--leg", "front-left", "--joint", "knee"],
-        "--joint chooses columns of a joint path; a foot moves all joints. "
-        "See 'request-planner plan --help'.",
-    ),
-    "an option that the method ignores": (
-        ["plan", "desired.csv", "--segments", "6"],
-        "--segments has no effect with --method optimal. See 'request-planner plan --help'.",
-    ),
-    "limits upside down": (
-        ["plan", "desired.csv", "--limits-deg", "10:-10"],
-        "--limits-deg: got '10:-10', expected LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below "
-        "HIGH, such as knee=-27:147. See 'request-planner plan --help'.",
-    ),
-    "limits of nobody": (
-        ["plan", "desired.csv", "--limits-deg", "ankle=0:1"],
-        "--limits-deg: no joint 'ankle' in the path; joints: hip, knee. "
-        "See 'request-planner plan --help'.",
-    ),
-    "no such model": (
-        ["simulate", "desired.csv", "--model", "robot.toml"],
-        "robot.toml: no such file; check the name and the folder",
-    ),
-    "a joint at another rate": (
-        ["simulate", "desired.csv", "--model", "slow.toml"],
-        "desired.csv: one sample every 0.008 s, expected one every 0.02 s, the time between "
-        "requests; resample the path, drop column t_s, or set tick and hold in the model",
-    ),
-    "joints at different rates": (
-        ["simulate", "desired.csv", "--model", "mixed.toml"],
-        "mixed.toml: 'knee' takes a request every 0.02 s and 'hip' every 0.008 s, expected one "
-        "rate; plan them one by one with --joint",
-    ),
-    "a start for a cycle": (
-        ["simulate", "desired.csv", "--start-deg", "3"],
-        "--start-deg: a cycle has no start; add --no-cyclic. "
-        "See 'request-planner simulate --help'.",
-    ),
-    "a start of nobody": (
-        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "ankle=3"],
-        "--start-deg: no joint 'ankle' in the path; joints: hip, knee. "
-        "See 'request-planner plan --help'.",
-    ),
-    "a start that is no angle": (
-        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=high"],
-        "--start-deg: got 'knee=high', expected DEG or JOINT=DEG, such as knee=30. "
-        "See 'request-planner plan --help'.",
-    ),
-    "a start beyond the limits": (
-        ["plan", "desired.csv", "--no-cyclic", "--start-deg", "knee=90", "--limits-deg", "-60:60"],
-        "knee: start: it is 1.5708 rad, 0.524 rad beyond the angles -1.0472 to 1.0472 rad where "
-        "the limits on the requests let the joint rest; clip the trajectory, or widen the limits",
-    ),
-    "a plan for the foot of a joint path": (
-        ["plan", "desired.csv", "--method", "foot-optimal"],
-        "--method foot-optimal plans for a foot path: give columns x_m, y_m, z_m and a leg. "
-        "See 'request-planner plan --help'.",
-    ),
-    "weights of axes for joints": (
-        ["plan", "desired.csv", "--weights", "1", "1", "2"],
-        "--weights has no effect with --method optimal. See 'request-planner plan --help'.",
-    ),
-    "weights that are none": (
-        [*FOR_THE_FOOT, "--weights", "1", "-1", "2"],
-        "weights: got (1.0, -1.0, 2.0), expected three numbers, 0 or more and not all 0",
-    ),
-    "a tolerance of nothing": (
-        ["plan", "desired.csv", "--tolerance-deg", "0"],
-        "--tolerance-deg: got 0, expected more than 0 degrees. See 'request-planner plan --help'.",
-    ),
-    "a tolerance of the foot for joints": (
-        ["plan", "desired.csv", "--tolerance-cm", "1"],
-        "--tolerance-cm is for a foot path: use --tolerance-deg. "
-        "See 'request-planner plan --help'.",
-    ),
-    "a tolerance of the joints for the foot": (
-        [*FOR_THE_FOOT, "--tolerance-deg", "1"],
-        "--tolerance-deg is for joints, which --method foot-optimal lets err for the foot's sake: "
-        "use --tolerance-cm. See 'request-planner plan --help'.",
-    ),
-    "a foot path where there are no legs": (
-        ["simulate", "foot.csv"],
-        "foot.csv is a foot path, expected columns <joint>_deg or <joint>_rad. "
-        "See 'request-planner simulate --help'.",
-    ),
-    "another length": (
-        ["simulate", "desired.csv", "--desired", "short.csv"],
-        "short.csv: got 2 samples, expected 88, one per request; "
-        "compare with the path that the requests were planned for",
-    ),
-    "too few samples": (
-        ["gait", "--samples", "1"],
-        "samples: got 1, expected a whole number, at least 4",
-    ),
-    "more samples than anybody needs": (
-        ["gait", "--samples", "999999999999"],
-        "Invalid value for '--samples': 999999999999 is not in the range x<=1000000. "
-        "See 'request-planner gait --help'.",
-    ),
-    "an error below zero": (
-        ["fit", "desired.csv", "--max-error", "-1"],
-        "--max-error: got -1, expected more than 0 degrees. See 'request-planner fit --help'.",
-    ),
-    "no period": (
-        ["gait", "--period", "0"],
-        "--period: got 0, expected 1e-06 to 1000 seconds. See 'request-planner gait --help'.",
-    ),
-    "a folder that is not ours": (
-        ["reproduce", "--out", "."],
-        ".: holds files that no earlier run made (desired.csv and 4 more), expected a new or empty "
-        "folder or an earlier run's; choose another folder or move them away",
-    ),
-    "an output folder that is not there": (
-        ["gait", "-o", "nowhere/foot.csv"],
-        "nowhere/foot.csv: cannot be written (no such file or directory); "
-        "choose another place for the output",
-    ),
-}
-
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\n"
+GOOD = "t_s,hip_deg,knee_deg\n0,1,20\n0.008,2,30\n0.016,3,10\n0.024,1,10\n"
+
+FILES = {
+    "d.csv": GOOD.encode(),
+    "e.csv": GOOD.encode(),
+    "empty.csv": b"",
+    "names.csv": b"knee_deg\n",
+    "text.csv": b"knee_deg\n1\nfast\n2\n",
+    "hole.csv": b"hip_deg,knee_deg\n1,2\n3,\n",
+    "nan.csv": b"knee_deg\n1\nnan\n",
+    "inf.csv": b"knee_deg\n1\n-inf\n",
+    "far.csv": b"knee_deg\n1\n1e12\n",
+    "ragged.csv": b"hip_deg,knee_deg\n1,2\n3\n",
+    "semicolons.csv": b"hip_deg;knee_deg\n1;2\n3;4\n",
+    "bytes.csv": b"knee_deg\n1\n\xff\xfe\n",
+    "back.csv": b"t_s,knee_deg\n0,1\n-1,2\n-2,3\n",
+    "gap.csv": b"t_s,knee_deg\n0,1\n0.008,2\n0.1,3\n",
+    "units.csv": b"hip,knee\n1,2\n3,4\n",
+    "twice.csv": b"knee_deg,knee_deg\n1,2\n3,4\n",
+    "mixed.csv": b"hip_deg,knee_rad\n1,2\n3,4\n",
+    "typo.toml": MODEL.replace("lag", "lagg").encode(),
+    "short.toml": MODEL.replace("v_max = 5.0\n", "").encode(),
+    "text.toml": MODEL.replace("5.0", "'5.0'").encode(),
+    "nan.toml": MODEL.replace("5.0", "nan").encode(),
+    "negative.toml": MODEL.replace("0.03", "-0.03").encode(),
+    "restless.toml": MODEL.replace("5.0", "500.0").encode(),
+    "half.toml": MODEL.encode() + b"hold = 0.5\n",
+    "held.toml": MODEL.encode() + b"hold = 1000000\n",
+    "w.csv": b"a,b\n1,2\n",
+    "zero.csv": b"weight\n1\n0\n1\n1\n",
+    "one.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n",
+    "still.csv": b"t_s,requested_deg,actual_deg\n" + b"".join(b"%d,1,1\n" % k for k in range(200)),
+    "repeated.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n0,2,2\n1,3,3\n2,3,3\n",
+    "log.csv": b"t_s,requested_deg,actual_deg\n"
+    + b"".join(
+        b"%.2f,%d,%d\n" % (k / 100, 20 * (k // 30 % 2), 18 * (k // 30 % 2)) for k in range(180)
+    ),
+    "copied.csv": b"t_s,requested_deg,actual_deg\n0,1,1\n0.01,2,2\n0.02,3,3\n0.03,3,3\n",
+    "clock.csv": b"time,hip_deg\n0,1\n0.008,20\n",
+    "headless.csv": b"0,0\n0.008,0\n",
+    "page.urdf": b"<html></html>",
+    "empty.toml": b"",
+    "lost.toml": b'[path]\nfile = "no.csv"\n',
+    "slow.toml": MODEL.encode() + b"tick = 0.02\n",
+    "mixed.toml": MODEL.encode() + b"[knee]\ntick = 0.02\n",
+    "short.csv": b"hip_deg,knee_deg\n1,2\n3,4\n",
+}
+"""What the commands find, beside ``desired.csv``, ``foot.csv`` and an empty ``folder``."""
+
+BAD = {
+    "no such command": "bogus",
+    "no such option": "gait --sampels 3",
+    "no path": "plan",
+    "no such file": "plan x.csv",
+    "a foot path without a leg": "plan foot.csv",
+    "two legs": "plan foot.csv --leg reference --base hip",
+    "frames without a robot": "plan foot.csv --base hip",
+    "a robot without frames": "plan foot.csv --urdf robot.urdf --base hip",
+    "no such leg": "plan foot.csv --leg middle-left",
+    "a robot twice": "plan foot.csv --leg robot.urdf --urdf robot.urdf",
+    "a joint held nowhere": "gait --leg robot.urdf --base hip --foot foot --lock wrist",
+    "a pose without a number": "gait --leg front-left --near knee=bent",
+    "a pose of a joint that the leg has not": "gait --leg reference --near hip=10",
+    "speeds of no robot": "plan desired.csv --model urdf",
+    "joints that the leg has not": "plan desired.csv --leg reference",
+    "joints of a foot path": "plan foot.csv --leg front-left --joint knee",
+    "an option that the method ignores": "plan desired.csv --segments 6",
+    "limits upside down": "plan desired.csv --limits-deg 10:-10",
+    "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",
+    "no such model": "simulate desired.csv --model robot.toml",
+    "a joint at another rate": "simulate desired.csv --model slow.toml",
+    "joints at different rates": "simulate desired.csv --model mixed.toml",
+    "a start for a cycle": "simulate desired.csv --start-deg 3",
+    "a start of nobody": "plan desired.csv --no-cyclic --start-deg ankle=3",
+    "a start that is no angle": "plan desired.csv --no-cyclic --start-deg knee=high",
+    "a start beyond the limits": "plan desired.csv --no-cyclic --start-deg knee=90 "
+    "--limits-deg -60:60",
+    "a plan for the foot of a joint path": "plan desired.csv --method foot-optimal",
+    "weights of axes for joints": "plan desired.csv --weights 1 1 2",
+    "weights that are none": "plan foot.csv --leg front-left --method foot-optimal "
+    "--weights 1 -1 2",
+    "a tolerance of nothing": "plan desired.csv --tolerance-deg 0",
+    "a tolerance of the foot for joints": "plan desired.csv --tolerance-cm 1",
+    "a tolerance of the joints for the foot": "plan foot.csv --leg front-left --method "
+    "foot-optimal --tolerance-deg 1",
+    "a foot path where there are no legs": "simulate foot.csv",
+    "another length": "simulate desired.csv --desired short.csv",
+    "too few samples": "gait --samples 1",
+    "more samples than anybody needs": "gait --samples 999999999999",
+    "an error below zero": "fit desired.csv --max-error -1",
+    "no period": "gait --period 0",
+    "a folder that is not ours": "reproduce --out .",
+    "an output folder that is not there": "gait -o nowhere/foot.csv",
+    "an unknown option value": "plan d.csv --method magic",
+    "an unknown norm": "plan d.csv --norm l7",
+    "an unknown rule": "plan d.csv --method closed-form --rule best",
+    "segments that are no number": "plan d.csv --method closed-form --segments many",
+    "no segments": "plan d.csv --method closed-form --segments 0",
+    "more segments than samples": "plan d.csv --method closed-form --segments 99",
+    "a joint that is not there": "plan d.csv --joint ankle",
+    "a tolerance that is no number": "plan d.csv --tolerance-deg small",
+    "a tolerance of NaN": "plan d.csv --tolerance-deg nan",
+    "actual angles that are the requests": "identify copied.csv",
+    "a unit of nobody": "identify log.csv --unit deg,hpi=rad",
+    "times without a unit": "plan clock.csv",
+    "no line of names": "plan headless.csv",
+    "a model without a file": "plan d.csv --model ers201a",
+    "limits without a colon": "plan d.csv --limits-deg 10",
+    "limits of NaN": "plan d.csv --limits-deg nan:3",
+    "limits beside the path": "plan d.csv --limits-deg 80:90",
+    "a start of infinity": "plan d.csv --no-cyclic --start-deg inf",
+    "an empty argument": "plan ''",
+    "an argument too many": "plan d.csv e.csv",
+    "a folder for a file": "plan folder",
+    "an output that is a folder": "gait -o folder",
+    "an empty output": "gait -o ''",
+    "an output below a file": "gait -o d.csv/a.csv",
+    "an empty file": "plan empty.csv",
+    "names alone": "plan names.csv",
+    "a cell of text": "plan text.csv",
+    "a cell of nothing": "plan hole.csv",
+    "a cell of NaN": "plan nan.csv",
+    "a cell of infinity": "plan inf.csv",
+    "an angle of a million turns": "plan far.csv",
+    "rows of different lengths": "plan ragged.csv",
+    "semicolons": "plan semicolons.csv",
+    "bytes": "plan bytes.csv",
+    "time backwards": "plan back.csv",
+    "time with a gap": "plan gap.csv",
+    "columns without units": "plan units.csv",
+    "the same column twice": "plan twice.csv",
+    "units mixed": "plan mixed.csv",
+    "a model with a typo": "simulate d.csv --model typo.toml",
+    "a model without speed": "simulate d.csv --model short.toml",
+    "a model of text": "simulate d.csv --model text.toml",
+    "a model of NaN": "simulate d.csv --model nan.toml",
+    "a model of negative lag": "simulate d.csv --model negative.toml",
+    "a model that cannot rest": "simulate d.csv --model restless.toml",
+    "a model with a hold of half a tick": "simulate d.csv --model half.toml",
+    "a model held for ever": "simulate d.csv --model held.toml",
+    "a model that is no TOML": "simulate d.csv --model d.csv",
+    "fit without a joint": "fit",
+    "fit with two sizes": "fit d.csv --max-error 1 --max-rms 1",
+    "fit with a knot outside": "fit d.csv --knot-s 9",
+    "fit with a required knot of text": "fit d.csv --required-s now",
+    "fit with weights of nobody": "fit d.csv --weights w.csv",
+    "fit with weights of zero": "fit d.csv --weights zero.csv",
+    "fit with the end of a cycle": "fit d.csv --end-deg 3",
+    "fit exactly for an error": "fit d.csv --exact --max-error 1",
+    "a log without requests": "identify d.csv",
+    "a log of one row": "identify one.csv",
+    "a log that never moves": "identify -q still.csv",
+    "a log with a time twice": "identify repeated.csv",
+    "a log in another unit": "identify log.csv --unit yards",
+    "a tick of nothing": "identify -q log.csv --tick-ms 0",
+    "a hold of nothing": "identify log.csv --hold 0",
+    "no such column of a log": "identify log.csv --requested wanted",
+    "an export of no format": "export d.csv -o a.csv",
+    "an export at no rate": "export d.csv --format csv --rate-hz 0 -o a.csv",
+    "an export never": "export d.csv --format csv --cycles 0 -o a.csv",
+    "an export with too few names": "export d.csv --format csv --joint-names a -o a.csv",
+    "an export of names twice": "export d.csv --format csv --joint-names a,a -o a.csv",
+    "an excitation of no range": "excite --limits-deg 9 -9",
+    "an excitation of NaN": "excite --limits-deg nan 9",
+    "an excitation of no kind": "excite --limits-deg -9 9 --kind noise",
+    "a seed below zero": "excite --limits-deg -9 9 --seed -1",
+    "a leg without a file": "gait --leg no.urdf --base a --foot b",
+    "a leg of no robot": "gait --leg d.csv --base a --foot b",
+    "a leg of another XML": "gait --leg page.urdf --base a --foot b",
+    "a ground fraction of one": "gait --ground-fraction 1",
+    "a stroke of NaN": "gait --length nan",
+    "a run of nothing": "run",
+    "a run file that is not there": "run no.toml",
+    "a run file that is empty": "run empty.toml",
+    "a run that reads nothing": "run lost.toml",
+    "a reproduction into a file": "reproduce --out d.csv",
+    "a view of nothing": "view no.csv --leg reference",
+    "a knot at no time": "fit d.csv --knot-s nan",
+    "a knot at the end of time": "fit d.csv --knot-s 1e400",
+    "cycles beyond counting": f"export d.csv --format csv --cycles 1{'0' * 400}",
+    "ticks beyond counting": f"export d.csv --format csv --unit ticks --ticks-per-turn {'1' * 400}",
+    "a sensor finer than atoms": "excite --limits-deg -9 9 --resolution-deg 1e-320",
+    "a word that colours the terminal": "plan d.csv --method '\x1b[31mred'",
+    "a command that writes from right to left": "'\u202enalp'",
+    "a word without end": f"plan d.csv --norm {'x' * 5000}",
+    "a log into a folder": "excite --limits-deg -9 9 --expected-log folder",
+    "a comparison with a picture of no kind": "compare desired.csv --figure compare.gif",
+    "a comparison with a picture in no folder": "compare desired.csv --figure nowhere/compare.png",
+    "a comparison with a folder that is not ours": "compare desired.csv --out .",
+    "a comparison with a level that there is not": "compare desired.csv --level sharp",
+    "a page of a plan in no folder": "plan desired.csv --report nowhere/plan.html",
+    "a page of a joint in no folder": "identify log.csv --report nowhere/joint.html",
+    "knots in no folder": "fit desired.csv --joint hip --knots nowhere/knots.csv",
+    "a view in no folder": "view foot.csv --leg reference --html nowhere/view.html",
+    "results in a file": "compare desired.csv --out d.csv",
+    "a comparison with limits that exclude the path": "compare desired.csv --joint hip "
+    "--limits-deg -5:5",
+}
+"""Command lines with something wrong; the snapshot holds what is said of each."""
 
 
-@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
-def test_bad_input_is_one_line_and_status_2(run, desired, foot, tmp_path, arguments, message):
-    assert desired.exists()
-    assert foot.exists()
-    (tmp_path / "slow.toml").write_text(MODEL + "tick = 0.02\n")
-    (tmp_path / "mixed.toml").write_text(MODEL + "[knee]\ntick = 0.02\n")
-    (tmp_path / "short.csv").write_text("hip_deg,knee_deg\n1,2\n3,4\n")
-    result = run(*arguments)
-    assert result.stderr == f"request-planner: {message}\n"
-    assert result.stdout == ""
+def test_bad_input_is_one_line_and_status_2_and_nothing_is_written(
+    run, desired, foot, tmp_path, snapshot
+):
+    assert [desired.name, foot.name] == ["desired.csv", "foot.csv"]
+    (tmp_path / "folder").mkdir()
+    for name, content in FILES.items():
+        (tmp_path / name).write_bytes(content)
+    before = _held(tmp_path)
+    said = []
+    for name, line in BAD.items():
+        result = run(*shlex.split(line))
+        assert (result.exit_code, result.stdout) == (2, ""), name
+        assert result.stderr.startswith("request-planner: "), name
+        assert result.stderr.count("\n") == 1, name
+        assert result.stderr.rstrip("\n").isprintable(), name
+        assert _held(tmp_path) == before, name
+        said.append(f"{name}: {result.stderr.removeprefix('request-planner: ')}")
+    snapshot.check("bad_commands", "".join(said))
+
+
+def _held(folder):
+    """Every file and its content."""
+    return {each: each.read_bytes() if each.is_file() else None for each in folder.rglob("*")}
+
+
+@pytest.mark.parametrize("place", ["--output", "--report"])
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_computed(
+    run, desired, monkeypatch, place
+):
+    monkeypatch.setattr("planner.run.run.answer_of", None)
+    result = run("plan", desired, place, "nowhere/file")
     assert result.exit_code == 2
+    assert "nowhere/file: cannot be written (no such file or directory)" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["plan", "compare"])

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.cli.program import COMMANDS
-from planner.files.joint_path import read_joint_path
+from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
 
 SAME = 1e-10
@@ -97,7 +97,7 @@ def test_simulate_compares_with_the_desired_path(run, desired):
     )
 
 
-def test_simulate_from_rest_starts_where_it_is_told(run, desired):
+def test_simulate_from_rest_begins_at_the_start_given(run, desired):
     start = ("--start-deg", "30", "--start-deg", "knee=0")
     joints = json.loads(run("simulate", desired, "--no-cyclic", *start, "--json").stdout)["joints"]
     first = [joints[name]["angles_deg"][0] for name in ("hip", "knee")]
@@ -115,7 +115,7 @@ def test_fit_gives_lines_that_the_joint_can_follow(run, desired):
 def test_fit_keeps_a_largest_error(run, desired):
     result = run("fit", desired, "--max-error", "1.5", "--joint", "knee")
     assert result.exit_code == 0
-    joint, _, _, largest = result.stderr.splitlines()[1].split()
+    joint, _, _, largest = result.stderr.splitlines()[2].split()
     assert joint == "knee"
     assert float(largest) <= 1.5
     assert result.stdout.startswith("t_s,knee_deg\n")
@@ -151,3 +151,20 @@ def test_colours_are_for_those_who_want_them(run, desired):
 def test_limits_may_go_by_their_short_name(run, desired):
     long = run("plan", desired, "--limits-deg", "knee=0:40")
     assert run("plan", desired, "--limits", "knee=0:40").stdout == long.stdout != ""
+
+
+def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_repeat(
+    run, tmp_path
+):
+    time = np.arange(80) / 79
+    np.savetxt(tmp_path / "open.csv", 40 * (3 - 2 * time) * time**2, header="hip_deg", comments="")
+    asked = ("plan", "open.csv", "-o", "requests.csv", "--json")
+    taken, told, repeated = (run(*asked, *more) for more in ((), ("--no-cyclic",), ("--cyclic",)))
+    assert taken.stdout == told.stdout != repeated.stdout
+    assert told.stderr == repeated.stderr == ""
+    assert "does not close, its ends are 52.7 times its largest step apart" in taken.stderr
+    assert "--cyclic lets it repeat" in taken.stderr
+    run(*asked)
+    again = run("simulate", "requests.csv", "--desired", "open.csv", "--json")
+    joint = json.loads(taken.stdout)["joints"]["hip"]
+    assert json.loads(again.stdout)["joints"]["hip"]["rms_deg"] == pytest.approx(joint["rms_deg"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -12,7 +13,8 @@ import pytest
 import planner
 from planner.evaluation import cross_check as cross_check_module
 from planner.evaluation.joint_comparison import METHODS
-from planner.files.joint_path import read_joint_path
+from planner.files.paths import read_joint_path
+from planner.inversion.foot.bound import FootBoundOptions
 from planner.model.joint import JointModel
 
 JOINT = JointModel.ers210a()
@@ -22,6 +24,30 @@ SVG = "{http://www.w3.org/2000/svg}"
 @pytest.fixture
 def desired(brief):
     return brief
+
+
+@pytest.fixture(scope="module")
+def answered():
+    """What the cross-check has answered to the tests of this file."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def asked(answered, monkeypatch, request):
+    """The last cross-check: its arguments and answer. The same question is computed once."""
+    sabotaged = "sabotage" in request.fixturenames
+    honest, last = cross_check_module.cross_check, {}
+
+    def kept(model, angles, **arguments):
+        compared = {name: value for name, value in arguments.items() if name != "progress"}
+        question = pickle.dumps((sabotaged, model, angles, compared))
+        if question not in answered:
+            answered[question] = honest(model, angles, **arguments)
+        last.update(arguments, model=model, angles=angles, check=answered[question])
+        return answered[question]
+
+    monkeypatch.setattr("planner.run.comparison.cross_check", kept)
+    return last
 
 
 @pytest.fixture
@@ -49,15 +75,7 @@ def sabotage(monkeypatch):
     ],
     ids=" ".join,
 )
-def test_json_is_the_library_s_own_answer(run, desired, options, monkeypatch):
-    asked, honest = {}, cross_check_module.cross_check
-
-    def kept(model, angles, **arguments):
-        check = honest(model, angles, **arguments)
-        asked.update(arguments, model=model, angles=angles, check=check)
-        return check
-
-    monkeypatch.setattr(cross_check_module, "cross_check", kept)
+def test_json_is_the_library_s_own_answer(run, desired, options, asked):
     result = run("compare", desired, *options, "--json")
     assert result.exit_code == 0, result.stderr
     assert result.stderr == ""
@@ -79,10 +97,10 @@ def test_json_is_the_library_s_own_answer(run, desired, options, monkeypatch):
         assert asked["limits"] is None
 
 
-def test_the_table_has_every_plan_every_bound_and_the_verdict(run, desired):
+def test_the_table_has_every_plan_every_bound_and_the_verdict(run, desired, asked):
     result = run("compare", desired, "--joint", "hip")
     assert result.exit_code == 0
-    check = planner.cross_check(JOINT, read_joint_path(desired).angles[:, 0], names=["hip"])
+    check = asked["check"]
     for method, plan in check.joints[0].plans.items():
         row = next(
             line
@@ -91,28 +109,30 @@ def test_the_table_has_every_plan_every_bound_and_the_verdict(run, desired):
         )
         assert f"{np.degrees(plan.rms):.3f}" in row
         assert f"{np.degrees(plan.max_error):.3f}" in row
-    assert "hip, no plan below (envelope)" in result.stdout
+    assert "hip, lower bound (envelope)" in result.stdout
     assert "predicted angles agree with the independent simulation" in result.stdout
     assert "1.0e-09 rad" in result.stdout
     assert result.stderr == f"passed: {len(check.checks)} of {len(check.checks)} checks hold\n"
 
 
 def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run, monkeypatch):
+    brief = FootBoundOptions(effort=100)  # of 1000: a weaker bound, as valid
+    monkeypatch.setattr("planner.inversion.foot.bound.OPTIONS", brief)
     arguments = ("compare", "-", "--leg", "reference", "--unreachable", "clamp")
-    result = run(*arguments, stdin=run("gait").stdout)
+    path = run("gait", "--samples", "24").stdout
+    result = run(*arguments, stdin=path)
     assert result.exit_code == 0
     assert "foot, optimised for the foot" in result.stdout
-    assert "foot, no plan within the limits below" in result.stdout
-    assert "15 samples were out of the leg's reach" in result.stderr
-    # No bound, which takes seconds.
-    monkeypatch.setattr("planner.evaluation.foot_comparison.MOST_SAMPLES_BOUNDED", 0)
-    short = run("gait", "--samples", "24").stdout
-    document = json.loads(run(*arguments, "--json", stdin=short).stdout)
-    assert document["unreachable_samples"] > 0
+    assert "foot, lower bound within the limits" in result.stdout
+    document = json.loads(run(*arguments, "--json", stdin=path).stdout)
+    missed = document["unreachable_samples"]
+    assert missed > 0
+    assert f"{missed} samples were out of the leg's reach" in result.stderr
     assert set(document["foot"]["methods"]) == set(METHODS)
 
 
 def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_path):
+    """Some seconds: the whole reference walk with the bound of its foot, as compare states it."""
     walk = planner.reference_walk()
     names = ["knee", "rotator", "abductor"]
     rows = [",".join(f"{name}_rad" for name in names)]
@@ -148,7 +168,7 @@ def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desir
         assert sum(" NO " in line for line in result.stdout.splitlines()) == 4
 
 
-@pytest.mark.parametrize("name", ["compare.png", "compare.svg", "COMPARE.PNG"])
+@pytest.mark.parametrize("name", ["compare.svg", "COMPARE.PNG"])
 def test_the_picture_is_what_its_name_says(run, desired, tmp_path, name):
     result = run("compare", desired, "--figure", name)
     assert result.exit_code == 0
@@ -156,9 +176,10 @@ def test_the_picture_is_what_its_name_says(run, desired, tmp_path, name):
     if name.endswith("svg"):
         root = ET.fromstring(content)
         texts = {"".join(each.itertext()).strip() for each in root.iter(f"{SVG}text")}
-        assert {"hip", "knee", "desired", "closed form", "optimised"} <= texts
+        assert {text.partition(": rms")[0] for text in texts} >= {"Hip", "Knee"}
+        assert {"desired", "closed form", "optimised"} <= texts
         assert {"angle [deg]", "request [deg]", "difference [deg]"} <= texts
-        assert "time [samples of 8 ms]; it repeats" in texts
+        assert "time [ms]; it repeats" in texts
     else:
         assert content.startswith(b"\x89PNG")
 
@@ -175,41 +196,3 @@ def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desir
         written = read_joint_path(folder / f"requests_{method}.csv", joints=["knee"]).angles[:, 0]
         assert np.degrees(written) == pytest.approx(plan["requests_deg"], abs=1e-9)
     assert {"comparison.png", "comparison.svg"} <= set(document["files"])
-
-
-WRONG = {
-    "a picture of no kind": (
-        ["--figure", "compare.gif"],
-        "--figure: got 'compare.gif', expected a name in .png or .svg. "
-        "See 'request-planner compare --help'.",
-    ),
-    "a picture in no folder": (
-        ["--figure", "nowhere/compare.png"],
-        "nowhere/compare.png: cannot be written (no such file or directory); "
-        "choose another place for the output",
-    ),
-    "a folder that is not ours": (
-        ["--out", "."],
-        ".: holds files that no earlier run made (brief.csv), expected a new or empty "
-        "folder or an earlier run's; choose another folder or move them away",
-    ),
-    "a level that there is not": (
-        ["--level", "sharp"],
-        "Invalid value for '--level': 'sharp' is not one of 'slope', 'envelope', 'exact'. "
-        "See 'request-planner compare --help'.",
-    ),
-    "limits that exclude the path": (
-        ["--joint", "hip", "--limits-deg", "-5:5"],
-        "desired: sample 8 is 0.1 rad, 0.0127 rad beyond the angles -0.0872665 to 0.0872665 rad "
-        "where the limits on the requests let the joint rest; clip the trajectory, or widen the "
-        "limits",
-    ),
-}
-
-
-@pytest.mark.parametrize(("options", "message"), WRONG.values(), ids=WRONG)
-def test_bad_input_is_one_line_and_status_2(run, desired, options, message):
-    result = run("compare", desired, *options)
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert result.stderr == f"request-planner: {message}\n"

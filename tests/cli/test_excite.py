@@ -9,11 +9,11 @@ import pytest
 
 from planner.cli.excite import KINDS
 from planner.files.joint_model import write_model
-from planner.files.joint_path import read_joint_path
+from planner.files.paths import read_joint_path
 from planner.identification.excitation import MEANING
 from planner.model.joint import JointModel
 
-SHORT = ("--limits-deg", "-30", "40", "--duration-s", "8", "--rate-hz", "50")
+SHORT = ("--limits-deg", "-30:40", "--duration-s", "8", "--rate-hz", "50")
 
 
 def test_every_kind_of_the_library_is_offered():
@@ -87,16 +87,16 @@ def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):
     ("arguments", "message"),
     [
         ([], "Missing option '--limits-deg'."),
-        (["--limits-deg", "5", "-5"], "limits: got 0.0872665 to -0.0872665 rad, expected the"),
-        (["--limits-deg", "nan", "5"], "limits: got nan"),
-        ([*SHORT, "--centre-deg", "50"], "centre: got 0.872665 rad, expected between the limits"),
-        ([*SHORT, "--rate-hz", "0"], "--rate-hz: got 0, expected more than 0."),
-        ([*SHORT, "--rate-hz", "inf"], "--rate-hz: got inf, expected more than 0."),
+        (["--limits-deg", "5", "-5"], "--limits-deg: got '5:-5', expected LOW:HIGH in degrees"),
+        (["--limits-deg", "nan", "5"], "--limits-deg: got 'nan:5'"),
+        ([*SHORT, "--centre-deg", "50"], "--centre-deg: got 50 deg, expected between the limits"),
+        ([*SHORT, "--rate-hz", "0"], "--rate-hz: got '0', expected more than 0 hertz."),
+        ([*SHORT, "--rate-hz", "inf"], "--rate-hz: got 'inf', expected more than 0 hertz."),
         ([*SHORT, "--kind", "chirp", "--cycles", "2"], "--cycles has no effect with --kind chirp."),
         ([*SHORT, "--highest-hz", "2"], "--highest-hz has no effect with --kind steps."),
-        ([*SHORT, "--amplitude-deg", "90"], "amplitudes: got a step of 1.5708 rad, expected"),
-        ([*SHORT, "--noise-deg", "-1"], "noise: got -0.0174533 rad, expected 0 or more"),
-        ([*SHORT, "--duration-s", "0.1"], "duration: got 0.1 s, expected 40 to"),
+        ([*SHORT, "--amplitude-deg", "90"], "--amplitude-deg: got a step of 90 deg, expected"),
+        ([*SHORT, "--noise-deg", "-1"], "--noise-deg: got -1 deg, expected 0 or more"),
+        ([*SHORT, "--duration-s", "0.1"], "--duration-s: got 0.1 s, expected 40 to"),
     ],
 )
 def test_what_cannot_be_made_is_one_line_and_status_2(run, arguments, message):
@@ -105,3 +105,10 @@ def test_what_cannot_be_made_is_one_line_and_status_2(run, arguments, message):
     assert result.stdout == ""
     assert result.stderr.startswith(f"request-planner: {message}")
     assert result.stderr.count("\n") == 1
+
+
+def test_limits_may_be_two_numbers_as_earlier_releases_had_them(run):
+    now, earlier = (
+        run("excite", "--limits-deg", *limits, *SHORT[2:]) for limits in (["-30:40"], ["-30", "40"])
+    )
+    assert now.stdout == earlier.stdout != ""

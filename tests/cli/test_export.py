@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from planner.files.joint_path import read_joint_path, write_joint_path
+from planner.files.paths import read_joint_path, write_joint_path
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_cycles_rate_unit_and_names(run, requests, tmp_path):
     file = tmp_path / "out.csv"
     result = run(
         "export", requests, "--format", "csv", "--unit", "deg", "--cycles", 3, "--rate-hz", 50,
-        "--joint-names", "lf_1, lf_2", "-o", file,
+        "--between", "linear", "--joint-names", "lf_1, lf_2", "-o", file,
     )  # fmt: skip
     assert result.exit_code == 0
     assert result.stdout == ""
@@ -38,7 +38,7 @@ def test_cycles_rate_unit_and_names(run, requests, tmp_path):
     written = read_joint_path(file)
     assert written.names == ("lf_1", "lf_2")
     hip = np.degrees(written.angles[:, 0])
-    assert np.allclose(hip, [0, 2, 5, 7, 0, 2, 5, 7, 0, 2, 5, 7], rtol=0.0, atol=1e-9)
+    assert np.allclose(hip, np.tile([0, 2.5, 5, 7.5], 3), rtol=0.0, atol=1e-9)
 
 
 def test_ticks_of_single_joints(run, requests):
@@ -126,19 +126,27 @@ WRONG = {
     "two periods": (
         ["requests.csv", "--format", "csv", "--period-s", "0.02"],
         "requests.csv: one sample every 0.008 s, expected one every 0.02 s, the time between "
-        "requests; resample the path, drop column t_s, or set tick and hold in the model",
+        "requests; plan with --rate-hz 50 to resample the path, or with --rate-hz 125 to send as "
+        "many requests, or set tick and hold in the model",
     ),
     "no cycles": (
         ["requests.csv", "--format", "csv", "--cycles", "0"],
-        "cycles: got 0, expected a whole number from 1 up",
+        "--cycles: got 0, expected a whole number from 1 to 1000000. "
+        "See 'request-planner export --help'.",
     ),
     "too few names": (
         ["requests.csv", "--format", "csv", "--joint-names", "a"],
-        "joint names: got a, expected 2 different names, one per column of the requests",
+        "--joint-names: got a, expected 2 different names, one per column of the requests",
+    ),
+    "a rate that leaves requests out": (
+        ["requests.csv", "--format", "csv", "--rate-hz", "50"],
+        "--rate-hz: at 50 Hz 6 of 10 requests would never be sent, as they are 0.008 s apart, "
+        "and the joints would not move as planned; plan at this rate (plan --rate-hz 50), or "
+        "send what is on the straight lines between requests (--between linear)",
     ),
     "no rate": (
         ["requests.csv", "--format", "csv", "--rate-hz", "0"],
-        "rate: got 0 Hz, expected a positive number",
+        "--rate-hz: got 0.0, expected a number above 0. See 'request-planner export --help'.",
     ),
     "a period that is none": (
         ["bare.csv", "--format", "csv", "--period-s", "nan"],

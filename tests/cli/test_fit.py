@@ -104,15 +104,15 @@ def test_fit_draws_its_lines(run, desired, tmp_path, name, start):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        (["--max-rms", "0"], "--max-rms: got 0, expected more than 0 degrees"),
-        (["--shortest-s", "-1"], "--shortest-s: got -1, expected more than 0 seconds"),
+        (["--max-rms", "0"], "--max-rms: got '0', expected more than 0 degrees"),
+        (["--shortest-s", "-1"], "--shortest-s: got '-1', expected more than 0 seconds"),
         (["--required-s", "soon"], "--required-s: got 'soon', expected seconds"),
         (["--required-s", "0.1=up"], "--required-s: got '0.1=up'"),
         (["--figure", "fit.pdf"], "--figure: got 'fit.pdf', expected a name that ends in"),
         (["--knots", "k.csv"], "--knots writes one joint, got hip, knee"),
         (["--start-deg", "3"], "--start-deg: a cycle has no ends; add --no-cyclic"),
         (["--required-s", "0=0", "--required-s", "0.016=90"], "got a slope of"),
-        (["--exact"], "exact: expected segments or max_rms"),
+        (["--exact"], "--exact: expected segments or --max-rms"),
     ],
 )
 def test_what_fit_cannot_do_is_one_line_and_status_2(run, desired, asked, message):

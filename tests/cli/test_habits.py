@@ -70,7 +70,7 @@ def test_the_version_is_that_of_the_package(run):
 
 
 @pytest.mark.parametrize("wrong", ["plam", "simulat", "comparee"])
-def test_a_misspelt_command_is_told_the_nearest(run, wrong):
+def test_a_misspelt_command_names_the_nearest(run, wrong):
     near = {"plam": "plan", "simulat": "simulate", "comparee": "compare"}[wrong]
     result = run(wrong)
     assert result.exit_code == 2
@@ -102,7 +102,7 @@ def test_verbose_says_how_long_it_took_and_what_the_solvers_said(run, desired, a
     json.loads(result.stdout)
     number = r"\d[\d.e-]*"
     for line in (
-        f"joint: {number} searches, best {number} rad",
+        f"joint: {number} searches, best {number} deg",
         r"lower bound: Clarabel says Solved after \d+ iterations",
         f"hip: {number} s",
         f"knee: {number} s",
@@ -166,7 +166,7 @@ def test_every_shell_gets_its_script(run, shell, line):
         ("completion z", ["plain,zsh"]),
     ],
 )
-def test_a_shell_is_told_what_may_come_next(run, typed, offered):
+def test_a_shell_completes_what_may_come_next(run, typed, offered):
     words = f"request-planner {typed}"
     environment = {
         "_REQUEST_PLANNER_COMPLETE": "bash_complete",

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from planner.cli import cli
-from planner.files.joint_model import read_models
-from planner.files.joint_path import read_joint_path
+from planner.files.joint_model import read_model_file
+from planner.files.paths import read_joint_path
 from planner.files.table import write_table
 from planner.identification.excitation import excite
 from planner.model.joint import JointModel
@@ -63,7 +63,7 @@ def test_the_model_that_made_the_log_is_found_and_written(identified):
     folder, result = identified
     assert result.exit_code == 0, result.stderr
     assert result.stdout == ""
-    (found,) = read_models(folder / "joint.toml").for_joints(["any joint"])
+    (found,) = read_model_file(folder / "joint.toml").for_joints(["any joint"])
     for name, share in CLOSE.items():
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=share)
     assert found.period == pytest.approx(TRUE.period)
@@ -85,9 +85,9 @@ def test_the_model_file_says_where_it_comes_from_and_the_page_has_its_figures(id
     text = (folder / "joint.toml").read_text()
     assert "log.csv: " in text
     assert "of 1000 rows" in text
-    (found,) = read_models(folder / "joint.toml").for_joints(["knee"])
+    (found,) = read_model_file(folder / "joint.toml").for_joints(["knee"])
     page = (folder / "report.html").read_text()
-    assert "knee, identified" in page
+    assert "<h1>Knee, identified</h1>" in page
     assert str(found.v_max) in page
 
 
@@ -125,6 +125,10 @@ def test_json_has_what_a_machine_needs(identified, run):
         "tick",
         "hold",
         "offset",
+        "dead_band",
+        "v_offset",
+        "compliance",
+        "speed_per_torque",
     }
     low, high = document["intervals"]["v_max"]
     assert low < document["model"]["v_max"] < high
@@ -135,7 +139,7 @@ def test_every_joint_gets_a_table_that_plan_reads(run, tmp_path):
     result = run("identify", "both.csv", "--joint", "all", "--out", "both.toml", "--no-hold-out")
     assert result.exit_code == 0, result.stderr
     assert "the model holds for 2 of 2 joints" in result.stderr
-    hip, knee = read_models(tmp_path / "both.toml").for_joints(["hip", "knee"])
+    hip, knee = read_model_file(tmp_path / "both.toml").for_joints(["hip", "knee"])
     assert hip != knee
     assert hip.v_max == pytest.approx(TRUE.v_max, rel=CLOSE["v_max"])
 
@@ -149,7 +153,7 @@ def test_a_joint_that_says_nothing_is_left_out_of_all_and_ends_with_status_1(run
     assert result.exit_code == 1
     assert "warning: knee is left out: " in result.stderr
     assert result.stderr.endswith("request-planner: no model of knee; the others are written\n")
-    assert list(read_models(tmp_path / "all.toml").by_joint) == ["hip"]
+    assert list(read_model_file(tmp_path / "all.toml").by_joint) == ["hip"]
     alone = run("identify", "still.csv", "--joint", "knee")
     assert alone.exit_code == 2
     assert alone.stdout == ""
@@ -187,7 +191,7 @@ def test_a_model_that_does_not_fit_is_written_and_ends_with_status_1(run, tmp_pa
     [
         ([], "Missing argument 'LOG...'."),
         (["missing.csv"], "missing.csv: no such file"),
-        (["log.csv", "--tick-ms", "0"], "--tick-ms: got 0, expected more than 0 milliseconds."),
+        (["log.csv", "--tick-ms", "0"], "--tick-ms: got '0', expected more than 0 milliseconds."),
         (["log.csv", "--hold", "0"], "Invalid value for '--hold'"),
         (["log.csv", "--report", "-"], "--report: standard output takes the model; name a file."),
         (["log.csv", "--joint", "hip"], "log.csv"),
@@ -227,7 +231,7 @@ def test_a_recorded_gripper_is_known_sharply_in_shares_of_its_range(run, recordi
     result = run(*asked, "--out", "jaw.toml", "--report", "jaw.html")
     assert result.exit_code == 0, result.stderr
     assert "Jaw: the model holds: " in result.stderr
-    (jaw,) = read_models(tmp_path / "jaw.toml").for_joints(["Jaw"])
+    (jaw,) = read_model_file(tmp_path / "jaw.toml").for_joints(["Jaw"])
     assert 1.0 < jaw.v_max < 1.3
     assert "shares of the joint's range" in (tmp_path / "jaw.toml").read_text()
     page = (tmp_path / "jaw.html").read_text()

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import planner
 from planner.cli import cli
-from planner.files.joint_path import read_joint_path
+from planner.files.paths import read_joint_path
 
 JOINT = planner.JointModel.ers210a()
 REFERENCE = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
@@ -38,7 +38,7 @@ def planned(tmp_path_factory):
 @pytest.fixture
 def unbounded(run, monkeypatch):
     """A walk that is too long for a bound, which would take seconds: a file and its positions."""
-    monkeypatch.setattr("planner.inversion.foot.bound.MOST_SAMPLES_BOUNDED", 50)
+    monkeypatch.setattr("planner.run.plan.MOST_SAMPLES_BOUNDED", 50)
     text = run("gait").stdout
     return text, np.array([line.split(",")[1:] for line in text.splitlines()[1:]], dtype=float)
 
@@ -150,7 +150,9 @@ def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
-def test_a_missed_tolerance_of_a_joint_is_told_in_the_plans_norm_with_its_bound(run, walk, norm):
+def test_a_missed_tolerance_of_a_joint_is_reported_in_the_plans_norm_with_its_bound(
+    run, walk, norm
+):
     knee = "\n".join(["knee_rad", *map(repr, walk.desired[:, 2].tolist())])
     ask = ("plan", "-", "--norm", norm)
     told = json.loads(run(*ask, "--json", stdin=knee).stdout)["joints"]["knee"]
@@ -158,6 +160,34 @@ def test_a_missed_tolerance_of_a_joint_is_told_in_the_plans_norm_with_its_bound(
     assert result.exit_code == 1
     assert result.stderr.splitlines()[-1] == (
         f"request-planner: knee is off by {told[f'{norm}_deg']:.4g} deg ({norm}), expected at most "
-        f"6, where no requests reach less than {told['lower_bound_deg']:.4g}; "
+        f"6; the lower bound for any requests is {told['lower_bound_deg']:.4g}; "
         "the requests are written all the same"
     )
+
+
+def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
+    model = planner.JointModel(v_max=1.1, theta_0=0.11, lag=0.03, acceleration_time=0.05)
+    model.to_toml(tmp_path / "jaw.toml")
+    shares = 0.5 + 0.1 * np.sin(2.0 * np.pi * np.arange(80) / 80)
+    np.savetxt(tmp_path / "jaw.csv", shares, header="jaw_range", comments="")
+    arguments = ("--model", tmp_path / "jaw.toml", "-o", tmp_path / "out.csv")
+    # Unsmoothed: smoothing allows for an encoder's step, which is an angle and not a share.
+    asked = run("plan", tmp_path / "jaw.csv", *arguments, "--smoothness", 0, "--json")
+    assert asked.exit_code == 0, asked.stderr
+    library = planner.invert_optimal(model, shares, smoothness=0.0)
+    jaw = json.loads(asked.stdout)["joints"]["jaw"]
+    assert jaw["rms_percent"] == pytest.approx(100.0 * library.rms, abs=1e-3)
+    assert jaw["lower_bound_percent"] == pytest.approx(100.0 * library.lower_bound, abs=1e-3)
+    assert (tmp_path / "out.csv").read_text().startswith("t_s,jaw_range\n")
+    assert "jaw [% of its range]" in run("plan", tmp_path / "jaw.csv", *arguments).stderr
+    again = run("simulate", tmp_path / "out.csv", *arguments[:2], "--desired", tmp_path / "jaw.csv")
+    assert f"jaw: {jaw['rms_percent']:.3f} percent rms from the desired angles" in again.stderr
+    beyond = run("plan", tmp_path / "jaw.csv", *arguments, "--limits-deg", "0:55")
+    assert re.search(r"jaw: desired: sample 20 is 60 percent, 5 percent beyond", beyond.stderr)
+    nameless = run("plan", tmp_path / "jaw.csv")
+    assert (nameless.exit_code, nameless.stdout) == (2, "")
+    assert "of which the ERS-210A's model says nothing" in nameless.stderr
+    for command in (["export", "--format", "csv"], ["fit", *arguments[:2]]):
+        refused = run(command[0], tmp_path / "out.csv", *command[1:])
+        assert refused.exit_code == 2
+        assert "'jaw' is in shares of its range, expected an angle" in refused.stderr

@@ -15,6 +15,8 @@ import pytest
 from planner.cli import cli
 from planner.cli.program import COMMANDS
 from tests.docs import shell
+from tests.docs.blocks import PAGES, blocks
+from tests.docs.logs import write_logs
 
 RUN = [sys.executable, "-P", "-c", "from planner.cli import main; main()"]
 
@@ -23,18 +25,29 @@ def _example(command):
     """The lines of the worked example in a command's help."""
     context = cli.make_context("request-planner", [command] if command else [])
     told = (cli.get_command(context, command) if command else cli).get_help(context)
-    lines = re.search(r"Example.*:\n((?:\s{6}request-planner .*\n)+)", told)
+    lines = re.search(r"Example.*:\n((?:\s{6}request-planner (?:.*\\\n)*.*\n)+)", told)
     assert lines is not None, f"the help of {command or 'request-planner'} has no worked example"
     return "\n".join(line.strip() for line in lines[1].splitlines())
+
+
+def _on_pages():
+    """The commands that tests/docs runs."""
+    ran = [block.code for page in PAGES for block in blocks(page) if block.language == "sh"]
+    return {line for code in ran for line in shell.commands(code)}
 
 
 @pytest.mark.usefixtures("foot", "ready_experiments")
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, monkeypatch):
-    """The examples of plan and compare are whole: some five seconds."""
+    """Examples that stand on a page run there. Pictures of experiments are drawn in their tests."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "requests.csv").write_bytes(desired.read_bytes())
-    for line in shell.commands(_example(command)):
+    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
+    if command in ("refine", "replay"):
+        write_logs(tmp_path)
+    for name in ("requests.csv", "path.csv", "measured.csv"):
+        (tmp_path / name).write_bytes(desired.read_bytes())
+    lines = shell.commands(_example(command))
+    for line in lines if {*lines} - _on_pages() else []:
         shell.run(line)
 
 

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner.cli.run_file import read_run
-from planner.files.joint_path import read_joint_path
+from planner.exceptions import MissingExtra
+from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
+from planner.run.run import read_run
 
 SAME = 1e-10
 """Files carry 12 decimals of a degree; a joint's answer does not magnify that much [rad]."""
@@ -83,7 +84,7 @@ def test_the_same_file_makes_the_same_bytes(run, write, desired, tmp_path):
 
 
 def test_check_computes_and_writes_nothing(run, write, template, tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.cli.planning.make_plan", None)
+    monkeypatch.setattr("planner.run.run.answer_of", None)
     result = run("run", write(template), "--check", "--out", "out")
     assert result.exit_code == 0
     assert result.stderr == (
@@ -164,18 +165,17 @@ def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tm
     assert np.max(np.abs(own - other)) <= ROUNDED
 
 
-def test_a_description_may_tell_the_top_speeds(run, write, foot, tmp_path):
+def test_a_description_may_tell_the_top_speeds(run, write, foot, desired, tmp_path):
     assert foot.exists()
+    assert desired.exists()
     content = '[leg]\nname = "front-left"\n[path]\nfile = "foot.csv"\n[model]\nfile = "urdf"\n'
     assert run("run", write(content)).exit_code == 0
     run("plan", "foot.csv", "--leg", "front-left", "--model", "urdf", "-o", "plan.csv")
     requests = (tmp_path / "it" / "requests.csv").read_bytes()
     assert requests == (tmp_path / "plan.csv").read_bytes()
-    result = run(
-        "run", write(JOINTS.replace("desired", "foot") + content[content.index("[model") :])
-    )
+    result = run("run", write(JOINTS + content[content.index("[model") :]))
     assert result.stderr.startswith(
-        "request-planner: it.toml, line 4: model.file urdf takes speeds"
+        'request-planner: it.toml, line 4: model.file = "urdf" takes speeds'
     )
 
 
@@ -213,7 +213,7 @@ def test_exports_are_those_of_export(run, write, desired, tmp_path):
     content = JOINTS + (
         '[output]\nangles = ""\ndesired = ""\n'
         '[[export]]\nformat = "csv"\nfile = "servos/ticks.csv"\nunit = "ticks"\ncycles = 2\n'
-        "rate_hz = 50\nzero_tick = 1000\nzero_ticks = {knee = 500}\n"
+        "rate_hz = 250\nzero_tick = 1000\nzero_ticks = {knee = 500}\n"
         '[[export]]\nformat = "csv"\nfile = "deg.csv"\nunit = "deg"\njoint_names = ["a", "b"]\n'
     )
     result = run("run", write(content))
@@ -221,7 +221,7 @@ def test_exports_are_those_of_export(run, write, desired, tmp_path):
     folder = tmp_path / "it"
     assert results(folder)["files"] == ["deg.csv", "requests.csv", "servos/ticks.csv"]
     ticks = (
-        "--format csv --unit ticks --cycles 2 --rate-hz 50 --zero-tick 1000 --zero-tick knee=500"
+        "--format csv --unit ticks --cycles 2 --rate-hz 250 --zero-tick 1000 --zero-tick knee=500"
     )
     degrees = "--format csv --unit deg --joint-names a,b"
     for options, file in ((ticks, "servos/ticks.csv"), (degrees, "deg.csv")):
@@ -273,7 +273,7 @@ def test_a_run_that_fails_leaves_the_last_ones_folder(run, write, desired, tmp_p
     failing = JOINTS + '[plan]\nmethod = "closed-form"\n[limits.joints]\nknee = [5, 29]\n'
     result = run("run", write(failing))
     assert result.exit_code == 1
-    assert result.stderr.endswith("plan.method optimal keeps to them\n")
+    assert result.stderr.endswith('plan.method = "optimal" keeps to them\n')
     assert {each.name: each.read_bytes() for each in (tmp_path / "it").iterdir()} == before
     left = [each.name for each in tmp_path.iterdir() if each.name.startswith(".")]
     assert left == []
@@ -299,18 +299,18 @@ EXPORTS = {
 
 
 @pytest.mark.parametrize("kind", EXPORTS)
-def test_a_package_that_is_missing_is_told_before_anything_is_planned(
+def test_a_package_that_is_missing_is_reported_before_anything_is_planned(
     run, desired, tmp_path, monkeypatch, kind
 ):
     what, package, extra = EXPORTS[kind]
     for loaded in [name for name in sys.modules if name.startswith(f"{package}.")]:
         monkeypatch.delitem(sys.modules, loaded)  # by another test; they would do without it
     monkeypatch.setitem(sys.modules, package, None)
-    monkeypatch.setattr("planner.cli.planning.make_plan", None)
+    monkeypatch.setattr("planner.run.run.answer_of", None)
     (tmp_path / "it.toml").write_text(
         f'[path]\nfile = "{desired.name}"\n[[export]]\nformat = "{kind}"\nfile = "out"\n'
     )
-    needs = f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]'\n"
+    needs = f"{MissingExtra(what, extra)}\n"
     for arguments in (["--check"], ["--out", "out"]):
         result = run("run", "it.toml", *arguments)
         assert result.exit_code == 2
@@ -324,7 +324,7 @@ def test_a_package_that_is_missing_is_told_before_anything_is_planned(
 def test_a_walk_of_a_run_goes_where_its_heading_points(write, tmp_path, for_leg):
     leg = '[leg]\nname = "reference"\nunreachable = "nearest"\n'
     walk = f"[path.half_ellipse]\nheading_deg = 90\nfor_leg = {for_leg}\n"
-    foot = read_run(str(tmp_path / write(leg + walk))).wanted.foot
+    foot = read_run(str(tmp_path / write(leg + walk))).prepared.desired.foot
     x, y, _ = (foot - foot.mean(axis=0)).T
     assert np.ptp(y) > 0.05  # [m]; straight on it is 0
     assert np.ptp(x) == pytest.approx(0.0, abs=SAME)

@@ -7,10 +7,9 @@ import pytest
 
 import planner
 from planner.cli import view
-from planner.files.foot_path import read_foot_path, write_foot_path
-from planner.files.joint_path import read_joint_path, write_joint_path
-from planner.report import draw_scene, scene_page
-from planner.report.scene_page import Recording
+from planner.files.paths import read_foot_path, read_joint_path, write_foot_path, write_joint_path
+from planner.report import scene as report
+from planner.report.scene import Recording
 
 SAME = 1e-9
 """Files carry 12 decimals of a degree, and a joint's answer does not magnify that much [rad, m]."""
@@ -25,7 +24,7 @@ def test_a_foot_path_becomes_a_page(run, foot, meshcat, tmp_path):  # noqa: ARG0
     result = run("view", foot, "--leg", "front-left", "--html", "walk.html")
     assert result.exit_code == 0, result.stderr
     assert result.stdout == ""
-    assert result.stderr == "walk.html: 88 samples, 19 links\n"
+    assert result.stderr.startswith("walk.html: 88 samples, 19 links; model: ers210a")
     page = (tmp_path / "walk.html").read_text()
     assert "<h1>request-planner: front-left</h1>" in page
     assert page.count("<li><i") == 3
@@ -40,7 +39,7 @@ def shown(meshcat, monkeypatch):  # noqa: ARG001
         pages.append(motions)
         return ""
 
-    monkeypatch.setattr(scene_page, "scene_page", keep)
+    monkeypatch.setattr(report, "scene_page", keep)
     return pages
 
 
@@ -90,7 +89,7 @@ def test_the_server_is_fed_and_ends_with_ctrl_c(run, foot, meshcat, monkeypatch)
         return viewer
 
     monkeypatch.setattr(meshcat, "Visualizer", visualizer)
-    monkeypatch.setattr(draw_scene, "import_meshcat", lambda: meshcat)
+    monkeypatch.setattr(report, "import_meshcat", lambda: meshcat)
 
     def interrupted(_):
         raise KeyboardInterrupt
@@ -143,5 +142,21 @@ def test_what_is_not_installed_is_named(run, foot, monkeypatch):
     assert result.exit_code == 2
     assert result.stderr == (
         "request-planner: the view in Meshcat needs the extra 'meshcat': python -m pip install "
-        "'request-planner[meshcat]'\n"
+        "'request-planner[meshcat]', or '.[meshcat]' in a checkout\n"
     )
+
+
+def test_legs_move_under_the_load_that_their_requests_are_planned_for(run, foot, shown, tmp_path):
+    soft = planner.JointModel(
+        v_max=5.45, theta_0=0.12, lag=0.032, acceleration_time=0.048, compliance=0.3
+    )
+    soft.to_toml(tmp_path / "soft.toml")
+    leg = ("--leg", "front-left", "--model", "soft.toml")
+    run("plan", foot, *leg, "--method", "optimal", "--load", "urdf", "-o", "requests.csv")
+    run("view", foot, *leg, "--html", "page.html", "--requests", "requests.csv")
+    ((desired, direct, planned),) = shown
+    given = read_joint_path("requests.csv")
+    for motion, sent in ((direct, desired.angles), (planned, given.angles)):
+        for j in range(3):
+            answer = planner.simulate(soft, sent[:, j], load=given.loads[:, j])
+            assert np.max(np.abs(motion.angles[:, j] - answer)) <= SAME

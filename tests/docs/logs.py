@@ -44,6 +44,15 @@ def _write_csvs(folder):
         goal_Jaw=requests,
         present_Jaw=angles,
     )
+    _write_csv(
+        folder / "demo.csv",
+        t_s=time,
+        goal_wrist_rad=requests,
+        present_wrist_rad=angles,
+        goal_jaw_range=0.5 * requests,
+        present_jaw_range=0.5 * angles,
+    )
+    JOINT.to_toml(folder / "arm.toml")
     ticks = np.round(np.array([requests, angles]) * 4096 / (2 * np.pi))
     _write_csv(folder / "servo.csv", time_s=time, goal=ticks[0], position=ticks[1])
 

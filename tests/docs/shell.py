@@ -27,7 +27,7 @@ NEEDED = {
 """What a command with this word in it cannot do without."""
 
 
-def lacks(command):
+def missing(command):
     """Packages of extras that a command needs and that are not installed."""
     packages = {NEEDED[word] for word in shlex.split(command) if word in NEEDED}
     return [package for package in packages if importlib.util.find_spec(package) is None]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import planner
+from planner.inversion.foot import bound
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks
 from tests.docs.logs import write_logs
@@ -32,13 +34,26 @@ def empty_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "play", clocked)
 
 
-@pytest.mark.usefixtures("empty_folder", "ready_experiments")
+@pytest.fixture
+def brief_search(monkeypatch):
+    """Let the search for the bound of a foot end after its first rounds."""
+    options = replace(bound.OPTIONS, effort=100)  # of 1000: it saves half of the leg's page
+    monkeypatch.setattr(bound, "OPTIONS", options)
+
+
+@pytest.fixture
+def no_bitmaps(monkeypatch):
+    """Leave bitmaps empty: tests/report and the commands' own tests draw them."""
+    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
+
+
+@pytest.mark.usefixtures("empty_folder", "ready_experiments", "brief_search", "no_bitmaps")
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
-    """What a reader runs is run whole: up to twenty seconds on the pages with plans for a foot."""
-    if page.name == "logs.md":
+    """Run whole, as a reader runs it, but for that search and bitmaps: up to ten seconds a page."""
+    if page.name in ("logs.md", "replay.md"):
         write_logs(Path())
-    names, lacking = {}, set()
+    names, not_installed = {}, set()
     for block in blocks(page):
         place = f"{page}, line {block.line}"
         if block.language == "python":
@@ -49,10 +64,10 @@ def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
         else:
             shown = ""
             for command in shell.commands(block.code):
-                absent = shell.lacks(command)
-                lacking.update(absent)
+                absent = shell.missing(command)
+                not_installed.update(absent)
                 shown += "" if absent else shell.run(command)
         line = missing(block.printed, shown)
         assert line is None, f"{place}: not printed: {line}\nbut:\n{shown}"
-    if lacking:
-        pytest.skip(f"all but what needs {', '.join(sorted(lacking))}")
+    if not_installed:
+        pytest.skip(f"all but what needs {', '.join(sorted(not_installed))}")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from planner.evaluation.metrics import angle_distance
 from planner.exceptions import InvalidTrajectory
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from tests.independent import equation_3
 
 JOINT = JointModel.ers210a()
 PHASE = 2.0 * np.pi * np.arange(88) / 88
@@ -38,10 +42,32 @@ def test_the_best_time_shift_is_the_best_of_all_simulated_one_by_one():
     assert np.array_equal(shift.requests, np.roll(DESIRED, -shift.samples, axis=0))
 
 
-def test_the_best_lead_is_about_the_delay_of_the_joint():
+def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
+    angles = []
+    for wanted in DESIRED.T:
+        done = equation_3(
+            lambda t, wanted=wanted: wanted[t % 88],
+            20 * 88,  # of which the last cycle repeats the one before it to 1e-12
+            wanted[0],
+            v_max=math.radians(2.5),
+            theta_0=math.radians(7.0),
+            lag=4,
+            acceleration=6,
+        )
+        angles.append(done[-88:])
+    distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
+    best = min(range(88), key=lambda lead: distances[lead].rms)
     shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
-    delay = JOINT.lag_ticks + JOINT.acceleration_ticks / 2 + JOINT.theta_0 / JOINT.v_max_per_tick
-    assert abs(shift.samples - delay) <= 2.0
+    assert shift.samples == best
+    assert shift.distance.rms == pytest.approx(distances[best].rms, abs=1e-10)
+
+
+def test_two_ticks_more_of_lag_make_the_best_lead_two_samples_longer():
+    shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
+    later = replace(JOINT, lag=JOINT.lag + 2 * JOINT.tick)
+    more = best_time_shift([later, later], DESIRED, _distance)
+    assert more.samples == shift.samples + 2
+    assert more.distance.rms == pytest.approx(shift.distance.rms, abs=1e-10)
 
 
 def test_what_comes_back_is_read_only():

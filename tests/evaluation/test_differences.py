@@ -82,7 +82,7 @@ def test_requests_near_a_corner_are_those_that_act_within_the_acceleration_time_
     assert set(reasons) == {"corner", "free"}
 
 
-def test_a_corner_at_the_seam_of_a_cycle_reaches_around_it():
+def test_a_corner_at_a_cycle_boundary_counts_on_both_sides():
     reasons = classify(_plan(knots=[1.0, 30.0]), _plan())
     assert reasons[(1 - LEAD - 4) % SAMPLES] == "corner"
     assert reasons[(1 - LEAD - 5) % SAMPLES] == "free"
@@ -128,7 +128,7 @@ def test_from_rest_requests_that_act_after_the_end_are_set_apart():
         ("aaa", False, [(0, 3)]),
     ],
 )
-def test_equal_reasons_run_together_across_the_seam_of_a_cycle_too(reasons, cyclic, expected):
+def test_equal_reasons_run_together_across_a_cycle_boundary_too(reasons, cyclic, expected):
     assert runs(list(reasons), cyclic=cyclic) == expected
 
 

@@ -11,9 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.files.foot_path import foot_path, is_foot_path, read_foot_path, write_foot_path
-from planner.files.joint_model import read_models, write_model
-from planner.files.joint_path import joint_path, read_joint_path, write_joint_path
+from planner.files.joint_model import read_model_file, write_model
+from planner.files.paths import (
+    foot_path,
+    is_foot_path,
+    joint_path,
+    read_foot_path,
+    read_joint_path,
+    write_foot_path,
+    write_joint_path,
+)
 from planner.files.table import read_table
 from planner.model.joint import JointModel
 
@@ -97,7 +104,7 @@ def test_a_written_model_is_read_back(tmp_path):
         v_max=5.45, theta_0=0.122, lag=0.0321, acceleration_time=0.047, tick=0.005, hold=4
     )
     write_model(file, model)
-    assert read_models(file).for_joints(["any", "other"]) == (model, model)
+    assert read_model_file(file).for_joints(["any", "other"]) == (model, model)
 
 
 def test_a_table_per_joint_changes_only_what_it_says(tmp_path):
@@ -105,6 +112,6 @@ def test_a_table_per_joint_changes_only_what_it_says(tmp_path):
     file.write_text(
         "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.05\n[knee]\nlag = 0.02\n"
     )
-    hip, knee = read_models(file).for_joints(["hip", "knee"])
+    hip, knee = read_model_file(file).for_joints(["hip", "knee"])
     assert (hip.lag, knee.lag) == (0.03, 0.02)
     assert (hip.v_max, knee.v_max) == (5.0, 5.0)

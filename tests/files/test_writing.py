@@ -7,22 +7,20 @@ import os
 import signal
 import subprocess
 import sys
-import threading
+from pathlib import Path
 
 import pytest
 
 from planner.exceptions import InvalidFile
-from planner.files import output_folder as output_folder_module
-from planner.files import text
-from planner.files.exchange import exchange
-from planner.files.output_folder import list_files, output_folder
-from planner.files.text import read_text, staged, write_text
+from planner.files import staging
+from planner.files.staging import list_files, output_folder, staged
+from planner.files.text import read_text, write_text
 
 
 def _run(folder, name="a.csv", content="1"):
-    with output_folder(folder) as aside:
-        (aside / name).write_text(content)
-        (aside / "results.json").write_text(json.dumps({"files": [name]}))
+    with output_folder(folder) as new:
+        (new / name).write_text(content)
+        (new / "results.json").write_text(json.dumps({"files": [name]}))
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
@@ -32,7 +30,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(text.os, "fdopen", full)
+    monkeypatch.setattr(staging.os, "fdopen", full)
     with pytest.raises(InvalidFile, match=r"cannot be written \(no space left on device\)"):
         write_text(file, "new")
     assert file.read_text() == "old"
@@ -49,32 +47,19 @@ def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_h
     assert written.stat().st_mode & 0o777 == 0o640
 
 
-def test_what_a_killed_process_left_beside_a_file_is_swept_away_by_a_later_write(tmp_path):
-    file = tmp_path / "plan [1].csv"
+def test_a_killed_process_leaves_the_old_file(tmp_path):
+    file = tmp_path / "plan.csv"
+    file.write_text("old")
     code = (
-        "import os, sys; from planner.files.text import staged\n"
+        "import os; from planner.files.staging import staged\n"
         f"with staged({str(file)!r}, b'half'):\n"
         "    os.kill(os.getpid(), 9)\n"
     )
     done = subprocess.run([sys.executable, "-P", "-c", code], check=False)
     assert done.returncode == -signal.SIGKILL
-    (left,) = tmp_path.iterdir()
-    assert left.read_text() == "half"
+    assert file.read_text() == "old"
     write_text(file, "new")
-    assert left.exists()  # it could be that of a process beside this one
-    os.utime(left, (0.0, 0.0))
-    users = [f".{file.name}.new-notes", f".{file.name}.backup00", f".other{left.name}", "other.csv"]
-    for name in users:
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, (0.0, 0.0))
-    (tmp_path / f".{file.name}.new-linked00").symlink_to(tmp_path / "other.csv")
-    write_text(file, "newer")
-    assert not left.exists()
-    assert {each.name for each in tmp_path.iterdir()} == {
-        file.name,
-        f".{file.name}.new-linked00",
-        *users,
-    }
+    assert file.read_text() == "new"
 
 
 def test_writing_through_a_link_keeps_the_link(tmp_path):
@@ -134,8 +119,8 @@ def test_a_failed_run_leaves_the_last_good_one(tmp_path):
     _run(out)
 
     def stopped_half_way():
-        with output_folder(out) as aside:
-            (aside / "half.csv").write_text("half")
+        with output_folder(out) as new:
+            (new / "half.csv").write_text("half")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -192,9 +177,9 @@ def test_a_killed_run_leaves_the_last_good_one(tmp_path):
     out = tmp_path / "out"
     _run(out)
     code = (
-        "import sys; from planner.files.output_folder import output_folder\n"
-        f"with output_folder({str(out)!r}) as aside:\n"
-        "    (aside / 'half.csv').write_text('half')\n"
+        "import sys; from planner.files.staging import output_folder\n"
+        f"with output_folder({str(out)!r}) as new:\n"
+        "    (new / 'half.csv').write_text('half')\n"
         "    print('half', flush=True)\n"
         "    sys.stdin.read()\n"
     )
@@ -204,57 +189,28 @@ def test_a_killed_run_leaves_the_last_good_one(tmp_path):
         process.stdout.readline()
         process.kill()
     assert list_files(out) == ["a.csv", "results.json"]
-    (left,) = set(tmp_path.iterdir()) - {out}
     _run(out, "b.csv")
-    assert left.is_dir()  # it could be that of a run beside this one
-    os.utime(left, (0.0, 0.0))
-    _run(out, "c.csv")
-    assert list_files(tmp_path) == ["out/c.csv", "out/results.json"]
+    assert list_files(out) == ["b.csv", "results.json"]
 
 
-def test_a_folder_is_there_all_the_time_that_it_is_replaced(tmp_path):
+def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):
     out = tmp_path / "out"
     _run(out)
-    if not exchange(out, out):
-        pytest.skip("this system cannot exchange folders")
-    missing, stop = [], threading.Event()
+    rename = Path.replace
 
-    def watch():
-        while not stop.is_set():
-            if not out.is_dir():
-                missing.append(1)
+    def refuse(self, target):
+        if ".new-" in self.name:
+            raise OSError(18, "Invalid cross-device link")
+        return rename(self, target)
 
-    watcher = threading.Thread(target=watch)
-    watcher.start()
-    for content in range(200):
-        _run(out, "a.csv", str(content))
-    stop.set()
-    watcher.join()
-    assert not missing
-
-
-def test_a_folder_is_replaced_where_folders_cannot_be_exchanged(tmp_path, monkeypatch):
-    monkeypatch.setattr(output_folder_module, "exchange", lambda *_: False)
-    out = tmp_path / "out"
-    _run(out, "a.csv")
-    _run(out, "b.csv")
-    assert list_files(tmp_path) == ["out/b.csv", "out/results.json"]
-
-
-def test_exchanged_paths_change_places_and_what_is_missing_is_not_exchanged(tmp_path):
-    one, other = tmp_path / "one", tmp_path / "other"
-    one.write_text("1")
-    other.mkdir()
-    if not exchange(one, other):
-        pytest.skip("this system cannot exchange paths")
-    assert one.is_dir()
-    assert other.read_text() == "1"
-    assert not exchange(one, tmp_path / "missing")
-    assert one.is_dir()
+    monkeypatch.setattr(Path, "replace", refuse)
+    with pytest.raises(InvalidFile, match=r"cannot be replaced \(invalid cross-device link\)"):
+        _run(out, "b.csv")
+    assert list_files(tmp_path) == ["out/a.csv", "out/results.json"]
 
 
 def test_the_search_for_files_of_others_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(output_folder_module, "MOST_FOREIGN", 3)
+    monkeypatch.setattr(staging, "MOST_FOREIGN", 3)
     for name in "abcdef":
         (tmp_path / name).touch()
     with pytest.raises(InvalidFile, match=r"no earlier run made \(\w and at least 2 more\)"):

@@ -8,14 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
-from planner.identification.excitation import MEANING, excite
+from planner.identification.excitation import MEANING, excite, expect
+from planner.model.joint import JointModel
 from planner.model.step_test import step_test
 
 EQUAL = 1e-12
 """Two ways to the same request differ by rounding only [rad]."""
 
 KINDS = tuple(MEANING)
-CONTINUOUS = ("multisine", "chirp", "triangle")
+CONTINUOUS = ("multisine", "chirp", "triangle", "slow_triangle")
 
 
 def signal(kind, **changes):
@@ -38,7 +39,7 @@ def test_no_request_leaves_the_limits_and_both_ends_rest_at_the_centre(
     limits, centre = (low, low + width), low + middle * width
     made = excite(kind, limits=limits, period=period, duration=duration, centre=centre, seed=seed)
     assert np.all((made.requests >= limits[0]) & (made.requests <= limits[1]))
-    rest = int(0.4 / period)  # a little less than the half second that is promised
+    rest = int(0.4 / period)  # a little less than the half second that is documented
     assert np.all(made.requests[:rest] == centre)
     assert np.all(made.requests[-rest:] == centre)
     assert len(made.times) == len(made.requests) == round(duration / period)
@@ -91,6 +92,16 @@ def test_a_triangle_doubles_its_speed_three_times():
     found = [np.median(part) for part in parts]
     np.testing.assert_allclose(found, found[0] * np.array([1.0, 2.0, 4.0, 8.0]), rtol=1e-6)
     assert found[0] == pytest.approx(4.0 * made.reach / 10.0)
+
+
+def test_a_slow_triangle_tells_friction_and_no_jump_hides_it():
+    sticky = JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, dead_band=0.03)
+    made = signal("slow_triangle", duration=20.0)
+    assert made.largest_jump <= 8.5 * made.reach * made.period / 9.5  # two cycles in 9.5 s
+    found = expect(made, sticky)
+    (lower, upper) = found.intervals["dead_band"]
+    assert lower <= sticky.dead_band <= upper <= 1.2 * lower
+    assert "dead band" in made.meaning
 
 
 @pytest.mark.parametrize("kind", ["multisine", "chirp"])

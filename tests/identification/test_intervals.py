@@ -51,7 +51,7 @@ def test_intervals_hold_the_truth_nineteen_times_in_twenty():
 
 def test_a_joint_that_never_saturates_shows_only_the_ratio():
     log = rich_log(amplitude=GENTLE, noise=NOISE / 10.0)
-    found = planner.identify(log)
+    found = planner.identify(log, hold_out=False)
     lower, upper = found.intervals["v_max"]
     assert 0.0 < lower <= AIBO.v_max
     assert upper == math.inf
@@ -64,6 +64,15 @@ def test_a_joint_that_never_saturates_shows_only_the_ratio():
     said = next(warning for warning in found.warnings if "saturates" in warning)
     assert f"v_max/theta_0 = {found.gain:.3g} per second is known" in said
     assert "record steps larger than about 0.2 rad" in said
+
+
+def test_without_noise_a_joint_that_never_saturates_has_no_top_speed_either():
+    requests = np.repeat([0.0, 0.002] * 4, 50)
+    angles = planner.simulate(AIBO, requests, cyclic=False)
+    found = planner.identify((AIBO.tick * np.arange(400), requests, angles), hold_out=False)
+    assert found.intervals["v_max"].upper == math.inf
+    said = next(warning for warning in found.warnings if "saturates" in warning)
+    assert "only v_max/theta_0" in said
 
 
 def test_a_joint_that_saturates_has_bounded_intervals_and_a_covariance():
@@ -80,7 +89,7 @@ def test_slow_motion_cannot_tell_the_delays_apart():
     requests = 0.2 * np.sin(2.0 * np.pi * 0.5 * times)
     rng = np.random.default_rng(0)
     angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
-    found = planner.identify((times, requests, angles))
+    found = planner.identify((times, requests, angles), hold_out=False)
     assert found.intervals["lag"].upper - found.intervals["lag"].lower >= 2.0 * AIBO.tick
     assert any("lag lies anywhere" in warning for warning in found.warnings)
 
@@ -107,6 +116,19 @@ def test_more_noise_widens_every_interval():
         assert upper - lower < loud[name].upper - loud[name].lower, name
 
 
+def test_structure_that_the_model_does_not_have_widens_every_interval():
+    """The joint sways at 1.5 Hz, whatever is requested."""
+    log = rich_log(noise=NOISE / 10.0)
+    white = planner.identify(log, hold_out=False)
+    turns = 2.0 * np.pi * 1.5 * log.times
+    bent = changed(log, angles=log.angles + 0.02 * np.sin(turns) * (1.0 + log.angles))
+    found = planner.identify(bent, hold_out=False)
+    for name in ("v_max", "lag", "offset"):
+        narrow, wide = white.intervals[name], found.intervals[name]
+        assert wide.upper - wide.lower >= 5.0 * (narrow.upper - narrow.lower), name
+        assert hits(AIBO, wide, name)
+
+
 def test_correlated_rows_count_for_fewer():
     rng = np.random.default_rng(0)
     white = rng.normal(size=4000)
@@ -120,7 +142,7 @@ def test_correlated_rows_count_for_fewer():
 
 
 def test_everything_can_be_written_as_json():
-    found = planner.identify(rich_log(amplitude=GENTLE, noise=NOISE / 10.0))
+    found = planner.identify(rich_log(amplitude=GENTLE, noise=NOISE / 10.0), hold_out=False)
     kept = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert kept["intervals"]["v_max"][1] is None
     assert kept["model"]["lag"] == found.model.lag

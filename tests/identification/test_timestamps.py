@@ -1,4 +1,4 @@
-"""Times that jitter are told from rows that are uneven, by which of them the joint agrees with."""
+"""Times that jitter are distinguished from uneven rows by the loss of the fit."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.identification.made import (
     identified_steps,
     measured,
     rich_log,
+    step_logs,
 )
 
 WHITE = 1.3
@@ -117,7 +120,7 @@ def test_a_joint_that_jumps_is_none_even_if_it_mostly_rests():
     assert not found.accepted
 
 
-def test_a_joint_that_hardly_moves_is_told_how_far_to_move():
+def test_a_joint_that_hardly_moves_is_advised_how_far_to_move():
     log = rich_log(amplitude=0.01, noise=NOISE)
     found = planner.identify(log)
     assert not found.accepted
@@ -181,3 +184,27 @@ def test_angles_that_have_nothing_to_do_with_the_requests_have_no_sign():
     found = planner.identify(changed(log, angles=rich_log(seed=1).angles), hold_out=False)
     assert not found.accepted
     assert not names_the_sign(found)
+
+
+def calm_and_shaken():
+    """Step tests of a joint with friction, once calm and once shaken at 4 Hz by something else."""
+    sticky = replace(AIBO, dead_band=0.02)
+    (calm,) = step_logs(sticky, amplitudes=(0.5,), samples=250, noise=0.0, quantum=0.0015)
+    shaking = 0.006 * np.sin(2.0 * np.pi * 4.0 * calm.times)
+    return calm, changed(calm, angles=calm.angles + shaking)
+
+
+def test_a_joint_that_is_shaken_at_rest_never_holds():
+    calm, shaken = (planner.identify(log, hold_out=False) for log in calm_and_shaken())
+    assert calm.verdict == "holds"
+    assert shaken.verdict == "usable"
+    assert any("shaking hides dry friction" in warning for warning in shaken.warnings)
+    assert not any("shaking" in warning for warning in calm.warnings)
+
+
+def test_motion_in_one_direction_leaves_friction_open_and_does_not_hold():
+    requests = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])
+    angles = measured(planner.simulate(AIBO, requests, cyclic=False), np.random.default_rng(0))
+    found = planner.identify((AIBO.tick * np.arange(500), requests, angles), hold_out=False)
+    assert found.verdict == "usable"
+    assert any("leaves dry friction open" in warning for warning in found.warnings)

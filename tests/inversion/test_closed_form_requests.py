@@ -1,4 +1,4 @@
-"""Requests for many known curves at once: the same as one by one, and refused the same."""
+"""Requests for many known curves at once: the joint follows each; misfits are refused."""
 
 from __future__ import annotations
 
@@ -14,12 +14,16 @@ from planner.exceptions import InvalidInput
 from planner.inversion.closed_form import closed_form_requests, switching_time
 from planner.inversion.line_inverse import RULES, line_offset
 from planner.model.joint import JointModel
+from tests.independent import from_rest, next_cycle
 from tests.instances import REFERENCE_JOINTS, random_model
 
 ERS210A = JointModel.ers210a()
 
 SAME = 1e-12
 """Rounding of requests of a few radians [rad]."""
+
+SETTLED = 1e-6
+"""Distance from a line of at least a hundred ticks, of which each leaves 5/6 of it [rad]."""
 
 
 def random_stack(rng, model, *, curves, lines, cyclic, samples=88):
@@ -45,22 +49,51 @@ def curves_of(stack):
     ]
 
 
+def long_lines(rng, model, *, curves, cyclic):
+    """Curves of four lines, each so long that the joint comes to follow it, with their samples."""
+    samples = 600 // model.hold
+    knots = np.linspace(0, samples - (not cyclic), 4 + 1)[: 4 + (not cyclic)]
+    knots = knots + rng.uniform(0.0, 0.1 * samples, size=(curves, 4 + (not cyclic)))
+    if not cyclic:
+        knots[:, 0], knots[:, -1] = 0.0, samples - 1
+    stack = CurveStack(
+        knots=knots,
+        values=rng.uniform(-1.0, 1.0, size=knots.shape),
+        samples=samples,
+        tick=model.period,
+        cyclic=cyclic,
+    )
+    steepest = np.max(np.abs(stack.slopes), axis=1, keepdims=True)
+    return replace(stack, values=stack.values * (0.4 * model.v_max / steepest))
+
+
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("seed", range(3))
-def test_many_curves_at_once_have_the_requests_of_each_alone(seed, cyclic, rule):
+def test_each_of_many_curves_is_where_equation_3_brings_the_joint(seed, cyclic, rule):
+    """At the end of a line the joint is on it; by the paper's rule, half a tick ahead of it.
+
+    That half tick is the difference between the sum and its integral, as long as a request is sent
+    at every tick and none of the window saturates F: here, up to two fifths of the top speed.
+    """
     rng = np.random.default_rng(seed)
-    inside = {"acceleration_time": 0.04, "theta_0": 0.2}  # keeps Equation 13
-    model = replace(random_model(rng, whole=False, hold=1 + seed, offset=True), **inside)
-    stack = random_stack(rng, model, curves=40, lines=2 + 3 * seed, cyclic=cyclic)
+    hold = 1 if rule == "paper" else 1 + seed
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    model = replace(model, acceleration_time=0.04, theta_0=6.0 * model.v_max * model.tick)
+    stack = long_lines(rng, model, curves=5, cyclic=cyclic)
     together = closed_form_requests(model, stack, rule=rule)
-    assert together.shape == (40, 88)
+    assert together.shape == (5, stack.samples)
     for curve, requests in zip(curves_of(stack), together, strict=True):
-        alone = closed_form_requests(model, curve, rule=rule)
-        np.testing.assert_allclose(requests, alone, rtol=0.0, atol=SAME)
-    np.testing.assert_array_equal(
-        closed_form_requests(model, curves_of(stack), rule=rule), together
-    )
+        if cyclic:
+            before = next_cycle(model, requests, requests[-1])
+            angles = next_cycle(model, requests, before[-1])
+        else:
+            angles = from_rest(model, requests)
+        turning = curve.knots[0 if cyclic else 1 :] - model.acceleration_time / 2 / model.period
+        ends = np.floor(turning).astype(int) - 1
+        ahead = model.tick / 2 if rule == "paper" else 0.0
+        there = curve(ends) + ahead * curve.slope_at(ends)
+        np.testing.assert_allclose(angles[ends], there, rtol=0.0, atol=SETTLED)
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

@@ -1,13 +1,11 @@
-"""Costs of errors to second order, and the regularisation by squared changes of requests."""
+"""Costs of errors to second order."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from planner.inversion.gauss_newton import OPTIONS, changes, power_cost, smoothing_term
-from planner.inversion.kkt_step import cost_of
-from planner.inversion.smoothing import squared_changes
+from planner.inversion.gauss_newton import OPTIONS, power_cost
 from planner.inversion.tracking_problem import Errors
 
 STEP = 1e-6
@@ -21,55 +19,6 @@ CURVATURES = 1e-5
 
 ROUNDING = 1e-13
 """Two routes through the same few products agree to this, relative."""
-
-SUMS = 1e-12
-"""Sums of a few dozen numbers near one, added up in two orders."""
-
-CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
-
-
-def requests_of(seed, *, samples=12, joints=2):
-    return np.random.default_rng(seed).normal(size=(samples, joints))
-
-
-def differences(samples, *, cyclic):
-    """D, so that D R are the changes."""
-    matrix = np.roll(np.eye(samples), 1, axis=1) - np.eye(samples)
-    return matrix if cyclic else matrix[:-1]
-
-
-@CYCLIC
-def test_changes_are_differences_and_a_cycle_has_one_more(cyclic):
-    requests = requests_of(0)
-    expected = differences(12, cyclic=cyclic) @ requests
-    np.testing.assert_allclose(changes(requests, cyclic=cyclic), expected, rtol=0.0, atol=SUMS)
-    assert squared_changes(requests, cyclic=cyclic) == pytest.approx(np.sum(expected**2))
-
-
-@CYCLIC
-def test_the_smoothing_term_has_the_value_and_the_slope_of_the_squared_changes(cyclic):
-    requests, weight = requests_of(1), 0.3
-    term = smoothing_term(requests, weight, cyclic=cyclic)
-    D = differences(12, cyclic=cyclic)
-    assert cost_of(term) == pytest.approx(weight * np.sum((D @ requests) ** 2), rel=SUMS)
-    np.testing.assert_allclose(
-        term.weight * term.away, weight * D.T @ D @ requests, rtol=0.0, atol=SUMS
-    )
-
-
-@CYCLIC
-def test_steps_under_the_smoothing_term_alone_take_the_changes_away(cyclic):
-    requests, mean = requests_of(2), requests_of(2).mean(axis=0)
-    for _ in range(600):
-        before = squared_changes(requests, cyclic=cyclic)
-        requests = requests - smoothing_term(requests, 1.0, cyclic=cyclic).away
-        assert squared_changes(requests, cyclic=cyclic) <= before
-    np.testing.assert_allclose(requests, np.tile(mean, (12, 1)), rtol=0.0, atol=1e-6)
-
-
-def test_the_smoothing_curvature_is_enough_for_steps_to_converge():
-    largest = 4.0  # of the squared changes; half of it or more lets steps converge
-    assert largest / 2.0 < OPTIONS.smoothing_curvature <= largest
 
 
 class Lines:

@@ -53,7 +53,7 @@ class Problem:
             total += 2.0 * self.cost.gradient[k] @ change
             total += change @ self.cost.curvature[k] @ change
         penalty = self.regularisation.weight * np.sum((self.regularisation.away + requests) ** 2)
-        return float(total + self.regularisation.constant + penalty)
+        return float(total + penalty)
 
 
 def random_problem(rng, samples, joints, *, hold=1, cyclic=True):

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, OutsideEquation13
-from planner.inversion.line_inverse import line_offset
+from planner.inversion.line_inverse import interpolated_offset, line_offset
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import windowed
@@ -23,6 +23,10 @@ STEADY = 1e-9
 """Steady error that the exact rule may leave [rad]."""
 
 ERS210A = JointModel.ers210a()
+
+FRICTIONAL = replace(
+    ERS210A, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=1.1, offset=0.01
+)
 
 
 def equations_10_to_12(model, slope):
@@ -35,14 +39,15 @@ def equations_10_to_12(model, slope):
     return theta_0 + slope * (lag + acceleration - root)
 
 
-def steady_error(model, slope, offset, *, ticks=40):
+def steady_error(model, slope, offset, *, ticks=40, load=0.0):
     """How far the joint is driven off a line that it is on, under requests line + offset [rad]."""
     per_tick = slope * model.tick
 
     def request_at(tick):  # tick 0 comes after a sample with the joint on the line, at 0
         return per_tick * ((tick + 1) // model.hold * model.hold) + offset
 
-    angles = windowed(model, request_at, ticks * model.hold, 0.0)[model.hold - 1 :: model.hold]
+    every = windowed(model, request_at, ticks * model.hold, 0.0, lambda _: load)
+    angles = every[model.hold - 1 :: model.hold]
     return angles - per_tick * model.hold * np.arange(1, ticks + 1)
 
 
@@ -133,6 +138,14 @@ def test_the_papers_rule_leaves_half_a_tick_of_motion(share):
     assert angles[-1] - line[-1] == pytest.approx(half_a_tick, rel=0.25)
 
 
+@pytest.mark.parametrize("hold", [1, 2, 4])
+def test_the_rules_differ_by_half_a_tick_of_motion_however_long_a_request_is_held(hold):
+    model = replace(ERS210A, tick=ERS210A.tick / hold, hold=hold)
+    slope = 0.05 * model.v_max  # within Equation 11
+    paper, exact = (float(line_offset(model, slope, rule=rule)) for rule in ("paper", "exact"))
+    assert paper - exact == pytest.approx(0.5 * slope * model.tick, rel=1e-9)
+
+
 @given(models(offsets=False), st.floats(0.0, 1.0), st.sampled_from(["paper", "exact"]))
 @pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
 def test_the_offset_is_odd_in_the_slope(model, share, rule):
@@ -200,3 +213,61 @@ def _inside_equation_13(rng):
         acceleration_time=acceleration * TICK,
         tick=TICK,
     )
+
+
+@given(
+    models(friction=True),
+    st.floats(-1.0, 1.0),
+    st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0, -1.0, 1e-4, -1e-4])),
+)
+def test_the_exact_rule_keeps_a_joint_with_friction_and_load_on_the_line(model, load, share):
+    low, high = model.speed_limits(load)
+    slope = share * float(high if share > 0.0 else -low)
+    error = steady_error(model, slope, line_offset(model, slope, load=load), load=load)
+    assert np.max(np.abs(error)) < STEADY
+
+
+@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize("rule", ["exact", "paper"])
+def test_a_slow_line_gains_the_dead_band_less_the_sag(rule, load):
+    slow = 1e-6 * ERS210A.v_max
+    sag = float(FRICTIONAL.sag(load))
+    without = line_offset(ERS210A, slow, rule=rule)
+    band = FRICTIONAL.dead_band
+    up, down = (line_offset(FRICTIONAL, m, rule=rule, load=load) for m in (slow, -slow))
+    assert up == pytest.approx(band - sag + without, abs=1e-12)
+    assert down == pytest.approx(-band - sag - without, abs=1e-12)
+    assert line_offset(FRICTIONAL, 0.0, rule=rule, load=load) == -sag
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.69, 0.71, 0.9, 0.999])
+@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
+def test_the_papers_rule_takes_the_top_speed_of_the_direction(load, share):
+    low, high = FRICTIONAL.speed_limits(load)
+    for sign, top in ((1.0, float(high)), (-1.0, -float(low))):
+        theta_0 = ERS210A.theta_0 * top / ERS210A.v_max
+        one_way = replace(ERS210A, v_max=top, theta_0=theta_0)
+        expected = equations_10_to_12(one_way, share * top * ERS210A.tick) + FRICTIONAL.dead_band
+        answer = line_offset(FRICTIONAL, sign * share * top, rule="paper", load=load)
+        assert answer == pytest.approx(sign * expected - float(FRICTIONAL.sag(load)), rel=1e-12)
+
+
+def test_the_slopes_end_at_the_top_speed_of_either_direction():
+    low, high = (float(limit) for limit in FRICTIONAL.speed_limits(0.4))
+    line_offset(FRICTIONAL, [low, high], load=0.4)
+    for slope in (1.01 * low, 1.01 * high):
+        with pytest.raises(InvalidInput, match=r"slope: got .*, expected from .* to "):
+            line_offset(FRICTIONAL, slope, load=0.4)
+    with pytest.raises(InvalidInput, match=r"load: got .* N m at sample 0, against which"):
+        line_offset(FRICTIONAL, 0.1, load=50.0)
+    with pytest.raises(InvalidInput, match=r"load: got .*one for every slope"):
+        line_offset(FRICTIONAL, [0.1, 0.2], load=[0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("rule", ["exact", "paper"])
+def test_the_table_is_the_offset_of_a_joint_with_friction_and_load(rule):
+    slopes = np.linspace(-0.99, 0.99, 331) * FRICTIONAL.v_max * 0.8
+    load = 0.4 * np.cos(np.arange(331))
+    table = interpolated_offset(FRICTIONAL, slopes, rule=rule, load=load)
+    exact = line_offset(FRICTIONAL, slopes, rule=rule, load=load)
+    np.testing.assert_allclose(table, exact, rtol=0.0, atol=2e-4 * FRICTIONAL.theta_0)

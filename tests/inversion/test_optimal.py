@@ -55,7 +55,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquat
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
 def test_the_gap_on_the_reference_walk_is_at_most_a_fifth_of_a_percent(joint):
-    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
     assert math.degrees(plan.rms) <= (1.0 + GAP_ON_THE_WALK) * joint.exact_bound_deg
     assert math.degrees(plan.rms) >= joint.exact_bound_deg - 1e-3
     lower, upper = joint.limits
@@ -316,7 +316,7 @@ def test_the_search_begins_at_the_closed_form_of_the_ideal_with_a_knot_at_every_
     desired = saturating(np.random.default_rng(7), model, samples=40)
     start = None if cyclic else float(desired[0])
     problem = track(model, desired, cyclic=cyclic, start=start)
-    guess = initial_guess(problem, desired)
+    guess = initial_guess(problem)
     lines = PiecewiseLinear(
         knots=np.arange(40), values=guess.angles[:, 0], samples=40, tick=model.period, cyclic=cyclic
     )
@@ -349,7 +349,7 @@ def test_steep_cycles_get_a_plan_however_short(samples):
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_two_thousand_samples_are_planned_as_well_as_a_few(cyclic):
     desired = np.tile(REFERENCE_JOINTS[0].desired, 23)[:2000]
-    assert invert_optimal(ERS210A, desired, cyclic=cyclic).gap <= 0.01
+    assert invert_optimal(ERS210A, desired, cyclic=cyclic, smoothness=0.0).gap <= 0.01
 
 
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
@@ -384,7 +384,7 @@ def test_a_constant_is_requested_as_it_is():
         ((0.1, 1.0), r"^desired: sample 2 is -0.5 rad, 0.6 rad beyond the angles 0.1 to 1 rad"),
     ],
 )
-def test_limits_that_exclude_what_is_wanted_are_infeasible(limits, message):
+def test_limits_that_exclude_desired_angles_are_infeasible(limits, message):
     with pytest.raises(Infeasible, match=message):
         invert_optimal(ERS210A, [0.0, 0.5, -0.5], limits=limits)
 

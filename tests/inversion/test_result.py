@@ -59,7 +59,7 @@ def test_a_plan_that_misses_what_has_no_bound_has_an_infinite_gap():
     assert plan.gap == math.inf
 
 
-def test_the_largest_step_counts_the_seam_of_a_cycle_only():
+def test_the_largest_step_counts_the_boundary_of_a_cycle_only():
     requests = [0.0, 0.1, 0.3, 0.9]
     assert plan_of(requests, requests).largest_step == pytest.approx(0.9)
     assert plan_of(requests, requests, cyclic=False, start=0.0).largest_step == pytest.approx(0.6)

@@ -36,7 +36,7 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
     problem = TrackingProblem(
         models,
         Nothing(),
-        resting,
+        resting + offsets,
         cyclic=cyclic,
         limits=limits,
         start=None if cyclic else resting[0] + offsets,
@@ -89,7 +89,7 @@ def test_joints_answer_together_as_they_do_alone(cyclic):
         np.testing.assert_array_equal(together[:, joint], alone[:, 0])
 
 
-def test_the_seam_of_a_cycle_is_found_from_anywhere():
+def test_the_angle_at_a_cycle_boundary_is_found_from_anywhere():
     problem, requests, boundary = stacked(5, 3)
     near = problem.exact_angles(requests, boundary)
     far = problem.exact_angles(requests, boundary + np.array([2.0, -9.0, 0.5]))

@@ -20,7 +20,7 @@ ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m]."""
 
 REACHED = 1e-9
-"""The inverse promises this [m]."""
+"""Largest distance to the foot that the inverse leaves [m]."""
 
 ARM = [
     Joint((0.0, 0.0, 0.1), Z, kind="continuous"),

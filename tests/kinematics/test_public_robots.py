@@ -17,7 +17,7 @@ ROUNDING = 1e-12
 """Two routes through the same kinematics agree to this [m, m/rad]."""
 
 REACHED = 1e-9
-"""The inverse promises this [m]."""
+"""Largest distance to the foot that the inverse leaves [m]."""
 
 QUARTER = 0.5 * math.pi
 

@@ -11,14 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidModel
-from planner.model.joint import JointModel, joint_of_top_speed, rounded_clip, saturation
+from planner.model.joint import JointModel, joint_of_top_speed, rounded_clip, speed_law
 from tests.independent import equation_2
 from tests.strategies import models
 
 ROUNDING = 1e-15
 """Disagreement that rounding leaves between two ways to write a sum [relative]."""
 
-FIELDS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "offset")
+FRICTION = ("dead_band", "v_offset", "compliance", "speed_per_torque")
+
+FIELDS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "offset", *FRICTION)
 
 errors = st.floats(-1.0, 1.0)
 speeds = st.floats(0.001, 0.2)
@@ -26,23 +28,23 @@ thresholds = st.floats(0.01, 0.5)
 
 
 @given(errors, speeds, thresholds)
-def test_saturation_is_equation_2(error, v_max, theta_0):
+def test_the_speed_law_is_equation_2(error, v_max, theta_0):
     expected = equation_2(error, v_max=v_max, theta_0=theta_0)
     scale = v_max * (1.0 + abs(error) / theta_0)
-    speed = saturation(error, gain=v_max / theta_0, v_max=v_max)
+    speed = speed_law(gain=v_max / theta_0, v_max=v_max)(error)
     assert speed == pytest.approx(expected, rel=0.0, abs=4.0 * ROUNDING * scale)
 
 
 @given(thresholds, speeds)
-def test_saturation_is_top_speed_at_both_corners_and_zero_in_the_middle(theta_0, v_max):
+def test_the_speed_law_is_top_speed_at_both_corners_and_zero_in_the_middle(theta_0, v_max):
     for sign in (-1.0, 1.0):
-        speed = saturation(sign * theta_0, gain=v_max / theta_0, v_max=v_max)
+        speed = speed_law(gain=v_max / theta_0, v_max=v_max)(sign * theta_0)
         assert speed == pytest.approx(sign * v_max, rel=4.0 * ROUNDING)
-    assert saturation(0.0, gain=v_max / theta_0, v_max=v_max) == 0.0
+    assert speed_law(gain=v_max / theta_0, v_max=v_max)(0.0) == 0.0
 
 
 @pytest.mark.parametrize("radius", [None, 0.03])
-def test_saturation_is_odd_and_never_beyond_v_max(radius):
+def test_the_speed_law_is_odd_and_never_beyond_v_max(radius):
     speed = of_errors(np.linspace(-1.0, 1.0, 401), radius)
     np.testing.assert_allclose(speed, -speed[::-1], rtol=0.0, atol=ROUNDING)
     assert np.all(np.abs(speed) <= 0.05 * (1.0 + ROUNDING))
@@ -60,7 +62,7 @@ def test_smoothing_vanishes_with_its_radius():
 
 
 def test_an_infinite_top_speed_never_saturates():
-    assert saturation(3.0, gain=2.0, v_max=math.inf) == 6.0
+    assert speed_law(gain=2.0, v_max=math.inf)(3.0) == 6.0
 
 
 def test_the_speed_of_a_model_is_equation_2_per_second():
@@ -76,7 +78,7 @@ def of_errors(errors, radius=None):
     """Equation 2 for v_max 0.05 and theta_0 0.12, its corners rounded by a radius [rad]."""
     gain = 0.05 / 0.12
     clip = {} if radius is None else {"clip": rounded_clip(gain * radius)}
-    return saturation(errors, gain=gain, v_max=0.05, **clip)
+    return speed_law(gain=gain, v_max=0.05, **clip)(errors)
 
 
 def test_a_joint_of_which_only_the_top_speed_is_known_is_the_papers_made_as_fast():
@@ -180,6 +182,19 @@ def test_a_lag_may_be_zero_but_not_negative():
     assert _model(lag=0.0).window.first == 1
     with pytest.raises(InvalidModel, match=r"^lag: got -0.001 s, expected 0 or more"):
         _model(lag=-0.001)
+
+
+@pytest.mark.parametrize("name", ["dead_band", "compliance", "speed_per_torque"])
+def test_friction_and_compliance_may_be_zero_but_not_negative(name):
+    assert _model(**{name: 0.0}) == _model()
+    with pytest.raises(InvalidModel, match=rf"^{name}: got -0.1 rad.*, expected 0 or more"):
+        _model(**{name: -0.1})
+
+
+@pytest.mark.parametrize("v_offset", [5.0, -5.0, 6.0])
+def test_a_joint_must_be_able_to_move_in_both_directions(v_offset):
+    with pytest.raises(InvalidModel, match=r"^v_offset: got .* rad/s, expected within ±v_max = ±5"):
+        _model(v_offset=v_offset)
 
 
 @pytest.mark.parametrize("hold", [0, -1, 1.0, 1.5, True, "1", None, math.nan])

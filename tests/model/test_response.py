@@ -14,14 +14,14 @@ from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.inversion.line_inverse import line_offset
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from tests.independent import equation_3, from_rest, next_cycle
+from tests.independent import from_rest, next_cycle, of_whole_ticks
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import models, trajectories
 
 SAME = 1e-12
 """Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
 
-SEAM = 2e-12
+BOUNDARY = 2e-12
 """How far a cycle may be from closed, at angles of a few radians [rad]."""
 
 ERS210A = JointModel.ers210a()
@@ -29,15 +29,7 @@ ERS210A = JointModel.ers210a()
 
 @given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))
 def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
-    expected = equation_3(
-        lambda t: requests[max(t, 0)],
-        len(requests),
-        start,
-        v_max=model.v_max * model.tick,
-        theta_0=model.theta_0,
-        lag=round(model.lag / model.tick),
-        acceleration=round(model.acceleration_time / model.tick),
-    )
+    expected = of_whole_ticks(model, requests, start)
     angles = simulate(model, requests, cyclic=False, start=start)
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
 
@@ -53,7 +45,7 @@ def test_from_rest_any_window_hold_and_offset_is_the_sum_over_overlaps(model, re
 def test_a_cycle_is_followed_by_itself(model, requests):
     angles = simulate(model, requests)
     following = next_cycle(model, requests, angles[-1])
-    np.testing.assert_allclose(following, angles, rtol=0.0, atol=SEAM + SAME)
+    np.testing.assert_allclose(following, angles, rtol=0.0, atol=BOUNDARY + SAME)
 
 
 @pytest.mark.parametrize("hold", [1, 3])
@@ -72,7 +64,7 @@ def test_repeated_from_rest_the_joint_settles_into_the_steady_cycle(samples, hol
 def test_holding_a_request_is_repeating_it_tick_by_tick(model, requests, cyclic):
     every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
     np.testing.assert_allclose(
-        simulate(model, requests, cyclic=cyclic), every_tick[:: model.hold], rtol=0.0, atol=SEAM
+        simulate(model, requests, cyclic=cyclic), every_tick[:: model.hold], rtol=0.0, atol=BOUNDARY
     )
 
 
@@ -80,7 +72,7 @@ def test_holding_a_request_is_repeating_it_tick_by_tick(model, requests, cyclic)
 def test_an_offset_is_an_offset_of_every_request(model, requests, cyclic):
     without = simulate(replace(model, offset=0.0), requests + model.offset, cyclic=cyclic)
     angles = simulate(model, requests, cyclic=cyclic)
-    np.testing.assert_allclose(angles, without, rtol=0.0, atol=SEAM)
+    np.testing.assert_allclose(angles, without, rtol=0.0, atol=BOUNDARY)
 
 
 @given(models(), st.floats(-2.0, 2.0), st.integers(2, 9), st.booleans())
@@ -238,10 +230,10 @@ def test_requests_that_are_no_trajectory_are_named(requests):
 
 
 def _settles_in_one_place(model, requests, cyclic):
-    """Whether the seam is determined well: some tick of the cycle must be unsaturated."""
+    """Whether the cycle is determined well: some tick of it must be unsaturated."""
     if not cyclic:
         return True
-    # A neighbouring seam must come back closer, or the cycle may rest anywhere in a range.
+    # A run from a neighbouring angle must end closer, or the joint may rest anywhere in a range.
     last = float(simulate(model, requests)[-1])
     for step in (-1e-3, 1e-3):
         back = next_cycle(model, requests, last + step)[-1] - last

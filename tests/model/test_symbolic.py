@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from planner.model.joint import JointModel, acting, request_ages, rounded_clip
 from planner.model.response import advance, run_columns, simulate
 from planner.model.symbolic import ExactRun, exact_run, period
-from tests.independent import equation_3
+from tests.independent import of_whole_ticks
 from tests.instances import random_model
 from tests.strategies import models, trajectories
 
@@ -27,15 +27,7 @@ ROUNDING = 4e-15
 
 @given(models(whole=True, holds=(1, 1), offsets=False), trajectories(), st.floats(-1.0, 1.0))
 def test_whole_ticks_are_equation_3_to_the_letter(model, requests, start):
-    expected = equation_3(
-        lambda t: requests[max(t, 0)],
-        len(requests),
-        start,
-        v_max=model.v_max * model.tick,
-        theta_0=model.theta_0,
-        lag=round(model.lag / model.tick),
-        acceleration=round(model.acceleration_time / model.tick),
-    )
+    expected = of_whole_ticks(model, requests, start)
     angles = ExactRun(model, len(requests))(start, windows_of(model, requests, cyclic=False))
     np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-12)
 
@@ -79,14 +71,13 @@ def test_every_request_said_to_act_acts_and_no_younger_one_does(model, seed):
 def test_one_definition_agrees_for_floats_arrays_and_casadi(radius, model, angle, seed):
     weights = model.window.weights.tolist()
     requests = np.random.default_rng(seed).uniform(-1.0, 1.0, size=len(weights))
-    gain = model.gain_per_tick
-    parameters = {"weights": weights, "gain": gain, "v_max": model.v_max_per_tick}
     # Rounded with radius 0 each |x| is the root of its own square: the exact model again.
-    rounded = {"clip": rounded_clip(gain * radius)}
-    as_float = advance(angle, requests.tolist(), **parameters, **rounded)
-    as_array = advance(np.full(3, angle), requests, **parameters, **({} if not radius else rounded))
+    rounded = model.law_per_tick(clip=rounded_clip(model.gain_per_tick * radius))
+    exact = rounded if radius else model.law_per_tick()
+    as_float = advance(angle, requests.tolist(), weights=weights, speed=rounded)
+    as_array = advance(np.full(3, angle), requests, weights=weights, speed=exact)
     symbols = casadi.SX.sym("angle"), casadi.SX.sym("requests", len(weights))
-    written = advance(symbols[0], casadi.vertsplit(symbols[1]), **parameters, **rounded)
+    written = advance(symbols[0], casadi.vertsplit(symbols[1]), weights=weights, speed=rounded)
     compiled = casadi.Function("advance", symbols, [written])
     scale = max(1.0, abs(as_float), model.v_max_per_tick)
     np.testing.assert_allclose(as_array, as_float, rtol=0.0, atol=ROUNDING * scale)
@@ -100,9 +91,7 @@ def test_runs_side_by_side_are_the_runs_one_by_one(model, requests, columns):
     targets = np.stack([requests[numbers] * (c + 1.0) for c in range(columns)], axis=-1)
     weights = np.broadcast_to(one.window.weights[:, np.newaxis], targets.shape)
     starts = np.arange(float(columns))
-    together = run_columns(
-        starts, targets, weights=weights, gain=one.gain_per_tick, v_max=one.v_max_per_tick
-    )
+    together = run_columns(starts, targets, weights=weights, speed=one.law_per_tick())
     for c in range(columns):
         alone = simulate(
             replace(one, offset=0.0), requests * (c + 1.0), cyclic=False, start=starts[c]

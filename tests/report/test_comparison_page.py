@@ -2,29 +2,43 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
-import plotly.graph_objects as go
 import pytest
 
 import planner
 from planner.evaluation.checks import Check
-from planner.report.comparison_live import live_foot, live_joint
-from planner.report.comparison_page import comparison_page
-from planner.report.comparison_rows import SHOWN, differences_table, foot_table, plans_table
-from planner.report.comparison_text import comparison_text
-from planner.report.comparison_words import key_figures, remarks, shares, verdict
-from planner.report.linked_files import LinkedFile
+from planner.report.comparison import (
+    above_bound,
+    comparison_figure,
+    comparison_page,
+    foot_figure,
+    joint_figure,
+    key_figures,
+    leg_figure,
+    remarks,
+    shares,
+    verdict,
+)
+from planner.report.comparison_tables import (
+    SHOWN,
+    checks_table,
+    comparison_text,
+    differences_table,
+    foot_table,
+    plans_table,
+)
+from planner.report.matplotlib_figure import to_svg
+from planner.report.page import LinkedFile
+from tests.report.test_figure import check_same
 
 WHOLE = 1e-12
 """Shares add up to one, but for rounding."""
 
-SINGLE = 1e-5
-"""Single precision, of requests of up to a hundred degrees [deg]."""
+SAME = 1e-12
+"""The same numbers by another route [deg]."""
 
 WALK = planner.reference_walk()
 
@@ -76,7 +90,7 @@ def test_what_does_not_hold_is_said_first(failed):
     page = comparison_page(failed)
     assert 'class="verdict no"' in page
     assert "holds &lt;always&gt;" in page
-    assert 'class="broken">NO</td>' in page
+    assert re.search(r'<tr class="broken">.*holds &lt;always&gt;.*<td>NO</td>', page)
 
 
 def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
@@ -89,39 +103,56 @@ def test_requests_of_the_closed_form_beyond_the_limits_are_remarked(check):
 def test_page_and_terminal_have_the_same_tables(check, page):
     text = comparison_text(check)
     for table in (
+        checks_table(check.checks),
         plans_table(check.joints),
         foot_table(check.foot),
         differences_table(check.joints),
     ):
-        for row in table.rows:
-            cells = "".join(f"<td>{cell}</td>" for cell in row.cells)
-            assert cells in page
-            assert f"{row.subject}, {row.about}" in text
+        assert str(table.__html__()) in page
+        assert table.text() in text
 
 
-def test_the_shades_cover_each_reason_and_its_name_is_told_under_the_pointer(check):
+def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
     joint = check.joints[0]
-    plot = live_joint(check, joint)
-    samples = len(joint.desired)
-    told = next(trace for trace in plot["data"] if trace["name"] == "difference")
-    assert len(told["text"]) == samples + 1
-    values = np.frombuffer(base64.b64decode(told["y"]["bdata"]), dtype="<f4")[:-1]
-    apart = joint.plans[SHOWN].requests - joint.plans["optimal"].requests
-    np.testing.assert_allclose(values, np.degrees(apart), atol=SINGLE)
-    shaded = np.zeros(samples + 1)
-    period = 1000.0 * check.period
-    for shape in plot["layout"]["shapes"]:
-        if shape.get("yref") == "y2 domain":
-            at = np.arange(samples + 1.0) * period
-            shaded += (shape["x0"] < at) & (at < shape["x1"])
-    free = np.array([word == "none of these" for word in told["text"]])
-    np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])  # at the seam two shades may meet
+    zero = {level: proof._replace(bound=0.0) for level, proof in joint.certificates.items()}
+    exact = replace(check, joints=(replace(joint, certificates=zero),), foot=None)
+    error = np.degrees(joint.plans[SHOWN].error)
+    assert above_bound(exact, SHOWN) == f"error {error:.1g} degrees, bound 0"
+    for said in (comparison_page(exact).partition("<script")[0], comparison_text(exact)):
+        assert "bound 0" in said
+        assert not re.search(r"\binf\b", said)
 
 
-def test_plotly_knows_every_word(check):
-    for plot in (live_foot(check), *(live_joint(check, joint) for joint in check.joints)):
-        plain = json.loads(re.sub(r"var\(--[\w-]+\)", "#123456", json.dumps(plot)))
-        go.Figure(data=plain["data"], layout=plain["layout"])  # raises at any word not its own
+def test_the_shades_cover_each_reason_and_its_name_is_reported_under_the_pointer(check):
+    joint = check.joints[0]
+    requested, apart = joint_figure(check, joint, 0).panels[1:]
+    difference = apart.curves[-1]
+    assert len(difference.notes) == len(joint.desired) + 1
+    expected = np.degrees(joint.plans[SHOWN].requests - joint.plans["optimal"].requests)
+    np.testing.assert_allclose(difference.y[:-1], expected, atol=SAME)
+    assert requested.spans == apart.spans
+    shaded = np.zeros(len(difference.x))
+    for span in apart.spans:
+        shaded += (span.start < difference.x) & (difference.x < span.end)
+    free = np.array([note == "none of these" for note in difference.notes])
+    # At the cycle boundary two shades may meet.
+    np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])
+
+
+def test_every_figure_is_the_same_on_paper_and_on_a_screen(check):
+    check_same(foot_figure(check))
+    check_same(leg_figure(check, check.foot, WALK.leg))
+    for j, joint in enumerate(check.joints):
+        check_same(joint_figure(check, joint, j))
+
+
+def test_one_figure_has_every_joint_with_its_errors_and_the_foot(check):
+    svg = to_svg(comparison_figure(check))
+    for joint in check.joints:
+        errors = [np.degrees(joint.plans[method].error) for method in (SHOWN, "optimal")]
+        told = f"rms {errors[0]:.2f}° → {errors[1]:.2f}°, bound {np.degrees(joint.bound):.2f}°"
+        assert f"{joint.name.capitalize()}: {told}" in svg
+    assert "Foot: rms" in svg
 
 
 def test_names_are_escaped_and_the_page_needs_nothing_else(check, page):
@@ -138,7 +169,7 @@ def test_joints_without_a_leg_or_a_cycle_have_a_page_too():
         planner.JointModel.ers210a(), WALK.desired[:, 2], cyclic=False, names=["knee"]
     )
     page = comparison_page(once)
-    assert "<h1>knee</h1>" in page
+    assert "<h1>Knee</h1>" in page
     assert '"leg"' not in page
     assert "deg rms" in page
 
@@ -149,7 +180,7 @@ def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path,
     file.write_text(page, encoding="utf-8")
     browser.open(file, width=width, dark=dark)
     figures = browser.ask("Object.keys(live.figures)")
-    assert figures == ["leg", "foot_distances", "joint_0", "joint_1", "joint_2"]
+    assert figures == ["leg", "joint_0", "joint_1", "joint_2", "foot_distances"]
     for name in figures:
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
     assert browser.ask("document.documentElement.scrollWidth") <= width

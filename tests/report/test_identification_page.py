@@ -7,14 +7,24 @@ import math
 import re
 import struct
 
+import numpy as np
 import pytest
 
 from planner.identification.parameters import PARAMETERS
 from planner.identification.result import Interval
-from planner.report.identification_page import identification_page
-from planner.report.linked_files import LinkedFile
+from planner.report.identification.figures import (
+    MOST_POINTS,
+    alternatives_figure,
+    cloud_figure,
+    cloud_of,
+    intervals_figure,
+    log_figures,
+)
+from planner.report.identification.page import identification_page
+from planner.report.page import LinkedFile
 from planner.report.style import ROLES
 from tests.report.made_up import made_up, made_up_log, never_saturated
+from tests.report.test_figure import check_same
 from tests.report.test_page import Page
 
 PHONE = 390
@@ -100,7 +110,7 @@ def test_names_from_logs_are_text_and_nothing_else(several):
     assert "&lt;img src=x&gt;.csv" in several
 
 
-def test_where_it_comes_from_is_told_log_by_log(one):
+def test_where_it_comes_from_is_reported_log_by_log(one):
     for words in ("bench.csv", "b.csv", "of 1000", "50.0 Hz", "guessed by its name", "numpy"):
         assert words in one
 
@@ -152,3 +162,33 @@ def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tm
     assert browser.ask(f"document.querySelector('a[href=\"{long}\"]').textContent") == long
     assert browser.ask("document.documentElement.scrollWidth") <= PHONE
     assert browser.complaints == []
+
+
+@pytest.mark.parametrize("found", [made_up(), never_saturated()], ids=["saturated", "never"])
+def test_every_figure_is_the_same_on_paper_and_on_a_screen(found):
+    check_same(cloud_figure(found))
+    check_same(intervals_figure(found))
+    check_same(alternatives_figure(found))
+    for figure in log_figures(found, found.fits[0], ""):
+        check_same(figure)
+
+
+@pytest.mark.parametrize("found", [made_up(), never_saturated()], ids=["saturated", "never"])
+def test_the_cloud_shows_points_about_the_identified_line(found):
+    figure, cloud = cloud_figure(found), cloud_of(found)
+    curves = {curve.name: curve for curve in figure.panels[0].curves if curve.legend}
+    assert 0 < len(curves["measured"].x) <= MOST_POINTS
+    line = curves["f, identified"]
+    slope = found.model.v_max / found.model.theta_0
+    assert line.y[2] / line.x[2] == pytest.approx(slope)
+    assert figure.x.range[1] == pytest.approx(np.degrees(cloud.reach))
+    if found.saturates:
+        assert line.y[3] == pytest.approx(np.degrees(found.model.v_max))
+
+
+def test_a_log_without_a_single_interval_has_an_empty_cloud():
+    found = made_up()
+    none = [dataclasses.replace(fit, used=np.zeros_like(fit.used)) for fit in found.fits]
+    figure = cloud_figure(dataclasses.replace(found, fits=tuple(none)))
+    assert [curve.name for curve in figure.panels[0].curves if curve.legend] == ["f, identified"]
+    check_same(figure)

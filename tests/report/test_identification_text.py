@@ -8,12 +8,13 @@ import tomllib
 
 import pytest
 
-from planner.files.joint_model import models_text, read_models
+from planner.exceptions import InvalidFile
+from planner.files.joint_model import models_text, read_model_file
 from planner.identification.result import Interval
-from planner.report.identification_parameters import parameters
-from planner.report.identification_remarks import model_comments, remarks
-from planner.report.identification_text import identification_text
-from planner.report.identification_words import compared_with, known, verdict
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.report.identification.text import identification_text, model_comments, remarks
+from planner.report.identification.words import compared_with, known, parameters, verdict
 from tests.report.made_up import made_up, made_up_log, never_saturated
 
 
@@ -21,7 +22,7 @@ def row(identification, name):
     return next(row for row in parameters(identification) if row.name == name)
 
 
-def test_a_parameter_is_told_in_degrees_and_in_si_with_the_digits_that_its_interval_deserves():
+def test_a_parameter_is_shown_in_degrees_and_in_si_with_the_digits_that_its_interval_deserves():
     found = row(made_up(), "v_max")
     assert found.value == "312.5 deg/s"
     assert found.interval == "310.8 to 314.2"
@@ -29,7 +30,7 @@ def test_a_parameter_is_told_in_degrees_and_in_si_with_the_digits_that_its_inter
     assert row(made_up(), "lag").value == "32.00 ms"
 
 
-def test_shares_of_a_range_are_not_told_as_angles():
+def test_shares_of_a_range_are_not_reported_as_angles():
     found = row(made_up(made_up_log(unit="1")), "v_max")
     assert found.value == "545.4 %/s"
     assert found.si == ""
@@ -121,7 +122,7 @@ def test_the_model_file_is_read_again_to_the_last_digit_and_says_where_it_comes_
     )
     file = tmp_path / "joint.toml"
     file.write_text(text)
-    assert read_models(file).for_joints(["hip", odd]) == (found["hip"].model, found[odd].model)
+    assert read_model_file(file).for_joints(["hip", odd]) == (found["hip"].model, found[odd].model)
     assert "# From bench.csv: 896 of 1000 rows." in text
     assert "# [rad/s], 5.4242 to 5.4842" in text
     assert "# [rad/s], at least 3" in text
@@ -135,3 +136,29 @@ def test_no_name_of_a_log_can_break_the_model_file():
     assert "shares of the joint's range" in text
     assert "# [1/s], " in text
     text.encode()
+
+
+def test_a_model_file_says_how_far_off_the_model_was_and_in_which_motion(tmp_path):
+    found = made_up()
+    file = tmp_path / "joint.toml"
+    seen = Evidence(0.01, 2.0, 0.5, (-0.5, 0.25), ((0.0, 0.008), (1.5, 0.0125)))
+    file.write_text(models_text({"": found.model.with_evidence(seen)}))
+    read = read_model_file(file)
+    assert read.one() == found.model
+    assert read.one().evidence == seen
+    text = file.read_text()
+    for written, wrong, said in (
+        ("tested_load = 0.5", 'tested_load = "heavy"', "tested_load: got 'heavy', expected a num"),
+        ("[-0.5, 0.25]", "[-0.5]", r"tested_angles: got \[-0.5\], expected two numbers"),
+        ("[1.5, 0.0125]", "[1.5]", "error_by_acceleration: got .*, expected pairs of numbers"),
+    ):
+        assert written in text
+        file.write_text(text.replace(written, wrong))
+        with pytest.raises(InvalidFile, match=said):
+            read_model_file(file)
+
+
+def test_a_model_file_without_the_details_of_its_test_is_read(tmp_path):
+    file = tmp_path / "joint.toml"
+    file.write_text(models_text({"": JointModel.ers210a()}) + "expected_error = 0.01\n")
+    assert read_model_file(file).one().evidence == Evidence(0.01)

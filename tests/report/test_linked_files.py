@@ -6,7 +6,7 @@ from urllib.parse import unquote, urljoin, urlsplit
 
 import pytest
 
-from planner.report.linked_files import linked_files
+from planner.report.page import linked_files
 
 
 @pytest.mark.parametrize(

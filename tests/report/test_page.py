@@ -7,9 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from planner.report.paper_tables import Cell
+from planner.report.paper.tables import difference
 from planner.report.style import ROLES
-from planner.report.text_table import text_table
 
 PICTURES = (
     "figure1_foot_direct",
@@ -115,20 +114,11 @@ def test_figures_of_the_results_stand_in_the_page(text, results):
 
 
 @pytest.mark.parametrize(
-    ("ours", "paper", "difference"),
+    ("ours", "paper", "told"),
     [(9.1, 9.1, "0 %"), (10.0, 8.0, "+25 %"), (6.0, 8.0, "−25 %"), (9.11, 9.1, "0 %")],
 )
-def test_a_difference_is_relative_to_the_papers_figure(ours, paper, difference):
-    assert Cell(ours, paper).difference == difference
-
-
-def test_a_figure_without_a_counterpart_has_no_difference():
-    assert Cell(1.0, None).difference == "–"
-
-
-def test_columns_of_a_text_table_line_up():
-    table = text_table(["joint", "rms"], [["a", "1.5"], ["long", "10.25"]])
-    assert table == "joint    rms\na        1.5\nlong   10.25"
+def test_a_difference_is_relative_to_the_papers_figure(ours, paper, told):
+    assert difference(ours, paper) == told
 
 
 def test_chromium_opens_the_page_without_a_complaint(folder, opened):

@@ -8,9 +8,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from planner.report.curves import Curve, Panel
-from planner.report.live_page import live_head, live_scripts
-from planner.report.live_plot import time_plot
+from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.page import live_head, live_scripts
+from planner.report.plotly_figure import plot
 from planner.report.style import DIRECT
 from tests.browser import ARGUMENTS
 
@@ -25,8 +25,9 @@ FAR = 5_000
 def page(tmp_path):
     """A page with a plot on the screen and one far below it."""
     times = np.arange(11.0)
-    panel = Panel("hip", "angle", "deg", (Curve(DIRECT, times, times),))
-    plots = {name: time_plot([panel], unit="ms") for name in ("near", "far")}
+    panel = Panel(Axis("angle", "deg"), (Curve(DIRECT, times, times),))
+    figure = Figure("hip", "", "", Axis("time", "ms"), (panel,), over_time=True)
+    plots = {name: plot(figure) for name in ("near", "far")}
     figures = f'<div style="height: {FAR}px"></div>'.join(
         f'<figure id="{name}"><svg viewBox="0 0 9 9"></svg></figure>' for name in plots
     )

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import planner
 from planner.cli import cli
-from planner.files.joint_path import write_joint_path
+from planner.files.paths import write_joint_path
 
 SERVO = planner.JointModel.ers210a()
 SAMPLES = 32

@@ -10,9 +10,8 @@ import pytest
 
 import planner
 from planner.evaluation import paper
-from planner.files.foot_path import read_foot_path
-from planner.files.joint_path import read_joint_path
-from planner.files.output_folder import list_files
+from planner.files.paths import read_foot_path, read_joint_path
+from planner.files.staging import list_files
 
 METHODS = ("direct", "shift", "closed_form_plain", "closed_form", "optimal", "foot_optimal")
 PAIRS = ("Des,Dir", "Des,Plain", "Pwl,Plain", "Des,MB", "Pwl,MB", "Des,Opt", "Des,Foot")

@@ -17,8 +17,9 @@ import planner
 from kinematics import Leg
 
 ANSWERS = {
-    *("Certificate", "CurveStack", "FootInversion", "Identification", "Inversion", "Playback"),
-    *("TimedRequest", "InverseSolution", "Limits"),
+    *("Certificate", "CurveStack", "FootInversion", "Identification", "Inversion", "Plan"),
+    *("Playback", "Replay", "Fastest", "TimedRequest", "InverseSolution", "Limits"),
+    *("Learning", "SensorDelay", "Trial"),
 }
 
 MODEL = planner.JointModel(v_max=4.0, theta_0=0.2, lag=0.02, acceleration_time=0.04, tick=0.01)
@@ -56,6 +57,33 @@ def poses() -> Any:
 def curve() -> planner.PiecewiseLinear:
     """A cycle of three lines."""
     return planner.PiecewiseLinear(**CURVE)
+
+
+def _follow(**given: Any) -> planner.Playback:
+    """Follow on a clock of its own, for no longer than a few ticks."""
+    clock = [0.0]
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+        if clock[0] > 1.0:
+            raise KeyboardInterrupt
+
+    if callable(given["desired"]):
+        raise planner.InvalidInput("what the caller's own function does is the caller's affair")
+    given = {"stream": planner.Stream(MODEL, preview=5), "send": lambda _: None} | given
+    return planner.follow(now=lambda: clock[0], sleep=sleep, **given)
+
+
+def _step(**given: Any) -> Any:
+    stream = planner.Stream(MODEL, preview=5, on_bad="raise")
+    stream.step(ANGLES[:5])
+    return stream.step(**given)
+
+
+@cache
+def closed_form() -> planner.Inversion:
+    """A plan for the path."""
+    return planner.invert_closed_form(MODEL, ANGLES, segments=3, rule="exact")
 
 
 def _play(**given: Any) -> planner.Playback:
@@ -233,6 +261,49 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "tolerance": 0.5,
         },
     ),
+    "plan": (
+        planner.plan,
+        lambda: {
+            "models": MODEL,
+            "desired": ANGLES[:, None],
+            "names": ("knee",),
+            "method": "closed_form",
+            "segments": 3,
+            "rule": "exact",
+        },
+    ),
+    "read_models": (planner.read_models, lambda: {"path": MISSING}),
+    "refine": (
+        planner.refine,
+        lambda: {
+            "plan": closed_form(),
+            "measured": closed_form().predicted + 0.01,
+            "sensor_delay": 0.0,
+            "reidentify": False,
+        },
+    ),
+    "replay": (
+        planner.replay,
+        lambda: {
+            "recording": planner.Log(**LOG),
+            "models": MODEL,
+            "speed": 2.0,
+            "track": "action",
+            "joints": (),
+            "begin": 0.02,
+            "end": 0.12,
+            "limits": (-1.0, 1.0),
+        },
+    ),
+    "fastest": (
+        planner.fastest,
+        lambda: {
+            "recording": planner.Log(**LOG),
+            "models": MODEL,
+            "tolerance": 0.2,
+            "retime": "constant",
+        },
+    ),
     "joints_in": (planner.joints_in, lambda: {"path": MISSING, "options": planner.LogOptions()}),
     "read_logs": (planner.read_logs, lambda: {"paths": MISSING, "options": planner.LogOptions()}),
     "line_offset": (
@@ -250,6 +321,12 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "on_stop": None,
             "report": None,
         },
+    ),
+    "follow": (_follow, lambda: {"desired": ANGLES[:5, np.newaxis]}),
+    "Stream": (planner.Stream, lambda: {"models": MODEL, "preview": 5, "limits": (-1.0, 1.0)}),
+    "Stream.step": (
+        _step,
+        lambda: {"desired": ANGLES[:5], "measured": ANGLES[:1], "load": 0.0, "missed": 0},
     ),
     "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01, "cycles": 2}),
     "sensitivities": (

@@ -6,8 +6,6 @@ Bytes of no file at all, and damaged logs, Parquet files, bags and datasets, are
 
 from __future__ import annotations
 
-import json
-
 import click
 import numpy as np
 import pytest
@@ -15,17 +13,14 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from kinematics import KinematicsError, Leg, urdf_path
-from planner import InvalidInput, PiecewiseLinear, read_logs
-from planner.cli.run_file import read_run
-from planner.files.curve import read_curve
-from planner.files.foot_path import read_foot_path
-from planner.files.joint_model import read_models
-from planner.files.joint_path import read_joint_path
+from planner import InvalidInput, read_logs
+from planner.files.joint_model import read_model_file
+from planner.files.paths import read_foot_path, read_joint_path
+from planner.run.run import read_run
 
 JOINTS = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k},{-k}\n" for k in range(9))
 FOOT = "x_m,y_m,z_m\n" + "".join(f"{0.01 * k:.2f},0.02,-0.1\n" for k in range(9))
-LOG = "t_s,requested_deg,actual_deg\n" + "".join(f"{0.01 * k:.2f},{k},{k}\n" for k in range(9))
-KNOTS = "knot_s,value_deg\n0.0,1.0\n0.02,3.0\n0.05,-2.0\n"
+LOG = "t_s,requested_deg,actual_deg\n" + "".join(f"{0.01 * k:.2f},{k},{k - 1}\n" for k in range(9))
 MODEL = "v_max = 5.0\ntheta_0 = 0.2\nlag = 0.03\nacceleration_time = 0.05\ntick = 0.008\n"
 MODELS = f"{MODEL}[knee]\nlag = 0.02\n"
 RUN = """\
@@ -50,13 +45,6 @@ format = "csv"
 file = "robot.csv"
 joint_names = ["a", "b", "c"]
 """
-CURVE = PiecewiseLinear(
-    knots=np.array([0.0, 4.0, 11.5]),
-    values=np.array([0.1, -0.2, 0.3]),
-    samples=20,
-    tick=0.01,
-    cyclic=True,
-)
 ROBOT = urdf_path("reference_leg.urdf").read_bytes()
 
 
@@ -69,9 +57,7 @@ READERS = {
     "joints.csv": (JOINTS.encode(), read_joint_path),
     "foot.csv": (FOOT.encode(), read_foot_path),
     "log.csv": (LOG.encode(), read_logs),
-    "knots.csv": (KNOTS.encode(), lambda path: read_curve(path, tick=0.01, samples=20)),
-    "curve.json": (json.dumps(CURVE.to_dict()).encode(), read_curve),
-    "models.toml": (MODELS.encode(), read_models),
+    "models.toml": (MODELS.encode(), read_model_file),
     "run.toml": (RUN.encode(), lambda path: read_run(str(path))),
     "robot.urdf": (ROBOT, _read_robot),
 }

@@ -11,9 +11,9 @@ DEATH = 77
 CHANGES = {
     *("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate"),
     *("os.chmod", "os.chown", "os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile"),
-    *("tempfile.mkstemp", "tempfile.mkdtemp", "ctypes.dlsym"),
+    *("tempfile.mkstemp", "tempfile.mkdtemp"),
 }
-"""Events that change files or folders; the C library exchanges two folders (``renameat2``)."""
+"""Events that change files or folders."""
 
 FORBIDDEN = {"os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"}
 """Events that no input may lead to."""
@@ -40,8 +40,6 @@ class Watch:
             if isinstance(flags, int) and flags & writes and not isinstance(path, int):
                 self._change("open", path)
         elif event in CHANGES:
-            if event == "ctypes.dlsym" and arguments[1] != "renameat2":
-                return
             self._change(event, *arguments[:2])
         elif event == "compile" and MARK in str(arguments[0]):
             self.others.append("compile")

@@ -15,9 +15,9 @@ from planner.evaluation import paper, virtual_experiment
 from planner.evaluation.metrics import angle_distance
 from planner.evaluation.virtual_experiment import execute
 from planner.exceptions import NoSteadyCycle
-from planner.files.joint_model import read_models
-from planner.files.joint_path import read_joint_path
-from planner.files.output_folder import list_files
+from planner.files.joint_model import read_model_file
+from planner.files.paths import read_joint_path
+from planner.files.staging import list_files
 from planner.files.table import read_table
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot
@@ -64,7 +64,7 @@ def test_the_identified_models_predict_step_tests_and_a_walk_they_never_saw(resu
         assert found["unseen_walk_rms_deg"] < 2.0 * STEP_RMS
 
 
-def test_plans_keep_their_promises(results):
+def test_plans_predict_what_the_robot_does(results):
     for table in results["table2"].values():
         for pair in PLANS.values():
             assert table[pair]["loss"] < LOSS
@@ -130,7 +130,7 @@ def test_the_distances_follow_from_the_angles_in_the_files(folder, results, join
 
 def test_the_models_and_logs_in_the_folder_are_those_of_the_results(folder, results, joints):
     for joint in joints:
-        (model,) = read_models(folder / f"{joint}.toml").for_joints([joint])
+        (model,) = read_model_file(folder / f"{joint}.toml").for_joints([joint])
         assert model.v_max == results["identified"][joint]["model"]["v_max"]
         for amplitude in results["parameters"]["step_amplitudes_deg"]:
             log = read_table(folder / f"step_test_{joint}_{amplitude:.0f}.csv")
@@ -148,7 +148,7 @@ def test_the_page_and_the_terminal_say_the_figures(printed, results):
     page = (folder / "report.html").read_text()
     foot = f"{results['foot']['foot_optimal']['L2']:.2f}"
     assert f"<strong>{foot} cm</strong>" in page
-    assert page.count("<figure id=") == 8
+    assert page.count("<figure id=") == 9
     assert "http://www.w3.org" in page
     assert "src=" not in page
     assert foot in text
@@ -177,6 +177,8 @@ def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
 ):
     bad = tuple(replace(found, accepted=False) for found in played.identifications)
     refused = replace(played, identifications=bad)
+    # The pictures are those of the run that is well.
+    monkeypatch.setattr("planner.report.paper.virtual_figures.virtual_figures", lambda _: ())
     monkeypatch.setattr(virtual_experiment, "play_experiment", lambda **_: refused)
     out = tmp_path / "out"
     result = cli_run("reproduce", "--robot", "virtual", "--out", str(out), "--json")
@@ -239,3 +241,14 @@ def test_what_counts_as_steady_follows_the_sensor():
     assert coarse.sensor_error == pytest.approx(4.0 * fine.sensor_error)
     noisy = replace(FAST, sensor_noise=math.radians(0.1))
     assert noisy.sensor_error > math.radians(0.1)
+
+
+def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(played):
+    """The plan is within two per cent of it already; no trial makes that worse by its noise."""
+    errors = [each.mean.rms for each in played.learnt_foot]
+    bound = 100.0 * played.planned.foot_plan.lower_bound
+    last = played.learning.plans[-1].learning
+    assert len(errors) == 10
+    assert max(errors) < errors[0] + 100.0 * last.floor[1]
+    assert bound < np.mean(errors[5:]) < 1.02 * bound
+    assert sum(trial.cycles for trial in last.trials) == 20

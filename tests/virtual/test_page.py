@@ -7,7 +7,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from planner.report.paper.virtual_figures import virtual_figures
 from planner.report.style import ROLES
+from tests.report.test_figure import check_same
 
 PICTURES = (
     "foot_paths",
@@ -16,6 +18,7 @@ PICTURES = (
     "trajectories",
     "foot_optimised_trajectories",
     "foot_distances",
+    "learning",
     "joints_by_method",
     "promises",
 )
@@ -78,3 +81,10 @@ def test_every_figure_comes_to_life_without_a_complaint_or_a_request(folder, bro
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
     assert browser.complaints == []
     assert browser.asked_of_others == []
+
+
+def test_every_figure_is_the_same_on_paper_and_on_a_screen(played):
+    figures = virtual_figures(played)
+    assert {figure.name for figure in figures} == set(PICTURES)
+    for figure in figures:
+        check_same(figure)

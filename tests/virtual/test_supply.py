@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.virtual.constants import Constants
-from planner.virtual.supply import Supply
+from planner.virtual.servo import Supply
 
 CONSTANTS = Constants()
 

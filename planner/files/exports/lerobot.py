@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from planner.exceptions import InvalidInput, MissingExtra
-from planner.files.exports.folder import export_folder
+from planner.files.staging import output_folder
 from planner.files.text import write_text
 from planner.robot.schedule import Schedule
+from planner.trajectory import Array
 
 VERSION = "v3.0"
 """Of the layout."""
 
 TASK = "follow the planned requests"
-"""What the episode shows, where nobody says."""
+"""What an episode shows, by default."""
 
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 """Where the layout puts tables, below the folder of their kind."""
@@ -25,7 +29,36 @@ PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 WHOLE = 1e-3
 """A rate may be this part away from a whole number [1/s], as periods are written rounded."""
 
-Columns = dict[str, Any]
+FILE_ROWS = 1_000_000
+"""Rows after which the next file begins: some 100 MB, the size that LeRobot asks for."""
+
+CHUNK_FILES = 1000
+"""Files in a chunk."""
+
+BATCH = 1000
+"""Episodes whose descriptions are kept before they are written."""
+
+COUNTED = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+"""Columns of every dataset that count rows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """What the rows of a dataset hold.
+
+    Attributes:
+        features: By feature, such as ``action``, the names of its numbers.
+        rate: Rows per second; whole numbers are what LeRobot's recorder writes.
+        robot_type: The robot, as LeRobot calls it.
+    """
+
+    features: Mapping[str, Sequence[str]]
+    rate: float
+    robot_type: str | None = None
+
+
+AddEpisode = Callable[[Mapping[str, Array], str], None]
+"""Takes the rows of an episode by feature, shape (n, k), and its task."""
 
 
 def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> None:
@@ -33,116 +66,243 @@ def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> 
 
     Raises:
         MissingExtra: pyarrow is not installed.
-        InvalidInput: A rate that is not a whole number, as LeRobot has it.
+        InvalidInput: Less than one request a second.
+        InvalidFile: The folder holds something else, or cannot be written.
+    """
+    layout = Layout(features={"action": schedule.names}, rate=frame_rate(schedule.period))
+    with lerobot_dataset(path, layout) as add:
+        add({"action": schedule.requests}, task)
+
+
+@contextmanager
+def lerobot_dataset(path: Path | str, layout: Layout) -> Iterator[AddEpisode]:
+    """Write a dataset, episode by episode; the folder appears where the block does not raise.
+
+    What is kept in memory does not grow with the number of episodes, but for their tasks.
+
+    Raises:
+        MissingExtra: pyarrow is not installed.
         InvalidFile: The folder holds something else, or cannot be written.
     """
     try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        import pyarrow  # noqa: F401
     except ImportError as error:
         raise MissingExtra("a LeRobot dataset", "parquet") from error
-    columns = action_columns(schedule)
-    statistics = column_statistics(columns)
-    count = len(schedule.names)
-    action = pa.float32() if count == 1 else pa.list_(pa.float32(), count)
-    cells = columns["action"].ravel() if count == 1 else columns["action"].tolist()
-    data = pa.table({**columns, "action": pa.array(cells, type=action)})
-    episode = {
-        "episode_index": [0],
-        "tasks": [[task]],
-        "length": [len(data)],
-        "data/chunk_index": [0],
-        "data/file_index": [0],
-        "dataset_from_index": [0],
-        "dataset_to_index": [len(data)],
-        **{
-            f"stats/{column}/{figure}": [values]
-            for column, figures in statistics.items()
-            for figure, values in figures.items()
-        },
-        "meta/episodes/chunk_index": [0],
-        "meta/episodes/file_index": [0],
-    }
-    tasks = pa.table({"task_index": [0], "task": [task]})
-    first = PLACE.format(chunk_index=0, file_index=0)
-    with export_folder(path, export=f"LeRobot dataset {VERSION}") as folder:
-        for name, table in {
-            f"data/{first}": data,
-            f"meta/episodes/{first}": pa.table(episode),
-            "meta/tasks.parquet": tasks.replace_schema_metadata(_INDEXED_BY_TASK),
-        }.items():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            pq.write_table(table, folder / name)
-        for name, content in {"info": dataset_info(schedule), "stats": statistics}.items():
-            write_text(folder / "meta" / f"{name}.json", json.dumps(content, indent=4) + "\n")
+    with output_folder(path, export=f"LeRobot dataset {VERSION}") as folder:
+        with ExitStack() as stack:
+            writer = _Writer(folder, layout, stack)
+            yield writer.add
+            writer.flush()
+        writer.describe()
 
 
-def frame_rate(schedule: Schedule) -> int:
-    """Rows per second, which LeRobot counts in whole numbers.
+def frame_rate(period: float) -> float:
+    """Rows per second: a whole number where the rate is one but for rounding.
 
     Raises:
-        InvalidInput: They are none.
+        InvalidInput: It is below one a second, which no loader of LeRobot can use.
     """
-    rate = 1.0 / schedule.period
-    if round(rate) < 1 or abs(rate - round(rate)) > WHOLE * rate:
+    rate = 1.0 / period
+    whole = round(rate)
+    if whole < 1:
         raise InvalidInput(
-            f"a request every {schedule.period:g} s is {rate:.6g} per second, expected a whole "
-            "number for LeRobot; resample to one"
+            f"a request every {period:g} s is {rate:.6g} per second, expected at least one for "
+            "LeRobot; resample to a higher rate"
         )
-    return round(rate)
+    return whole if abs(rate - whole) <= WHOLE * rate else float(f"{rate:.6g}")
 
 
-def action_columns(schedule: Schedule) -> Columns:
-    """The columns of the dataset: ``action`` is (n, k), the others (n,)."""
-    numbers = np.arange(len(schedule.requests))
-    return {
-        "action": schedule.requests.astype(np.float32),
-        "timestamp": (numbers / frame_rate(schedule)).astype(np.float32),
-        "frame_index": numbers,
-        "episode_index": np.zeros_like(numbers),
-        "index": numbers,
-        "task_index": np.zeros_like(numbers),
-    }
+class _Writer:
+    """The tables of a dataset, as they grow."""
 
+    def __init__(self, folder: Path, layout: Layout, stack: ExitStack) -> None:
+        self._folder, self._layout, self._stack = folder, layout, stack
+        self._tasks: dict[str, int] = {}
+        self._rows = self._episodes = 0
+        self._statistics: dict[str, Statistics] = {}
+        self._data: Any = None
+        self._file, self._rows_of_file = -1, 0
+        self._about: list[dict[str, Any]] = []
+        self._described: Any = None
 
-def column_statistics(columns: Columns) -> dict[str, dict[str, list[float]]]:
-    """Smallest, largest, mean and standard deviation of every column, and the number of rows."""
-    statistics = {}
-    for name, column in columns.items():
-        values = column.reshape(len(column), -1).astype(np.float64)
-        statistics[name] = {
-            "min": values.min(axis=0).tolist(),
-            "max": values.max(axis=0).tolist(),
-            "mean": values.mean(axis=0).tolist(),
-            "std": values.std(axis=0).tolist(),
-            "count": [len(column)],
+    def add(self, values: Mapping[str, Array], task: str) -> None:
+        """Write an episode."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        columns = self._columns(values, task)
+        data = pa.table({name: _cells(column) for name, column in columns.items()})
+        if self._data is None or self._rows_of_file + len(data) > FILE_ROWS:
+            if self._data is not None:
+                self._data.close()
+            self._file, self._rows_of_file = self._file + 1, 0
+            place = self._place("data", self._file)
+            self._data = self._stack.enter_context(parquet.ParquetWriter(place, data.schema))
+        self._data.write_table(data)
+        statistics = {name: Statistics.of(column) for name, column in columns.items()}
+        chunk, file = divmod(self._file, CHUNK_FILES)
+        self._about.append(
+            {
+                "episode_index": self._episodes,
+                "tasks": [task],
+                "length": len(data),
+                "data/chunk_index": chunk,
+                "data/file_index": file,
+                "dataset_from_index": self._rows,
+                "dataset_to_index": self._rows + len(data),
+                **{
+                    f"stats/{name}/{figure}": numbers
+                    for name, each in statistics.items()
+                    for figure, numbers in each.to_dict().items()
+                },
+                "meta/episodes/chunk_index": 0,
+                "meta/episodes/file_index": 0,
+            }
+        )
+        for name, each in statistics.items():
+            known = self._statistics.get(name)
+            self._statistics[name] = each if known is None else known.with_more(each)
+        self._rows += len(data)
+        self._rows_of_file += len(data)
+        self._episodes += 1
+        if len(self._about) >= BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the descriptions of episodes that are kept."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        if not self._about:
+            return
+        names = self._about[0]
+        table = pa.table({name: [each[name] for each in self._about] for name in names})
+        if self._described is None:
+            place = self._place("meta/episodes", 0)
+            self._described = self._stack.enter_context(parquet.ParquetWriter(place, table.schema))
+        self._described.write_table(table)
+        self._about = []
+
+    def describe(self) -> None:
+        """Write what the dataset says of itself, once all its rows are written."""
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        tasks = pa.table({"task_index": [*self._tasks.values()], "task": [*self._tasks]})
+        parquet.write_table(
+            tasks.replace_schema_metadata(_INDEXED_BY_TASK), self._folder / "meta/tasks.parquet"
+        )
+        statistics = {name: each.to_dict() for name, each in self._statistics.items()}
+        for name, content in {"info": self._info(), "stats": statistics}.items():
+            text = json.dumps(content, indent=4) + "\n"
+            write_text(self._folder / "meta" / f"{name}.json", text)
+
+    def _columns(self, values: Mapping[str, Array], task: str) -> dict[str, Any]:
+        """The columns of an episode: features are (n, k), the others (n,)."""
+        columns: dict[str, Any] = {
+            name: np.asarray(values[name]).astype(np.float32) for name in self._layout.features
         }
-    return statistics
+        numbers = np.arange(len(next(iter(columns.values()))))
+        number = self._tasks.setdefault(task, len(self._tasks))
+        counted = (
+            (numbers / self._layout.rate).astype(np.float32),
+            numbers,
+            np.full_like(numbers, self._episodes),
+            numbers + self._rows,
+            np.full_like(numbers, number),
+        )
+        return {**columns, **dict(zip(COUNTED, counted, strict=True))}
+
+    def _place(self, kind: str, file: int) -> Path:
+        chunk, file = divmod(file, CHUNK_FILES)
+        place = self._folder / kind / PLACE.format(chunk_index=chunk, file_index=file)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        return place
+
+    def _info(self) -> dict[str, Any]:
+        """``meta/info.json``: what the dataset holds and where."""
+        features: dict[str, Any] = {
+            name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+            for name, names in self._layout.features.items()
+        }
+        for name in COUNTED:
+            kind = "float32" if name == "timestamp" else "int64"
+            features[name] = {"dtype": kind, "shape": [1], "names": None}
+        return {
+            "codebase_version": VERSION,
+            "robot_type": self._layout.robot_type,
+            "total_episodes": self._episodes,
+            "total_frames": self._rows,
+            "total_tasks": len(self._tasks),
+            "chunks_size": CHUNK_FILES,
+            "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 500,
+            "fps": self._layout.rate,
+            "splits": {"train": f"0:{self._episodes}"},
+            "data_path": f"data/{PLACE}",
+            "video_path": None,
+            "features": features,
+        }
 
 
-def dataset_info(schedule: Schedule) -> dict[str, Any]:
-    """``meta/info.json``: what the dataset holds and where."""
-    columns = action_columns(schedule)
-    features: dict[str, Any] = {
-        name: {"dtype": str(column.dtype), "shape": [1], "names": None}
-        for name, column in columns.items()
-    }
-    features["action"] |= {"shape": [len(schedule.names)], "names": list(schedule.names)}
-    return {
-        "codebase_version": VERSION,
-        "robot_type": None,
-        "total_episodes": 1,
-        "total_frames": len(schedule.requests),
-        "total_tasks": 1,
-        "chunks_size": 1000,
-        "data_files_size_in_mb": 100,
-        "video_files_size_in_mb": 500,
-        "fps": frame_rate(schedule),
-        "splits": {"train": "0:1"},
-        "data_path": f"data/{PLACE}",
-        "video_path": None,
-        "features": features,
-    }
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Figures of a column, of each of its numbers, shape (k,).
+
+    Attributes:
+        least: The smallest.
+        most: The largest.
+        mean: The mean.
+        variance: The mean of the squared distances from it.
+        count: Rows.
+    """
+
+    least: Array
+    most: Array
+    mean: Array
+    variance: Array
+    count: int
+
+    @classmethod
+    def of(cls, column: Any) -> Statistics:
+        """The figures of a column, shape (n,) or (n, k)."""
+        values = column.reshape(len(column), -1).astype(np.float64)
+        least, most, mean = values.min(axis=0), values.max(axis=0), values.mean(axis=0)
+        return cls(least, most, mean, values.var(axis=0), len(values))
+
+    def with_more(self, more: Statistics) -> Statistics:
+        """The figures of both columns, one after the other: the parallel-axis theorem."""
+        count = self.count + more.count
+        share, apart = more.count / count, more.mean - self.mean
+        return Statistics(
+            np.minimum(self.least, more.least),
+            np.maximum(self.most, more.most),
+            self.mean + share * apart,
+            (1.0 - share) * self.variance
+            + share * more.variance
+            + share * (1.0 - share) * apart**2,
+            count,
+        )
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """The figures as LeRobot calls them."""
+        return {
+            "min": self.least.tolist(),
+            "max": self.most.tolist(),
+            "mean": self.mean.tolist(),
+            "std": np.sqrt(self.variance).tolist(),
+            "count": [self.count],
+        }
+
+
+def _cells(column: Any) -> Any:
+    """A column as Arrow has it; one number a row is a plain column, as LeRobot writes it."""
+    import pyarrow as pa
+
+    if column.ndim == 1 or column.shape[1] == 1:
+        return pa.array(column.ravel())
+    flat = pa.array(column.ravel())
+    return pa.FixedSizeListArray.from_arrays(flat, column.shape[1])
 
 
 _INDEXED_BY_TASK = {
@@ -167,4 +327,4 @@ _INDEXED_BY_TASK = {
         }
     )
 }
-"""LeRobot reads the tasks with pandas, and looks them up in the index, which only this tells."""
+"""LeRobot reads the tasks with pandas, and looks them up in the index, which this names."""

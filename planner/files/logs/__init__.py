@@ -1,1 +1,1 @@
-"""Logs as people have them: requested against actual angles, a module per format."""
+"""Logs of requested and actual angles, a module per format."""

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.bag_file import open_bag
-from planner.files.logs.bag_topics import choose_topics
-from planner.files.logs.joints import choose_joints
-from planner.files.logs.options import LogOptions
-from planner.files.logs.recording import Recording, read_recording
-from planner.files.logs.rows import Columns, Source, Switch, make_log
-from planner.files.logs.series import Series
+from planner.files.logs.bag_file import Bag, open_bag
+from planner.files.logs.make_log import Columns, Source, Switch, make_log
+from planner.files.logs.options import LogOptions, choose_joints
+from planner.files.logs.ros_messages import (
+    MessageAngles,
+    actual_angles,
+    choose_topics,
+    requested_angles,
+)
 from planner.files.logs.units import scale
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
+
+Stamps = npt.NDArray[np.int64]
+"""Times [ns], shape (n,)."""
+
+APART = 1_000_000_000
+"""Stamps that are further from the receipt than this [ns] come from another clock."""
+
+MOST_COMPARED = 1000
+"""Messages of which the stamps are compared with the receipt."""
 
 
 def is_bag_folder(path: Path) -> bool:
@@ -31,14 +46,19 @@ def read_bag(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     """Read the chosen joints of a bag.
 
     Raises:
-        InvalidFile: It is none, or does not tell requested from actual angles; the message says
+        InvalidFile: It is none, or does not hold requested and actual angles; the message says
             what it holds.
         MissingExtra: rosbags is not installed.
     """
     recording = _recording(path, options)
     names = recording.joints
     chosen = choose_joints(path, names, options.joint)
-    return tuple(_log(path, recording, names[k], options) for k in chosen)
+    found = [_log(path, recording, names[k], options) for k in chosen]
+    origin = min(first for first, _ in found)  # joints whose requests begin later keep their time
+    return tuple(
+        replace(log, times=log.times + (first - origin) * 1e-9) if first > origin else log
+        for first, log in found
+    )
 
 
 def bag_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
@@ -46,28 +66,25 @@ def bag_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     return _recording(path, options).joints
 
 
-def _recording(path: Path | str, options: LogOptions) -> Recording:
-    with open_bag(path) as bag:
-        return read_recording(bag, choose_topics(bag, options), options.joint)
-
-
-def _log(path: Path | str, recording: Recording, joint: str, options: LogOptions) -> Log:
-    actual, requested = recording.of(joint)
-    order = np.argsort(actual.stamps, kind="stable")
-    stamps, angles = actual.stamps[order], actual.values[order]
+def _log(
+    path: Path | str, recording: Recording, joint: str, options: LogOptions
+) -> tuple[int, Log]:
+    """Stamp of the first row [ns], and the log with times since then."""
+    stamps, angles = recording.actual.series(joint, stamped=recording.stamped[0])
+    sent, requests = recording.requested.series(joint, stamped=recording.stamped[1])
     fresh = np.ones(len(stamps), dtype=bool)  # a row that is there twice is there once
     fresh[1:] = (np.diff(stamps) != 0) | (angles[1:] != angles[:-1])
     stamps, angles = stamps[fresh], angles[fresh]
-    last = _last_before(requested, stamps)
+    last = np.searchsorted(sent, stamps, side="right") - 1  # request that holds at each stamp
     begun = last >= 0
     source = Source(path=path, part=f"joint {joint}" if joint else "", row="state")
     if not begun.any():
         raise InvalidFile(
             source.name,
-            f"no request before the last state: {len(requested.stamps)} requests on topic "
-            f"{recording.topics.requested}; expected the same clock and time in both topics",
+            f"no request before the last state: {len(sent)} requests on topic "
+            f"{recording.requested.topic}; expected the same clock and time in both topics",
         )
-    stamps, angles, requests = stamps[begun], angles[begun], requested.values[last[begun]]
+    stamps, angles, requests = stamps[begun], angles[begun], requests[last[begun]]
     try:
         angle_scale = options.scale_of(joint) or scale("rad", None)
     except InvalidInput as error:
@@ -80,14 +97,7 @@ def _log(path: Path | str, recording: Recording, joint: str, options: LogOptions
         angle_scale=angle_scale,
     )
     notes = (*recording.notes, *_left_out(fresh, begun), _unit(angle_scale.name, options, joint))
-    return make_log(source, columns, joint=joint, notes=notes)
-
-
-def _last_before(series: Series, stamps: npt.NDArray[np.int64]) -> npt.NDArray[np.intp]:
-    """Place in the series that was the last at each stamp; -1 before its first."""
-    order = np.argsort(series.stamps, kind="stable")
-    places = np.searchsorted(series.stamps[order], stamps, side="right") - 1
-    return np.where(places >= 0, order[places], -1)
+    return int(stamps[0]), make_log(source, columns, joint=joint, notes=notes)
 
 
 def _left_out(fresh: Switch, begun: Switch) -> tuple[str, ...]:
@@ -102,3 +112,198 @@ def _left_out(fresh: Switch, begun: Switch) -> tuple[str, ...]:
 def _unit(name: str, options: LogOptions, joint: str) -> str:
     said = options.unit_of(joint) is not None
     return f"angles in {name}, as {'--unit said' if said else 'is the custom of ROS (REP 103)'}"
+
+
+class _Rows(NamedTuple):
+    """Of every message about a joint: receipt [ns], stamp [ns] and angle."""
+
+    received: array[int]
+    stamps: array[int]
+    values: array[float]
+
+
+@dataclass
+class Track:
+    """The angles of the joints on one topic, as they are gathered.
+
+    Attributes:
+        topic: The topic.
+        stamped: Whether every message had a stamp.
+    """
+
+    topic: str
+    stamped: bool = True
+    _by_joint: dict[str, _Rows] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints, in the order in which they appeared."""
+        return tuple(self._by_joint)
+
+    def add(
+        self, received: int, stamp: int, joints: Sequence[str], angles: Iterable[float]
+    ) -> None:
+        """Add a message that was received and stamped [ns]; 0 is no stamp."""
+        self.stamped = self.stamped and stamp > 0
+        for joint, angle in zip(joints, angles, strict=True):
+            rows = self._by_joint.get(joint)
+            if rows is None:
+                rows = self._by_joint[joint] = _Rows(array("q"), array("q"), array("d"))
+            rows.received.append(received)
+            rows.stamps.append(stamp)
+            rows.values.append(angle)
+
+    def lead(self) -> float:
+        """How far the stamps are ahead of the receipt [ns], in the median."""
+        leads = [
+            stamp - received
+            for rows in self._by_joint.values()
+            for stamp, received in zip(
+                rows.stamps[:MOST_COMPARED], rows.received[:MOST_COMPARED], strict=True
+            )
+        ]
+        return float(np.median(leads)) if leads else 0.0
+
+    def series(self, joint: str, *, stamped: bool) -> tuple[Stamps, Array]:
+        """When [ns] a joint had which angles, by the stamps or by the receipt, in time's order."""
+        rows = self._by_joint[joint]
+        stamps = np.array(rows.stamps if stamped else rows.received, dtype=np.int64)
+        order = np.argsort(stamps, kind="stable")
+        return stamps[order], np.array(rows.values)[order]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """The angles of the joints of a bag.
+
+    Attributes:
+        actual: The actual angles.
+        requested: The requested angles.
+        stamped: Whether the time of either is that of its stamps, or else of the receipt.
+        notes: What was guessed, in words.
+    """
+
+    actual: Track
+    requested: Track
+    stamped: tuple[bool, bool]
+    notes: tuple[str, ...]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints of which both angles are known."""
+        return tuple(name for name in self.actual.joints if name in self.requested.joints)
+
+
+def _recording(path: Path | str, options: LogOptions) -> Recording:
+    """Read the messages of the topics that the options name, or that are the only ones.
+
+    Raises:
+        InvalidFile: A message cannot be understood, or no joint is in both topics.
+    """
+    with open_bag(path) as bag:
+        topics = choose_topics(bag.path, bag.topics, options)
+        actual, requested = Track(topics.actual), Track(topics.requested)
+        notes = [f"actual from {topics.actual}, requested from {topics.requested}"]
+        if topics.actual == topics.requested:
+            _gather(bag, {requested_angles: requested, actual_angles: actual})
+        else:
+            _gather(bag, {actual_angles: actual})
+            notes += _gather(bag, {requested_angles: requested}, actual.joints, options.joint)
+    if not set(actual.joints) & set(requested.joints):
+        raise InvalidFile(
+            bag.path,
+            f"no joint is on both topics: {topics.actual} has {_listed(actual)}, "
+            f"{topics.requested} has {_listed(requested)}",
+        )
+    stamped = _clocks(actual, requested)
+    words = ["its header" if own else "receipt" for own in stamped]
+    notes.append(
+        f"time from {words[0]}"
+        if words[0] == words[1]
+        else f"time of the actual angles from {words[0]}, of the requested ones from {words[1]}"
+    )
+    return Recording(actual, requested, stamped, tuple(notes))
+
+
+def _clocks(actual: Track, requested: Track) -> tuple[bool, bool]:
+    """Whether to take either topic's stamps.
+
+    Not where a message has none. And not where they are of another clock than the recorder's
+    (simulated time, another computer), unless those of both topics are.
+    """
+    stamped = (actual.stamped, requested.stamped)
+    if all(stamped) and abs(actual.lead() - requested.lead()) <= APART:
+        return stamped
+    return (
+        stamped[0] and abs(actual.lead()) <= APART,
+        stamped[1] and abs(requested.lead()) <= APART,
+    )
+
+
+def _gather(
+    bag: Bag,
+    tracks: Mapping[Callable[[str, Any], MessageAngles], Track],
+    names: tuple[str, ...] = (),
+    joint: str | None = None,
+) -> tuple[str, ...]:
+    """Gather the angles in the messages of one topic.
+
+    Args:
+        bag: The bag.
+        tracks: Where to put what each function understands of a message.
+        names: The joints for which angles without names are meant.
+        joint: The joint that the user chose, for a single angle without a name.
+
+    Returns:
+        What was guessed, in words.
+    """
+    (topic,) = {track.topic for track in tracks.values()}
+    kind = bag.topics[topic]
+    notes: tuple[str, ...] = ()
+    for k, (received, content) in enumerate(bag.messages(topic)):
+        place = f"topic {topic}, message {k + 1}"
+        for understand, track in tracks.items():
+            try:
+                read = understand(kind, content)
+            except (AttributeError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+                raise InvalidFile(  # the bag's definition of the type may be anything
+                    bag.path,
+                    f"{place}: fields are not those of {kind} ({error}); is the bag damaged?",
+                ) from error
+            joints = read.joints
+            if joints is None:
+                joints = _order(bag, topic, names, joint, len(read.angles))
+                notes = (f"numbers of {topic} taken for {', '.join(joints)}",)
+            if len(joints) != len(read.angles) or len(set(joints)) != len(joints):
+                raise InvalidFile(
+                    bag.path,
+                    f"{place}: got {len(read.angles)} in '{read.field}', expected an angle for "
+                    f"each of {len(joints)} joints ({', '.join(joints[:20])})",
+                )
+            if joints:
+                track.add(received, read.stamp, joints, read.angles)
+    return notes
+
+
+def _order(
+    bag: Bag, topic: str, names: tuple[str, ...], joint: str | None, count: int
+) -> tuple[str, ...]:
+    """The joints of commands without names: all in their order, or the chosen one."""
+    if count == len(names):
+        return names
+    if count == 1 and joint in names:
+        return (joint,)
+    raise InvalidFile(
+        bag.path,
+        f"topic {topic}: got {count} without names, expected a number for each of {len(names)} "
+        f"joints ({', '.join(names)}); "
+        + (
+            "choose the joint with --joint"
+            if count == 1
+            else "choose a topic with names by --command-topic"
+        ),
+    )
+
+
+def _listed(track: Track) -> str:
+    return ", ".join(track.joints[:20]) or "none"

@@ -1,42 +1,50 @@
-"""Messages of ROS bags and MCAP files; whatever is wrong with a file becomes one kind of error."""
+"""Messages of ROS bags and MCAP files, read by rosbags; a damaged or hostile file is one error.
+
+rosbags' own readers are used, one topic at a time. Its ``AnyReader`` is not: it refuses a bag for
+the definition of a type on any topic, where that cannot be understood or has another hash, and it
+knows one layout only of a type that a bag does not define.
+"""
 
 from __future__ import annotations
 
 import re
 import struct
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from planner.exceptions import InvalidFile, MissingExtra
-from planner.files.logs.controller_state import CONTROLLER_STATE, LAYOUTS
-from planner.files.logs.unfolding import check_unfolding
+from planner.files.logs.ros_messages import CONTROLLER_STATE, LATEST, LAYOUTS
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
     from rosbags.typesys.store import Typestore
 
-LATEST = 2**63
-"""Times from here on [ns] are no times."""
-
-MOST_MESSAGES = 5_000_000
-"""Messages that are read from one topic: an hour at 1 kHz and more."""
-
 LONGEST = 1_000_000
-"""Longest array in a message that is believed."""
+"""Longest array in a message that is read: one of 2^32 empty messages takes no bytes, and rosbags
+more than 15 s."""
 
-_UNEXPECTED: tuple[type[Exception], ...] = (
-    *(ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError),
-    *(NotImplementedError, OSError, RuntimeError, SyntaxError, TypeError, ValueError),
-    *(StopIteration, struct.error),
-)
-"""What readers and decoders raise for bytes that they did not expect."""
+MOST_CHUNK = 256 * 2**20
+"""Largest chunk that is unfolded [bytes]: recorders begin a new one after a few megabytes. rosbags
+has no limit: 33 kB of MCAP take 2 GiB of memory, 5 kB of a bag of ROS 1 take 1 GiB."""
 
-_TYPE_NAME = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
-_FIELD_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+MOST_TIMES = 200
+"""All chunks of a file that is not small unfold to this many times its size at most."""
+
+PIECE = 2**20
+"""What is unfolded at once [bytes]."""
+
+MCAP, ROS1 = b"\x89MCAP0\r\n", b"#ROSBAG V"
+"""What the two formats with chunks begin with."""
+
+_CHUNK = 6  # the record's code in MCAP
+_ROS1_CHUNK = b"op=\x05"
+
+Chunk = tuple[str, bytes]
+"""Name of the compression, and what is compressed."""
 
 
 class Message(NamedTuple):
@@ -69,19 +77,14 @@ class Bag:
         """The messages of a topic, in the order in which they came.
 
         Raises:
-            InvalidFile: A type is not known, a message is damaged, or there are too many.
+            InvalidFile: A type is not known, or a message is damaged.
         """
         connections = [found for found in self._reader.connections if found.topic == topic]
         kind = self.topics[topic]
-        with _damage_told(self.path):
-            stores = _stores(self.path, connections, ros1=self._ros1)
+        with _damage_reported(self.path):
+            stores = _stores(connections, ros1=self._ros1)
             received = self._reader.messages(connections=connections)
             for k, (_, when, data) in enumerate(received):
-                if k >= MOST_MESSAGES:
-                    raise InvalidFile(
-                        self.path,
-                        f"topic {topic}: more than {MOST_MESSAGES} messages; split the bag",
-                    )
                 place = f"topic {topic}, message {k + 1}"
                 if not 0 <= when < LATEST:
                     raise InvalidFile(self.path, f"{place}: received at {when} ns, expected a time")
@@ -89,14 +92,11 @@ class Bag:
 
     def _decode(self, stores: list[Typestore], data: bytes, kind: str, place: str) -> Any:
         """The message by the first store of types that explains all of its bytes."""
-        from rosbags.serde import SerdeError
-
-        faults: tuple[type[Exception], ...] = (SerdeError, *_UNEXPECTED)
         while True:
             decode = stores[0].deserialize_ros1 if self._ros1 else stores[0].deserialize_cdr
             try:
                 return decode(data, kind)
-            except faults as error:
+            except Exception as error:
                 if len(stores) == 1:
                     raise InvalidFile(
                         self.path, f"{place}: no {kind} ({_words(error)}); is the bag damaged?"
@@ -120,7 +120,7 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
     ros1 = place.suffix.lower() == ".bag"
     if not place.exists():
         raise InvalidFile(path, "no such file; check the name and the folder")
-    with _damage_told(path):
+    with _damage_reported(path):
         check_unfolding(path)
         reader: Any = rosbag1.Reader(place) if ros1 else rosbag2.Reader(place)
         reader.open()
@@ -128,88 +128,152 @@ def open_bag(path: Path | str) -> Iterator[Bag]:
         topics = {found.topic: found.msgtype for found in reader.connections}
         yield Bag(place, topics, reader, ros1)
     finally:
-        with _damage_told(path):
+        with _damage_reported(path):
             reader.close()
 
 
 @contextmanager
-def _damage_told(path: Path | str) -> Iterator[None]:
-    """Turn whatever a damaged bag makes its reader raise into InvalidFile."""
-    import apsw
-    from rosbags import rosbag1, rosbag2
-    from rosbags.typesys import TypesysError
-    from ruamel.yaml.error import YAMLError
-
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    own: tuple[type[Exception], ...] = (rosbag1.ReaderError, rosbag2.ReaderError, TypesysError)
-    below: tuple[type[Exception], ...] = (YAMLError, apsw.Error, zstd.ZstdError)
+def _damage_reported(path: Path | str) -> Iterator[None]:
+    """Turn what rosbags, SQLite, YAML or a decoder raise for a damaged bag into one error."""
     try:
         yield
     except InvalidFile:
         raise
-    except (*own, *below, *_UNEXPECTED) as error:
+    except Exception as error:
         raise InvalidFile(
             path, f"not a bag that can be read ({_words(error)}); is it cut short?"
         ) from error
 
 
-def _stores(path: Path, connections: Sequence[Connection], *, ros1: bool) -> list[Typestore]:
+def _stores(connections: Sequence[Connection], *, ros1: bool) -> list[Typestore]:
     """Types to try, in this order: the bag's own, or those that are known without them."""
-    from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
-
-    own = _own_types(path, connections)
-    if own:
-        store = get_typestore(Stores.EMPTY)
-        store.max_sequence_length = LONGEST
-        try:
-            store.register(own)
-        except TypesysError as error:
-            raise InvalidFile(path, f"definitions of types: {_words(error)}") from error
-        return [store]
-    known = [get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST) for _ in LAYOUTS]
-    for store, layout in zip(known, LAYOUTS, strict=True):
-        store.max_sequence_length = LONGEST
-        store.register(get_types_from_msg(layout, CONTROLLER_STATE))
-    return known if connections[0].msgtype == CONTROLLER_STATE else known[:1]
-
-
-def _own_types(path: Path, connections: Sequence[Connection]) -> Any:
-    """Types that the bag itself defines.
-
-    rosbags makes code of them, so that nothing but plain names may go in.
-    """
     from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-    types: dict[str, Any] = {}
+    own: dict[str, Any] = {}
     for connection in connections:
         form, text = connection.msgdef.format, connection.msgdef.data
         if form == MessageDefinitionFormat.MSG:
-            types.update(get_types_from_msg(text, connection.msgtype))
+            own.update(get_types_from_msg(text, connection.msgtype))
         elif form == MessageDefinitionFormat.IDL:
             for part in re.split(r"^=+\nIDL: .*\n", text, flags=re.MULTILINE):
-                types.update(get_types_from_idl(part) if part.strip() else {})
-    for name, (constants, fields) in types.items():
-        inner = [part for _, kind in fields for part in _names(kind)]
-        plain = all(_TYPE_NAME.fullmatch(found) for found in (name, *inner)) and all(
-            _FIELD_NAME.fullmatch(found[0]) for found in (*constants, *fields)
-        )
-        if not plain:
-            raise InvalidFile(path, f"definition of type {name!r:.60}: expected plain names")
-    return types
-
-
-def _names(kind: Any) -> Iterator[str]:
-    """The names of types within a field's type."""
-    for part in kind[1:]:
-        if isinstance(part, str):
-            yield part
-        elif isinstance(part, tuple):
-            yield from _names((None, *part))
+                own.update(get_types_from_idl(part) if part.strip() else {})
+    if own:
+        stores = [get_typestore(Stores.EMPTY)]
+        stores[0].register(own)
+    else:
+        stores = [get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST) for _ in LAYOUTS]
+        for store, layout in zip(stores, LAYOUTS, strict=True):
+            store.register(get_types_from_msg(layout, CONTROLLER_STATE))
+        if connections[0].msgtype != CONTROLLER_STATE:
+            del stores[1:]
+    for store in stores:
+        store.max_sequence_length = LONGEST
+    return stores
 
 
 def _words(error: BaseException) -> str:
     return " ".join(str(error).split())[:120] or type(error).__name__
+
+
+def check_unfolding(path: Path | str) -> None:
+    """Refuse a bag with chunks that unfold to very much more than they are.
+
+    Args:
+        path: An MCAP file, a bag of ROS 1, or a folder with MCAP files; of others nothing is read.
+
+    Raises:
+        InvalidFile: A chunk, or all of them together, would take too much memory or time.
+    """
+    place = Path(path)
+    for file in sorted(place.glob("*.mcap")) if place.is_dir() else [place]:
+        if file.suffix.lower() == ".mcap":
+            _check(path, file, _mcap_chunks)
+        elif file.suffix.lower() == ".bag":
+            _check(path, file, _ros1_chunks)
+
+
+def _check(path: Path | str, file: Path, chunks: Callable[[BinaryIO], Iterator[Chunk]]) -> None:
+    most = max(MOST_CHUNK, MOST_TIMES * file.stat().st_size)
+    total = 0
+    with file.open("rb") as stream:
+        for compression, content in chunks(stream):
+            size = unfolded(compression, content)
+            total += size
+            if size > MOST_CHUNK or total > most:
+                limit = (MOST_CHUNK if size > MOST_CHUNK else most) >> 20
+                raise InvalidFile(
+                    path, f"its chunks unfold to more than {limit} MiB; split the bag if it is one"
+                )
+
+
+def unfolded(compression: str, content: bytes) -> int:
+    """To how many bytes a chunk unfolds; of more than :data:`MOST_CHUNK` the rest is not counted.
+
+    What is cut short, or compressed in an unknown way, counts as far as it goes; rosbags refuses
+    it.
+    """
+    begin = _unfolders().get(compression)
+    if begin is None or len(content) > MOST_CHUNK:
+        return len(content)
+    total = 0
+    while content and total <= MOST_CHUNK:  # one frame after another
+        unfolder = begin()
+        total += len(unfolder.decompress(content, PIECE))
+        while not (unfolder.eof or unfolder.needs_input) and total <= MOST_CHUNK:
+            total += len(unfolder.decompress(b"", PIECE))
+        content = unfolder.unused_data if unfolder.eof else b""
+    return total
+
+
+def _unfolders() -> dict[str, Callable[[], Any]]:
+    import bz2
+
+    import lz4.frame  # type: ignore[import-untyped]
+
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return {
+        "zstd": zstd.ZstdDecompressor,
+        "lz4": lz4.frame.LZ4FrameDecompressor,
+        "bz2": bz2.BZ2Decompressor,
+    }
+
+
+def _mcap_chunks(stream: BinaryIO) -> Iterator[Chunk]:
+    """Chunks of an MCAP file: code, length, times, size, checksum, compression, content."""
+    if stream.read(len(MCAP)) != MCAP:
+        return
+    while len(head := stream.read(9)) == 9:
+        code, length = struct.unpack("<BQ", head)
+        end = stream.tell() + length
+        if code == _CHUNK:
+            stream.seek(28, 1)
+            compression = _sized(stream, "<I", 64).decode(errors="replace")
+            yield compression, _sized(stream, "<Q", MOST_CHUNK + 1)
+        stream.seek(end)
+
+
+def _ros1_chunks(stream: BinaryIO) -> Iterator[Chunk]:
+    """Chunks of a bag of ROS 1: records of a header of fields, and of data."""
+    magic = stream.read(64)
+    if not magic.startswith(ROS1) or b"\n" not in magic:
+        raise ValueError("File magic is invalid.")  # its reader would look for the end of the line
+    stream.seek(magic.index(b"\n") + 1)
+    while len(head := stream.read(4)) == 4:
+        header = stream.read(min(struct.unpack("<I", head)[0], PIECE))
+        (length,) = struct.unpack("<I", stream.read(4).ljust(4, b"\0"))
+        end = stream.tell() + length
+        if _ROS1_CHUNK in header:
+            _, _, compression = header.partition(b"compression=")
+            yield compression[:3].decode(errors="replace"), stream.read(min(length, MOST_CHUNK + 1))
+        stream.seek(end)
+
+
+def _sized(stream: BinaryIO, form: str, most: int) -> bytes:
+    """What stands after its own length, ``most`` bytes of it at most."""
+    head = stream.read(struct.calcsize(form))
+    (length,) = struct.unpack(form, head)
+    return stream.read(min(length, most))

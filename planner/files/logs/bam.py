@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.exceptions import InvalidFile
-from planner.files.logs.joints import choose_joints
-from planner.files.logs.options import LogOptions
-from planner.files.logs.rows import Columns, Source, Switch, make_log
+from planner.files.logs.make_log import Columns, Source, Switch, make_log
+from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.units import scale
 from planner.files.table import nearest
-from planner.files.text import read_text
+from planner.files.text import read_json
+from planner.files.units import LARGEST
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -24,6 +23,12 @@ if TYPE_CHECKING:
 
 TIME, REQUESTED, ACTUAL, TORQUE = "timestamp", "goal_position", "position", "torque_enable"
 """Keys of an entry that are read; an entry may leave the torque's out."""
+
+MASS, LENGTH, ARM_MASS = "mass", "length", "arm_mass"
+"""Keys beside the entries: of the pendulum on the servo [kg, m, kg], the last of a few files."""
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
 
 UNIT = "rad"
 """The unit of the angles, by the format's definition."""
@@ -35,7 +40,8 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     Raises:
         InvalidFile: The file is no such log; the message says where and why.
     """
-    entries = _entries(path)
+    content = _content(path)
+    entries = _entries(path, content)
     choose_joints(path, [""], options.joint)
     if options.unit_of("") not in (None, UNIT):
         raise InvalidFile(
@@ -50,6 +56,8 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     if torque_on is not None:  # a servo that is switched off may have no goal
         unasked = np.isnan(requests) & ~torque_on
         requests[unasked] = angles[unasked]
+    moment = _moment(path, content)
+    load = None if moment is None else -moment * np.sin(angles)
     radians = scale(UNIT, None)
     columns = Columns(
         times=_numbers(source, entries, TIME),
@@ -58,42 +66,44 @@ def read_bam(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         request_scale=radians,
         angle_scale=radians,
         torque_on=torque_on,
+        load=load,
     )
     torque = "" if torque_on is None else f", torque from '{TORQUE}'"
     notes = (
         f"time from '{TIME}', requested from '{REQUESTED}', actual from '{ACTUAL}'{torque}",
         f"angles in {UNIT}, as BAM defines them",
+        *(() if moment is None else (f"load of a pendulum, {moment:.3g} N m where it is level",)),
     )
     return (make_log(source, columns, joint="", notes=notes),)
 
 
 def bam_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
     """The one joint of a BAM file, which has no name."""
-    _entries(path)
+    _entries(path, _content(path))
     return ("",)
 
 
-def parse_json(path: Path | str) -> Any:
-    """What a JSON file holds; NaN and infinities are read too, as Python writes them.
+def _content(path: Path | str) -> Any:
+    return read_json(path, what="a log")
 
-    Raises:
-        InvalidFile: There is no such file, or it is not JSON.
+
+def _moment(path: Path | str, content: Mapping[str, Any]) -> float | None:
+    """Largest torque of the pendulum's weight [N m], (m + m_arm / 2) g l; None without one.
+
+    The pendulum hangs at 0 and is ``length`` long, its arm of one thickness.
     """
-    text = read_text(path)
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InvalidFile(
-            path, f"not JSON ({error.msg}); is the file cut short?", line=error.lineno
-        ) from error
-    except RecursionError as error:
-        raise InvalidFile(path, "not JSON of a log: nested too deeply") from error
-    except ValueError as error:  # an integer of thousands of digits
-        raise InvalidFile(path, "not JSON of a log: a number is too long") from error
+    if MASS not in content or LENGTH not in content:
+        return None
+    values = {}
+    for key in (MASS, LENGTH, ARM_MASS):
+        value = values[key] = content.get(key, 0.0)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (number and 0.0 <= value < LARGEST):
+            raise InvalidFile(path, f"'{key}': got {value!r:.20}, expected a number, 0 or more")
+    return float((values[MASS] + values[ARM_MASS] / 2.0) * GRAVITY * values[LENGTH])
 
 
-def _entries(path: Path | str) -> Sequence[Mapping[str, Any]]:
-    content = parse_json(path)
+def _entries(path: Path | str, content: Any) -> Sequence[Mapping[str, Any]]:
     entries = content.get("entries") if isinstance(content, dict) else None
     if not isinstance(entries, list):
         found = ", ".join(map(repr, list(content)[:8])) if isinstance(content, dict) else ""

@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.columns import Pair, meaning, pairs
-from planner.files.logs.csv_rows import check_column, read_clock, read_torque
-from planner.files.logs.joints import choose_joints
-from planner.files.logs.options import ALL_JOINTS, LogOptions
-from planner.files.logs.rows import Columns, Source, make_log
-from planner.files.logs.units import ANGLE_NAMES, Scale, scale, split_name
+from planner.files.logs.column_names import Pair, meaning, pairs, time_columns, torque_columns
+from planner.files.logs.make_log import EPOCH, Columns, Source, Switch, make_log
+from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
+from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
+from planner.files.paths import LOAD, TIME
 from planner.files.table import Table, read_table
+from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
 
 DELIMITERS = ",;\t"
 """What may stand between cells."""
+
+SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
+"""What a column of the torque may hold."""
 
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
@@ -32,12 +38,12 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         InvalidFile: The file is no log; the message says where and why.
     """
     table = _read(path)
-    times, clock = read_clock(table, options)
-    torque, switch = read_torque(table, options)
+    times, clock = _read_clock(table, options)
+    torque, switch = _read_torque(table, options)
     logs = []
     for pair in _chosen(table, options):
         requested, actual = pair.requested[0], pair.actual[0]
-        numbers = table.numbers([requested, actual])
+        numbers = table.numbers([requested, actual], missing=True)
         log_columns = Columns(
             times=times,
             requests=numbers[:, 0],
@@ -45,6 +51,8 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             request_scale=_scale(table, requested, pair.joint, options),
             angle_scale=_scale(table, actual, pair.joint, options),
             torque_on=switch,
+            load=_load(table, pair.joint),
+            requested=requested,
         )
         source = Source(path=path, line=lambda k: table.lines[k])
         notes = (
@@ -53,6 +61,12 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         )
         logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
     return tuple(logs)
+
+
+def _load(table: Table, joint: str) -> Array | None:
+    """Torque on a joint [N m], shape (n,), from ``<joint>_load_Nm`` or ``load_Nm``, if any."""
+    name = f"{joint}{LOAD}" if joint else LOAD.removeprefix("_")
+    return table.numbers([name], missing=True)[:, 0] if name in table.names else None
 
 
 def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
@@ -93,7 +107,7 @@ def _named(table: Table, found: tuple[Pair, ...], options: LogOptions) -> Pair:
     given = {"requested": options.requested, "actual": options.actual}
     named = [column for column in given.values() if column is not None]
     for column in named:
-        check_column(table, column)
+        table.place(column)
     parsed = meaning(named[0])
     chosen = None if options.joint == ALL_JOINTS else options.joint
     joint = chosen or (parsed.joint if parsed is not None else "")
@@ -185,3 +199,102 @@ def _unit_note(columns: Columns, given: str | None) -> str:
     requested, actual = columns.request_scale.name, columns.angle_scale.name
     both = actual if requested == actual else f"{requested} and {actual}"
     return f"angles in {both}, as {'the columns' if given is None else '--unit'} said"
+
+
+def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
+    """Times [s], shape (n,), and where they come from, in words.
+
+    Raises:
+        InvalidFile: No column is clearly the time, its unit is not said, or a cell is no number.
+    """
+    column, unit = _time_column(table, options)
+    seconds = SECONDS[unit]
+    numbers = table.numbers([column], missing=True)[:, 0]
+    note = f"time from column '{column}'"
+    if not column.endswith(f"_{unit}"):
+        note += f" [{unit}]"
+    known = np.flatnonzero(np.isfinite(numbers))
+    if not len(known) or abs(numbers[known[0]]) * seconds <= EPOCH:
+        return numbers * seconds, note
+    place = table.names.index(column)
+    with localcontext() as context:
+        context.prec = 60
+        exact = [Decimal(table.rows[k][place].strip()) for k in known]
+        since = numbers.copy()
+        since[known] = [float(time - exact[0]) for time in exact]
+    return since * seconds, f"{note}, shifted to start at 0"
+
+
+def _time_column(table: Table, options: LogOptions) -> tuple[str, str]:
+    units = ", ".join(SECONDS)
+    name, unit = options.time, None
+    if name is not None and name not in table.names:
+        stem, _, word = name.rpartition(":")
+        if stem in table.names and word in TIME_NAMES:
+            name, unit = stem, TIME_NAMES[word]
+        elif stem in table.names:
+            raise InvalidFile(
+                table.path, f"time in '{word}' is unknown; expected one of {units}", line=1
+            )
+        table.place(name)
+    if name is None:
+        name = _guessed_time(table)
+    unit = unit or split_name(name, TIME_NAMES)[1]
+    if unit is None:
+        raise InvalidFile(
+            table.path,
+            f"column '{name}' has no unit; give --time {name}:s (or one of {units}), or rename it "
+            f"{name}_s",
+            line=1,
+        )
+    return name, unit
+
+
+def _guessed_time(table: Table) -> str:
+    if TIME in table.names:
+        return TIME
+    found = time_columns(table.names)
+    if len(found) != 1:
+        what = (
+            f"{len(found)} columns may be the time ({', '.join(found)})"
+            if found
+            else "no column is the time"
+        )
+        raise InvalidFile(
+            table.path,
+            f"{what}; columns: {', '.join(table.names)}; name it with --time, or rename it {TIME}",
+            line=1,
+        )
+    return found[0]
+
+
+def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:
+    """Where the torque's switch comes from, in words, and the switch, shape (n,), if there is one.
+
+    Raises:
+        InvalidFile: Several columns may be the switch, or a cell is none.
+    """
+    if options.torque is not None:
+        table.place(options.torque)
+    found = (options.torque,) if options.torque is not None else torque_columns(table.names)
+    if not found:
+        return "", None
+    if len(found) > 1:
+        raise InvalidFile(
+            table.path,
+            f"{len(found)} columns may say whether the torque is on ({', '.join(found)}); name one "
+            "with --torque",
+            line=1,
+        )
+    place = table.names.index(found[0])
+    switch = np.empty(len(table.rows), dtype=bool)
+    for k, (row, line) in enumerate(zip(table.rows, table.lines, strict=True)):
+        cell = row[place].strip().lower()
+        if cell not in SWITCH:
+            raise InvalidFile(
+                table.path,
+                f"column '{found[0]}': got '{cell[:20]!s}', expected 0, 1, true or false",
+                line=line,
+            )
+        switch[k] = SWITCH[cell]
+    return f", torque from '{found[0]}'", switch

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.joints import choose_joints
-from planner.files.logs.lerobot_meta import ACTION, STATE, Dataset, find_dataset
-from planner.files.logs.options import LogOptions
+from planner.files.logs.make_log import Columns, Source, make_log
+from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.parquet import read_columns
-from planner.files.logs.rows import Columns, Source, make_log
 from planner.files.logs.units import Scale
+from planner.files.text import read_json
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -27,8 +29,25 @@ Rows = npt.NDArray[np.intp]
 MOST_EPISODES = 10**9
 """Episodes are numbered below this."""
 
-TIME, EPISODE = "timestamp", "episode_index"
-"""Columns of a row's time [s] in its episode, and of the episode's number."""
+ACTION, STATE = "action", "observation.state"
+"""Features that hold the requested and the actual angles."""
+
+INFO = Path("meta", "info.json")
+"""Where a dataset describes itself."""
+
+VERSIONS = ("v2.0", "v2.1", "v3.0")
+"""Versions whose layout is known."""
+
+PREFIX, SUFFIX = "main_", ".pos"
+"""What LeRobot puts around the names of joints."""
+
+_EPISODE = re.compile(r"episode_(\d+)\.parquet", re.ASCII)
+
+TIME, EPISODE, TASK = "timestamp", "episode_index", "task_index"
+"""Columns of a row's time [s] in its episode, of the episode's number, and of its task's."""
+
+COUNTED = (TIME, "frame_index", EPISODE, "index", TASK)
+"""Columns that every dataset has beside its features."""
 
 
 def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
@@ -39,36 +58,131 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         MissingExtra: pyarrow is not installed.
     """
     dataset = find_dataset(Path(path))
-    wanted = options.wanted_episodes()
+    episodes = options.wanted_episodes()
     logs: list[Log] = []
     found: set[int] = set()
-    for file in _files(dataset, Path(path), wanted):
+    for file in _files(dataset, Path(path), episodes):
         columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
         times, numbers = (_one_a_row(file, name, columns[name]) for name in (TIME, EPISODE))
         joints = _joints(dataset, file, columns)
         chosen = choose_joints(path, tuple(joints), options.joint)
         names = [tuple(joints)[k] for k in chosen]
         scales = {name: _scale(path, name, options) for name in names}
-        for episode, rows in _episodes(file, numbers):
-            found.add(episode)
-            if wanted is None or episode in wanted:
-                source = Source(path=file, part=f"episode {episode}")
-                for name in names:
-                    action, state = joints[name]
-                    values = Columns(
-                        times=times[rows],
-                        requests=columns[ACTION].reshape(len(times), -1)[rows, action],
-                        angles=columns[STATE].reshape(len(times), -1)[rows, state],
-                        request_scale=scales[name],
-                        angle_scale=scales[name],
-                    )
-                    logs.append(make_log(source, values, joint=name, notes=_notes(values)))
-    missing = (wanted or frozenset()) - found
+        found |= set(_known_episodes(file, numbers))
+        for episode, rows in _episodes(file, numbers, episodes):
+            source = Source(path=file, part=f"episode {episode}", episode=episode)
+            for name in names:
+                action, state = joints[name]
+                values = Columns(
+                    times=times[rows],
+                    requests=columns[ACTION].reshape(len(times), -1)[rows, action],
+                    angles=columns[STATE].reshape(len(times), -1)[rows, state],
+                    request_scale=scales[name],
+                    angle_scale=scales[name],
+                )
+                logs.append(make_log(source, values, joint=name, notes=_notes(values)))
+    missing = (episodes or frozenset()) - found
     if missing:
         raise _no_episode(path, min(missing), found | set(_named(dataset, Path(path))))
     if not logs:
         raise InvalidFile(path, "no row of any episode; is the file cut short?")
     return tuple(logs)
+
+
+class EpisodeFile(NamedTuple):
+    """Where the rows of an episode are.
+
+    Attributes:
+        file: The Parquet file.
+        episode: The episode; None where the file cannot be read, and does not say it by its name.
+    """
+
+    file: Path
+    episode: int | None
+
+
+def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile, ...]:
+    """The chosen episodes of a dataset, or of one of its files, in order.
+
+    A file that cannot be read is among them, so that its error comes where its rows are asked for.
+
+    Raises:
+        InvalidFile: It is no dataset, or does not hold a chosen episode.
+        MissingExtra: pyarrow is not installed.
+    """
+    dataset, chosen = find_dataset(Path(path)), options.wanted_episodes()
+    found: list[EpisodeFile] = []
+    for file in _files(dataset, Path(path), chosen):
+        try:
+            numbers = _one_a_row(file, EPISODE, read_columns(file, [EPISODE])[EPISODE])
+            found += [EpisodeFile(file, number) for number in _known_episodes(file, numbers)]
+        except InvalidFile:
+            match = _EPISODE.fullmatch(file.name)
+            found.append(EpisodeFile(file, int(match[1]) if match else None))
+    known = {each.episode for each in found if each.episode is not None}
+    every = None in {each.episode for each in found}
+    if (missing := (chosen or frozenset()) - known) and not every:
+        raise _no_episode(path, min(missing), known | set(_named(dataset, Path(path))))
+    kept = [each for each in found if chosen is None or each.episode in {None, *chosen}]
+    return tuple(sorted(kept, key=lambda each: (each.episode is None, each.episode or 0)))
+
+
+class EpisodeRows(NamedTuple):
+    """What an episode holds, in the numbers and under the names of its dataset.
+
+    Attributes:
+        times: Times of the rows [s], shape (n,).
+        action: Its actions, shape (n, k).
+        state: Its observations, shape (n, m).
+        task: What it shows, in words; "" where the dataset does not say.
+    """
+
+    times: Array
+    action: Array
+    state: Array
+    task: str
+
+
+def read_episode(place: EpisodeFile) -> EpisodeRows:
+    """The rows of an episode as they are written.
+
+    Raises:
+        InvalidFile: They cannot be read.
+    """
+    file = place.file
+    columns = read_columns(file, [TIME, EPISODE, ACTION, STATE])
+    rows = np.flatnonzero(_one_a_row(file, EPISODE, columns[EPISODE]) == place.episode)
+    count = len(columns[TIME])
+    action, state = (columns[key].reshape(count, -1)[rows] for key in (ACTION, STATE))
+    return EpisodeRows(columns[TIME].ravel()[rows], action, state, _task(file, rows))
+
+
+def _task(file: Path, rows: Rows) -> str:
+    """The task of the first of some rows, in words; "" where the dataset does not say."""
+    root = find_dataset(file).root
+    try:
+        numbers = _one_a_row(file, TASK, read_columns(file, [TASK])[TASK])
+        return _tasks(root).get(int(numbers[rows[0]]), "")
+    except (InvalidFile, IndexError):
+        return ""
+
+
+def _tasks(root: Path) -> dict[int, str]:
+    """The tasks of a dataset by number: lines of JSON up to v2.1, Parquet from v3.0 on."""
+    lines, table = root / "meta" / "tasks.jsonl", root / "meta" / "tasks.parquet"
+    if lines.is_file():
+        entries = [json.loads(line) for line in lines.read_text("utf-8").splitlines() if line]
+    elif table.is_file():
+        from pyarrow import parquet
+
+        entries = parquet.read_table(table).to_pylist()
+    else:
+        return {}
+    words = ("task", "__index_level_0__")
+    return {
+        int(entry[TASK]): next((str(entry[key]) for key in words if key in entry), "")
+        for entry in entries
+    }
 
 
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
@@ -78,12 +192,12 @@ def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     return tuple(_joints(dataset, file, read_columns(file, [ACTION, STATE])))
 
 
-def _files(dataset: Dataset, path: Path, wanted: frozenset[int] | None) -> tuple[Path, ...]:
+def _files(dataset: Dataset, path: Path, episodes: frozenset[int] | None) -> tuple[Path, ...]:
     if not path.is_dir():
         return (path,)
-    files = dataset.files(wanted)
+    files = dataset.files(episodes)
     if not files:
-        raise _no_episode(path, min(wanted or ()), dataset.episodes_named())
+        raise _no_episode(path, min(episodes or ()), dataset.episodes_named())
     return files
 
 
@@ -144,13 +258,21 @@ def _one_a_row(file: Path, name: str, values: Array) -> Array:
     return values.ravel()
 
 
-def _episodes(file: Path, numbers: Array) -> Iterator[tuple[int, Rows]]:
-    """Each episode and the rows that it has."""
+def _known_episodes(file: Path, numbers: Array) -> list[int]:
+    """The episodes whose numbers a file holds, in order."""
     known = (numbers == np.floor(numbers)) & (numbers >= 0) & (numbers < MOST_EPISODES)
     if not known.all():
         raise InvalidFile(file, f"'{EPISODE}': expected whole numbers from 0")
-    for episode in np.unique(numbers):
-        yield int(episode), np.flatnonzero(numbers == episode)
+    return [int(number) for number in np.unique(numbers)]
+
+
+def _episodes(
+    file: Path, numbers: Array, chosen: frozenset[int] | None
+) -> Iterator[tuple[int, Rows]]:
+    """Each chosen episode of a file and the rows that it has."""
+    for episode in _known_episodes(file, numbers):
+        if chosen is None or episode in chosen:
+            yield episode, np.flatnonzero(numbers == episode)
 
 
 def _notes(columns: Columns) -> tuple[str, ...]:
@@ -170,3 +292,121 @@ def _ranges(numbers: Iterable[int]) -> str:
         else:
             parts.append([number, number])
     return ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in parts) or "none"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset as its meta/info.json describes it.
+
+    Attributes:
+        root: The folder that holds ``meta`` and ``data``.
+        names: Names of the columns of ``action`` and of ``observation.state``; None where a
+            feature does not name its joints.
+        written: The same names as the dataset writes them.
+        others: The features beside these, and beside the columns that count rows.
+        rate: Rows per second, as the dataset says it; None where it does not.
+        robot_type: The robot, as LeRobot calls it.
+    """
+
+    root: Path
+    names: Mapping[str, tuple[str, ...] | None]
+    written: Mapping[str, tuple[str, ...] | None]
+    others: tuple[str, ...] = ()
+    rate: float | None = None
+    robot_type: str | None = None
+
+    def files(self, episodes: frozenset[int] | None) -> tuple[Path, ...]:
+        """Its Parquet files, but for those whose name says that none of the episodes is in them.
+
+        Raises:
+            InvalidFile: There is none.
+        """
+        every = sorted(self.root.glob("data/chunk-*/*.parquet"))
+        if not every:
+            raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
+        return tuple(file for file in every if episodes is None or _may_hold(file, episodes))
+
+    def episodes_named(self) -> frozenset[int]:
+        """The episodes that files are named after; v3 names no file so."""
+        matches = (_EPISODE.fullmatch(file.name) for file in self.files(None))
+        return frozenset(int(match[1]) for match in matches if match is not None)
+
+
+def is_dataset(path: Path) -> bool:
+    """Whether a folder is a LeRobot dataset."""
+    return (path / INFO).is_file()
+
+
+def find_dataset(path: Path) -> Dataset:
+    """The dataset that a folder is, or that a Parquet file is a part of.
+
+    Raises:
+        InvalidFile: No description beside the file, or one that cannot be understood.
+    """
+    if not path.exists():
+        raise InvalidFile(path, "no such file; check the name and the folder")
+    places = [path] if path.is_dir() else list(path.absolute().parents)[:3]
+    root = next((place for place in places if is_dataset(place)), None)
+    if root is None:
+        raise InvalidFile(
+            path,
+            "no meta/info.json, which names the joints, in the folders above; keep the file in "
+            "its LeRobot dataset, or give the log as CSV",
+        )
+    info = read_json(root / INFO, what="a log")
+    version = info.get("codebase_version") if isinstance(info, dict) else None
+    if version not in VERSIONS:
+        raise InvalidFile(
+            root / INFO,
+            f"codebase_version: got {version!r:.20}, expected one of {', '.join(VERSIONS)}; "
+            "convert the dataset with LeRobot's own scripts",
+        )
+    features = info.get("features")
+    names: dict[str, tuple[str, ...] | None] = {}
+    written: dict[str, tuple[str, ...] | None] = {}
+    for key in (ACTION, STATE):
+        feature = features.get(key) if isinstance(features, dict) else None
+        if not isinstance(feature, dict):
+            known = ", ".join(features) if isinstance(features, dict) else "none"
+            raise InvalidFile(root / INFO, f"no feature '{key}'; features: {known}")
+        flat = tuple(_flat(feature.get("names")))
+        shape = feature.get("shape", [len(flat)])
+        # some datasets name the axis ("motors") and not the joints on it
+        named = bool(flat) and shape == [len(flat)]
+        names[key] = tuple(plain_names(flat)) if named else None
+        written[key] = flat if named else None
+    rate, robot = info.get("fps"), info.get("robot_type")
+    return Dataset(
+        root,
+        names,
+        written,
+        tuple(key for key in features or () if key not in (ACTION, STATE, *COUNTED)),
+        float(rate) if isinstance(rate, int | float) and rate > 0 else None,
+        robot if isinstance(robot, str) else None,
+    )
+
+
+def plain_names(names: tuple[str, ...]) -> list[str]:
+    """Names of joints without what LeRobot puts around them, where they stay apart."""
+    plain = [name.removesuffix(SUFFIX).removeprefix(PREFIX) for name in names]
+    return plain if len(set(plain)) == len(plain) and all(plain) else list(names)
+
+
+def _flat(names: Any) -> Iterable[str]:
+    """Names in a list, in lists within, or in an object ({"motors": [...]} or name: place)."""
+    if isinstance(names, str):
+        yield names
+    elif isinstance(names, list):
+        for item in names:
+            yield from _flat(item)
+    elif isinstance(names, dict):
+        if names and all(isinstance(place, int) for place in names.values()):
+            yield from sorted(names, key=lambda name: names[name])
+        else:
+            for item in names.values():
+                yield from _flat(item)
+
+
+def _may_hold(file: Path, episodes: frozenset[int]) -> bool:
+    match = _EPISODE.fullmatch(file.name)
+    return match is None or int(match[1]) in episodes

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.files.table import nearest
 from planner.validation import as_number, shown
@@ -71,6 +73,10 @@ class LogOptions:
         units = _units(self.unit)
         return units.get(joint, units.get(""))
 
+    def joints_with_units(self) -> tuple[str, ...]:
+        """The joints of which the user gives the unit by name."""
+        return tuple(joint for joint in _units(self.unit) if joint)
+
     def scale_of(self, joint: str) -> Scale | None:
         """The scale of :meth:`unit_of`.
 
@@ -88,7 +94,7 @@ class LogOptions:
         """
         if self.episodes is None:
             return None
-        wanted: set[int] = set()
+        chosen: set[int] = set()
         for part in self.episodes.split(","):
             match = re.fullmatch(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*)?", part, re.ASCII)
             first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
@@ -97,8 +103,33 @@ class LogOptions:
                     f"episodes: got {shown(self.episodes)}, "
                     "expected numbers and ranges such as 0-3,7"
                 )
-            wanted.update(range(first, last + 1))
-        return frozenset(wanted)
+            chosen.update(range(first, last + 1))
+        return frozenset(chosen)
+
+
+def choose_joints(path: Path | str, joints: Sequence[str], joint: str | None) -> tuple[int, ...]:
+    """Places of the joints to read among ``joints``.
+
+    Args:
+        path: The file, for the error.
+        joints: Names of its joints; "" where it names none.
+        joint: The name to read, "all", or None where there is only one to choose.
+
+    Raises:
+        InvalidFile: No joint of this name, or several without a choice.
+    """
+    if joint == ALL_JOINTS and joint not in joints:
+        return tuple(range(len(joints)))
+    names = ", ".join(each or "(one without a name)" for each in joints)
+    if joint is None:
+        if len(joints) == 1:
+            return (0,)
+        raise InvalidFile(
+            path, f"{len(joints)} joints ({names}); choose one with --joint NAME, or --joint all"
+        )
+    if joint not in joints:
+        raise InvalidFile(path, f"no joint '{joint}'{nearest(joint, joints)}; joints: {names}")
+    return (list(joints).index(joint),)
 
 
 def _units(text: str | None) -> dict[str, str]:

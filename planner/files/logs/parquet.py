@@ -20,7 +20,7 @@ BATCH = 8192
 
 
 def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
-    """The named columns: shape (n,), or (n, width) where a cell is a list.
+    """The named columns: shape (n,), or (n, width) where a cell is a list; NaN where it is empty.
 
     Raises:
         InvalidFile: Not Parquet, cut short, too long, or a column is missing or holds no numbers.
@@ -64,7 +64,7 @@ def _batches(path: Path | str, file: Any, names: Sequence[str]) -> Iterator[Any]
     """The rows, some at a time, so that a small file cannot unfold into all of the memory.
 
     What the file says of its own size is not asked: pyarrow ends the whole process where a damaged
-    description cannot be told.
+    description cannot be understood.
     """
     size = 0
     for batch in file.iter_batches(batch_size=BATCH, columns=list(names), use_threads=False):
@@ -78,14 +78,12 @@ def _numbers(path: Path | str, column: Any, name: str) -> Array:
     import pyarrow as pa
 
     array = pa.concat_arrays(column.chunks) if column.num_chunks else pa.array([], column.type)
-    if array.null_count:
-        raise InvalidFile(path, f"column '{name}': {array.null_count} cells are empty")
-    kind = array.type
+    kind, filled = array.type, array.is_valid().to_numpy(zero_copy_only=False)
     width = None
     if pa.types.is_fixed_size_list(kind):
         width = kind.list_size
     elif pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        lengths = np.diff(array.offsets.to_numpy(zero_copy_only=False))
+        lengths = np.diff(array.offsets.to_numpy(zero_copy_only=False))[filled]
         if len(set(lengths.tolist())) > 1:
             raise InvalidFile(
                 path,
@@ -94,14 +92,11 @@ def _numbers(path: Path | str, column: Any, name: str) -> Array:
             )
         width = int(lengths[0]) if len(lengths) else 0
     values = array if width is None else array.flatten()
-    if values.null_count or not (
-        pa.types.is_floating(values.type) or pa.types.is_integer(values.type)
-    ):
-        raise InvalidFile(
-            path,
-            f"column '{name}': got {kind}, expected numbers"
-            if not values.null_count
-            else f"column '{name}': {values.null_count} numbers are missing",
-        )
+    if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
+        raise InvalidFile(path, f"column '{name}': got {kind}, expected numbers")
     numbers: Array = values.to_numpy(zero_copy_only=False).astype(np.float64)
-    return numbers if width is None else numbers.reshape(len(array), width)
+    if width is None:
+        return numbers
+    rows = np.full((len(array), width), np.nan)  # a cell that is empty as a whole has no values
+    rows[filled] = numbers.reshape(-1, width)
+    return rows

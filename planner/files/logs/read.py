@@ -1,8 +1,8 @@
-"""Logs of any known format, told apart by what a path is."""
+"""Logs of any known format, which follows from the path."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,9 +10,9 @@ from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.bag import bag_joints, is_bag_folder, read_bag
 from planner.files.logs.bam import bam_joints, read_bam
 from planner.files.logs.csv_log import csv_joints, read_csv_log
-from planner.files.logs.lerobot import lerobot_joints, read_lerobot
-from planner.files.logs.lerobot_meta import is_dataset
+from planner.files.logs.lerobot import is_dataset, lerobot_joints, read_lerobot
 from planner.files.logs.options import LogOptions
+from planner.files.table import nearest
 from planner.files.text import STANDARD_STREAM
 from planner.validation import shown
 
@@ -51,7 +51,7 @@ OWN = tuple(name for form in (CSV, LEROBOT, BAG) for name in form.options)
 def read_logs(
     paths: Path | str | Sequence[Path | str], *, options: LogOptions | None = None
 ) -> tuple[Log, ...]:
-    """Read logs of requested against actual angles, whatever their format.
+    r"""Read logs of requested against actual angles, of any known format.
 
     Args:
         paths: CSV files (``-`` is standard input), LeRobot datasets or single Parquet files of one,
@@ -64,6 +64,17 @@ def read_logs(
     Raises:
         InvalidInput: No path, a path that holds no log, or options that do not fit it.
         MissingExtra: The format needs a package that is not installed.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     file = Path(folder, "log.csv")
+        ...     rows = "\n".join(f"{0.02 * k:.2f},{k},{k - 1}" for k in range(9))
+        ...     _ = file.write_text(f"t_s,requested_deg,actual_deg\n{rows}\n")
+        ...     (log,) = read_logs(file)
+        >>> len(log.times), round(float(log.requests[-1]), 3)
+        (9, 0.14)
     """
     chosen = _checked(options)
     every = [paths] if isinstance(paths, Path | str) else paths
@@ -71,16 +82,40 @@ def read_logs(
         raise InvalidInput(f"logs: got {type(every).__name__}, expected a path, or several")
     if not every:
         raise InvalidInput("no log; give at least one file")
-    return tuple(log for path in every for log in _format(path, chosen).read(path, chosen))
+    logs = tuple(log for path in every for log in format_of(path, chosen).read(path, chosen))
+    _check_units(every, chosen, {log.joint for log in logs})
+    return logs
 
 
 def joints_in(path: Path | str, options: LogOptions | None = None) -> tuple[str, ...]:
-    """Names of the joints that a log holds; "" for one that has no name.
+    r"""Names of the joints that a log holds; "" for one that has no name.
 
     Raises as :func:`read_logs` does.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> with TemporaryDirectory() as folder:
+        ...     file = Path(folder, "log.csv")
+        ...     _ = file.write_text("t_s,knee_requested_deg,knee_actual_deg\n0,1,2\n1,2,3\n")
+        ...     joints_in(file)
+        ('knee',)
     """
     chosen = _checked(options)
-    return _format(path, chosen).joints(path, chosen)
+    return format_of(path, chosen).joints(path, chosen)
+
+
+def _check_units(paths: Sequence[Path | str], options: LogOptions, joints: Collection[str]) -> None:
+    """Refuse a unit of a joint that is in none of the files; those that are read are ``joints``."""
+    others = set(options.joints_with_units()) - set(joints)
+    if not others or STANDARD_STREAM in map(str, paths):
+        return
+    names = [name for path in paths for name in joints_in(path, options)]
+    for other in sorted(others - set(names)):
+        raise InvalidInput(
+            f"--unit: no joint '{other}'{nearest(other, names)}; joints: "
+            + ", ".join(each or "(one without a name)" for each in names)
+        )
 
 
 def _checked(options: LogOptions | None) -> LogOptions:
@@ -89,7 +124,7 @@ def _checked(options: LogOptions | None) -> LogOptions:
     return LogOptions() if options is None else options
 
 
-def _format(path: Path | str, options: LogOptions) -> Format:
+def format_of(path: Path | str, options: LogOptions) -> Format:
     """The format of a path, for which the options have to be meant."""
     if not isinstance(path, Path | str) or "\0" in str(path):
         raise InvalidInput(f"log: got {shown(path)}, expected a path")

@@ -1,11 +1,19 @@
-"""What single messages tell: of which joints, when, and which angles."""
+"""Angles of joints in messages of ROS, and the topics of a bag that hold them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.files.logs.bag_file import LATEST
-from planner.files.logs.controller_state import CONTROLLER_STATE
+from planner.exceptions import InvalidFile
+from planner.files.logs.options import ALL_JOINTS, LogOptions
+from planner.files.table import nearest
+
+LATEST = 2**63
+"""Times from here on [ns] are no times."""
+
+CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -13,14 +21,38 @@ NUMBERS = "std_msgs/msg/Float64MultiArray"
 NUMBER = "std_msgs/msg/Float64"
 
 ACTUAL_TYPES = (CONTROLLER_STATE, JOINT_STATE)
-"""Types that tell actual angles."""
+"""Types with actual angles."""
 
 REQUEST_TYPES = (CONTROLLER_STATE, TRAJECTORY, NUMBERS, NUMBER, JOINT_STATE)
-"""Types that tell requested angles."""
+"""Types with requested angles."""
 
 
-class Told(NamedTuple):
-    """What one message tells.
+def _layout(points: str, multi_dof_points: str = "") -> str:
+    lines = ["std_msgs/Header header", "string[] joint_names"]
+    lines += [f"trajectory_msgs/JointTrajectoryPoint {name}" for name in points.split()]
+    if multi_dof_points:
+        lines.append("string[] multi_dof_joint_names")
+    lines += [
+        f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}"
+        for name in multi_dof_points.split()
+    ]
+    return "\n".join(lines)
+
+
+LAYOUTS = (
+    _layout("desired actual error"),
+    _layout(*("reference feedback error output desired actual",) * 2),
+    _layout(*("reference feedback error output",) * 2),
+)
+"""How a controller's state was laid out up to Galactic, in Humble, and since Iron.
+
+A bag without definitions of its types, as ROS 2 wrote them before Iron, does not say which one it
+holds. Only the right one explains all the bytes of a message.
+"""
+
+
+class MessageAngles(NamedTuple):
+    """The angles in one message.
 
     Attributes:
         stamp: The stamp of its header [ns]; 0 where it has none.
@@ -35,44 +67,136 @@ class Told(NamedTuple):
     field: str
 
 
-def requested_angles(kind: str, content: Any) -> Told:
+class Topics(NamedTuple):
+    """The topics of a log.
+
+    Attributes:
+        actual: Topic of the actual angles.
+        requested: Topic of the requested angles; the same where one holds both.
+    """
+
+    actual: str
+    requested: str
+
+
+def choose_topics(path: Path, kinds: Mapping[str, str], options: LogOptions) -> Topics:
+    """The topics that the options name, or the only ones that their types allow.
+
+    Raises:
+        InvalidFile: No topic, or several, could be meant; the message lists them.
+    """
+    requested = options.command_topic
+    if requested is not None:
+        _check(path, kinds, requested, REQUEST_TYPES, "--command-topic")
+    actual = options.topic
+    if actual is not None:
+        _check(path, kinds, actual, ACTUAL_TYPES, "--topic")
+    else:
+        actual = _actual(path, kinds, requested)
+    if requested is None:
+        own = kinds[actual] == CONTROLLER_STATE
+        requested = actual if own else _requested(path, kinds, actual, options.joint)
+    if requested == actual and kinds[actual] != CONTROLLER_STATE:
+        raise InvalidFile(
+            path,
+            f"topic {actual} holds one angle of each joint, expected another topic for the "
+            "requested angles; name it with --command-topic",
+        )
+    return Topics(actual, requested)
+
+
+def _actual(path: Path, kinds: Mapping[str, str], command_topic: str | None) -> str:
+    states = [topic for topic, kind in kinds.items() if kind == JOINT_STATE]
+    controllers = [topic for topic, kind in kinds.items() if kind == CONTROLLER_STATE]
+    if command_topic is not None and kinds[command_topic] != CONTROLLER_STATE:
+        controllers = [] if set(states) - {command_topic} else controllers
+    found = controllers or [topic for topic in states if topic != command_topic]
+    if len(found) != 1:
+        what = "several topics hold" if found else "no topic holds"
+        raise InvalidFile(
+            path,
+            f"{what} actual angles; topics: {_listed(kinds, found)}; "
+            + ("choose one with --topic" if found else f"expected {' or '.join(ACTUAL_TYPES)}"),
+        )
+    return found[0]
+
+
+def _requested(path: Path, kinds: Mapping[str, str], actual: str, joint: str | None) -> str:
+    found = [topic for topic, kind in kinds.items() if kind in REQUEST_TYPES and topic != actual]
+    if len(found) > 1 and joint not in (None, ALL_JOINTS):
+        found = [topic for topic in found if joint in topic] or found
+    if len(found) != 1:
+        what = "several topics may hold" if found else "no topic holds"
+        raise InvalidFile(
+            path,
+            f"{what} the requested angles; topics: {_listed(kinds, found)}; "
+            + (
+                "choose one with --command-topic"
+                if found
+                else "record the topic of the commands too, or a controller's state"
+            ),
+        )
+    return found[0]
+
+
+def _check(
+    path: Path, kinds: Mapping[str, str], topic: str, expected: tuple[str, ...], option: str
+) -> None:
+    if topic not in kinds:
+        raise InvalidFile(
+            path,
+            f"{option}: no topic '{topic}'{nearest(topic, list(kinds))}; topics: {_listed(kinds)}",
+        )
+    if kinds[topic] not in expected:
+        raise InvalidFile(
+            path,
+            f"{option}: topic {topic} holds {kinds[topic]}, expected one of {', '.join(expected)}",
+        )
+
+
+def _listed(kinds: Mapping[str, str], topics: list[str] | None = None) -> str:
+    names = sorted(topics or kinds)
+    return ", ".join(f"{name} ({kinds[name]})" for name in names[:20]) or "none"
+
+
+def requested_angles(kind: str, content: Any) -> MessageAngles:
     """The requested angles of a message; none where it holds none, such as an empty trajectory."""
     if kind == CONTROLLER_STATE:
         return _controller(content)[0]
     if kind == JOINT_STATE:
-        return _told(content, content.name, content.position, "position")
+        return _angles_of(content, content.name, content.position, "position")
     if kind == TRAJECTORY:
         if not content.points:
-            return _told(content, (), (), "points")
-        return _told(content, content.joint_names, content.points[0].positions, "points")
+            return _angles_of(content, (), (), "points")
+        return _angles_of(content, content.joint_names, content.points[0].positions, "points")
     angles = content.data if kind == NUMBERS else (content.data,)
-    return Told(0, None, tuple(map(float, angles)), "data")
+    return MessageAngles(0, None, tuple(map(float, angles)), "data")
 
 
-def actual_angles(kind: str, content: Any) -> Told:
-    """The actual angles of a message; none where a state tells of speeds only."""
+def actual_angles(kind: str, content: Any) -> MessageAngles:
+    """The actual angles of a message; none where a state has speeds only."""
     if kind == CONTROLLER_STATE:
         return _controller(content)[1]
     names = content.name if len(content.position) else ()
-    return _told(content, names, content.position, "position")
+    return _angles_of(content, names, content.position, "position")
 
 
-def _controller(content: Any) -> tuple[Told, Told]:
+def _controller(content: Any) -> tuple[MessageAngles, MessageAngles]:
     """Requested and actual angles of a controller's state, by the names that its layout has."""
     pairs = (("reference", "feedback"), ("desired", "actual"))
     known = [pair for pair in pairs if all(hasattr(content, name) for name in pair)]
     filled = [pair for pair in known if len(getattr(content, pair[1]).positions)]
     requested, actual = (
-        _told(content, content.joint_names, getattr(content, name).positions, name)
+        _angles_of(content, content.joint_names, getattr(content, name).positions, name)
         for name in (filled or known)[0]
     )
     return requested, actual
 
 
-def _told(content: Any, joints: Any, angles: Any, field: str) -> Told:
+def _angles_of(content: Any, joints: Any, angles: Any, field: str) -> MessageAngles:
     stamp = content.header.stamp
     nanoseconds = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-    return Told(
+    return MessageAngles(
         nanoseconds if 0 < nanoseconds < LATEST else 0,
         tuple(map(str, joints)),
         tuple(map(float, angles)),

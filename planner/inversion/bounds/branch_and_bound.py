@@ -11,12 +11,11 @@ import heapq
 import logging
 from dataclasses import dataclass
 from itertools import count
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.bounds.hull_cuts import UNBOUNDED, RequestSet, nearest_request
+from planner.inversion.bounds.hull_cuts import UNBOUNDED, nearest_request
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.bounds.saturation_relaxation import (
     Cut,
@@ -30,7 +29,11 @@ from planner.inversion.bounds.saturation_relaxation import (
 from planner.inversion.bounds.tightening import tighten
 
 TIME_LIMIT = 60.0
-"""Seconds after which the search stops with what it has proved."""
+"""About how long the search takes before it stops with what it has proved [s]."""
+
+WORK_PER_SECOND = 600_000
+"""Work that stands for a second, so that the bound does not depend on the clock; five problems of
+19 to 88 samples did 560,000 to 630,000 in one on an AMD EPYC."""
 
 INACTIVE = 1e-9
 """A cut whose multiplier is smaller is dropped: what an interior-point method leaves of zero."""
@@ -42,15 +45,23 @@ class BranchAndBoundOptions:
 
     Attributes:
         gap: Relative gap to the incumbent at which the search stops [-]; smoothing costs a plan
-            2e-4 of its error, and less cannot be told from that.
+            2e-4 of its error, and a smaller gap is below that.
         absolute_gap: Gap to the incumbent at which it stops as well [v_max ticks].
         gain: Relative gain of a round of tightening from which on another follows [-]; at 1e-3
             the bounds of 13 problems are 0.1 % lower in the mean, at 5e-2 the median gap doubles.
+        rounds: Most rounds of cuts after one of tightening [-]; another follows one that gains as
+            much as ``gap``. With one, a bound of eight is 6e-5 lower; with six at every node, three
+            are 3e-4 to 9e-4 lower.
+        margin: Least share of a request's interval on either side of the value at which it is
+            branched [-]; without it a child may be all of its parent, and the gaps of five problems
+            of eight are 2 to 6 % larger.
     """
 
     gap: float = 5e-4
     absolute_gap: float = 1e-4
     gain: float = 1e-2
+    rounds: int = 6
+    margin: float = 0.1
 
 
 OPTIONS = BranchAndBoundOptions()
@@ -75,45 +86,44 @@ class Node(NamedTuple):
 
 
 def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -> float:
-    """An error that no requests go below, at most the incumbent's [rad].
+    """A lower bound on the error of any requests, at most the incumbent's error [rad].
 
     Args:
         problem: The joint, and what is desired of it.
         incumbent: Any error, best that of a good plan [rad]; the answer is valid whatever it is, as
             all conclusions are about responses that are better.
-        time_limit: When to stop [s].
+        time_limit: When to stop [s]; what counts is the work that stands for it.
     """
-    until = perf_counter() + time_limit
-    scaled = ScaledProblem(problem, incumbent)
-    root = _root(scaled, until)
+    scaled = ScaledProblem(problem, incumbent, most_work=time_limit * WORK_PER_SECOND)
+    root = _root(scaled)
     order = count()
     nodes = [(root.bound, next(order), root)]
-    while not _closed(scaled, nodes[0][0]) and perf_counter() < until:
+    while not _closed(scaled, nodes[0][0]) and not scaled.exhausted:
         _, _, node = heapq.heappop(nodes)
-        for child in branch(scaled, node, until):
+        for child in branch(scaled, node):
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
         "exact bound: %s at %.4g of the incumbent's error, %d nodes open",
-        "closed" if _closed(scaled, nodes[0][0]) else "out of time",
+        "closed" if _closed(scaled, nodes[0][0]) else "out of work",
         nodes[0][0] / scaled.incumbent if scaled.incumbent else 1.0,
         len(nodes),
     )
     return min(nodes[0][0] * scaled.unit, incumbent)
 
 
-def _root(problem: ScaledProblem, until: float) -> Node:
-    """All responses, their ranges tightened and their hulls cut until little is gained."""
+def _root(problem: ScaledProblem) -> Node:
+    """The root node: all responses, after bound tightening and hull cuts."""
     ranges = problem.initial_ranges()
     solution = solve_relaxation(problem, ranges, [])
     bound = min(solution.bound, problem.incumbent)
     node = Node(bound, dict(problem.fixed), ranges, [], solution)
     while not _closed(problem, node.bound):
         before = node.bound
-        if tighten(problem, ranges, node.solution, range(problem.ticks), until=until):
-            node = cut_off(problem, node)
+        if tighten(problem, ranges, node.solution, range(problem.ticks)):
+            node = cut_off(problem, node, rounds=OPTIONS.rounds)
         else:
             node = node._replace(bound=problem.incumbent)
-        if node.bound < before * (1.0 + OPTIONS.gain) or perf_counter() >= until:
+        if node.bound < before * (1.0 + OPTIONS.gain) or problem.exhausted:
             break
     return node
 
@@ -123,21 +133,26 @@ def _closed(problem: ScaledProblem, bound: float) -> bool:
     return problem.incumbent - bound <= allowed
 
 
-def cut_off(problem: ScaledProblem, node: Node) -> Node:
-    """The node with the cuts that its nearest point violates, and the bound that they prove."""
+def cut_off(problem: ScaledProblem, node: Node, *, rounds: int = 1) -> Node:
+    """The node with the cuts that its nearest points violate, and the bound that they prove."""
     ranges, cuts = node.ranges, node.cuts
     solution = solve_relaxation(problem, ranges, cuts)
     bound = max(node.bound, solution.bound)
-    found = violated_cuts(problem, ranges, solution, node.intervals)
-    if found and bound < problem.incumbent:
+    for _ in range(rounds):
+        before = bound
+        found = violated_cuts(problem, ranges, solution, node.intervals)
+        if not found or bound >= problem.incumbent:
+            break
         cuts = [cut for cut, weight in _weighted(cuts, solution) if weight > INACTIVE] + found
         solution = solve_relaxation(problem, ranges, cuts)
         bound = max(bound, solution.bound)
+        if bound <= before * (1.0 + OPTIONS.gap):
+            break
     return Node(min(bound, problem.incumbent), node.intervals, ranges, cuts, solution)
 
 
-def branch(problem: ScaledProblem, node: Node, until: float) -> list[Node]:
-    """Two nodes that are the node together: one request is on either side of a value."""
+def branch(problem: ScaledProblem, node: Node) -> list[Node]:
+    """The node split in two: a request below a value, and the same request above it."""
     request, value = branching_request(problem, node)
     lower, upper = node.intervals.get(request, UNBOUNDED)
     acting = problem.windows[request].angles
@@ -146,7 +161,7 @@ def branch(problem: ScaledProblem, node: Node, until: float) -> list[Node]:
         intervals = {**node.intervals, request: side}
         child = cut_off(problem, node._replace(intervals=intervals, ranges=node.ranges.copy()))
         if node.bound * (1.0 + OPTIONS.gain) < child.bound < problem.incumbent:
-            if tighten(problem, child.ranges, child.solution, acting, until=until):
+            if tighten(problem, child.ranges, child.solution, acting):
                 child = cut_off(problem, child)
             else:
                 child = child._replace(bound=problem.incumbent)
@@ -155,7 +170,7 @@ def branch(problem: ScaledProblem, node: Node, until: float) -> list[Node]:
 
 
 def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
-    """The request whose mixture of contributions weighs most, and the request nearest to it."""
+    """The request whose mixture of contributions weighs most, and a value near to the mixture."""
     weights = dict.fromkeys(problem.windows, 0.0)
     owner = {id(window): request for request, window in problem.windows.items()}
     for cut, weight in _weighted(node.cuts, node.solution):
@@ -163,9 +178,12 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
     best = (-1.0, 0, 0.0)
     for request, window in problem.windows.items():
         angles = node.solution.angles[window.angles]
-        requests = RequestSet(problem.gain, angles, angles, node.intervals.get(request, UNBOUNDED))
+        requests = problem.requests_at(angles, angles, node.intervals.get(request, UNBOUNDED))
         value, distance = nearest_request(
-            node.solution.contributions[window.contributions], angles, requests
+            node.solution.contributions[window.contributions],
+            angles,
+            requests,
+            margin=OPTIONS.margin,
         )
         best = max(best, (weights[request] * distance, request, value))
     return best[1], best[2]

@@ -44,16 +44,17 @@ class ConicSolution(NamedTuple):
 
 def minimise_over_cones(
     slopes: Sequence[Array],
-    matrix: sparse.csr_array,
+    matrix: sparse.csr_array | sparse.csc_array,
     limits: Array,
     cones: Cones,
     *,
-    curvature: Array | None = None,
+    curvature: Array | sparse.csc_array | None = None,
     tolerance: float,
 ) -> list[ConicSolution]:
-    """Minimise ``slope @ z + curvature @ z**2 / 2`` over ``limits - matrix @ z`` in the cones.
+    """Minimise ``slope @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
 
-    The conditions are set up once for all slopes, and an answer is returned for each.
+    The curvature is the upper triangle of a matrix, or the diagonal of one. The conditions are set
+    up once for all slopes, and an answer is returned for each.
     """
     import clarabel
 
@@ -65,9 +66,14 @@ def minimise_over_cones(
     kinds: list[Any] = [clarabel.ZeroConeT(cones.zero), clarabel.NonnegativeConeT(cones.at_most)]
     if cones.ball:
         kinds.append(clarabel.SecondOrderConeT(cones.ball))
-    diagonal = np.zeros(matrix.shape[1]) if curvature is None else curvature
+    if curvature is None:
+        curvature = np.zeros(matrix.shape[1])
+    if isinstance(curvature, np.ndarray):
+        quadratic = sparse.csc_matrix(sparse.diags_array(curvature))
+    else:
+        quadratic = sparse.csc_matrix(curvature)
     solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(sparse.diags_array(diagonal)),
+        quadratic,
         slopes[0],
         sparse.csc_matrix(matrix),
         limits,

@@ -1,12 +1,13 @@
 """Cutting planes from the convex hull of what one request can contribute, (9a) of math.md.
 
-In units of v_max a tick, a request y (with the joint's offset) contributes
-u(t) = clip(gamma (y - x(t)), -1, 1) to the speed at tick t, where x(t) is the angle before it and
-gamma = v_max / theta_0. A cut ``nu @ u - xi @ x <= limit`` holds for every y, and for every x
-within ranges, if its limit is the support function of that set, which is known in closed form.
-Which cut to add is found as in disjunctive programming (Balas 1979): the nearest point of the hull
-is sought by nonnegative least squares (Lawson and Hanson 1974), and the direction from there to the
-point that is to be cut off is the cut's normal.
+In units of v_max a tick, a request y (with the joint's offset) contributes u(t) = f(y - x(t)) to
+the speed at tick t, where x(t) is the angle before it: without friction and with equal speeds in
+both directions, clip(gamma (y - x(t)), -1, 1) with gamma = v_max / theta_0. A cut
+``nu @ u - xi @ x <= limit`` holds for every y, and for every x within ranges, if its limit is the
+support function of that set, which is known in closed form. Which cut to add is found as in
+disjunctive programming (Balas 1979): the nearest point of the hull is sought by nonnegative least
+squares (Lawson and Hanson 1974), and the direction from there to the point that is to be cut off is
+the cut's normal.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
+from planner.model.joint import speed_law
 from planner.trajectory import Array
 
 UNBOUNDED = (-np.inf, np.inf)
@@ -27,7 +29,6 @@ SUM_WEIGHT = 100.0
 
 CUT_ROUNDING = 1e-9
 """Added to a cut's limit: rounding of sums of a few terms of about one."""
-
 
 TRIED_REQUESTS = 300
 """Requests, evenly spaced, of which the nearest is where a node branches [-]; any is valid."""
@@ -56,12 +57,29 @@ class RequestSet(NamedTuple):
         lower: Least angles before these ticks, shape (m,).
         upper: Greatest angles, shape (m,).
         interval: Least and greatest request.
+        dead_band: Error that dry friction holds.
+        excess: By how much the top speed is higher upwards, and lower downwards.
     """
 
     gain: float
     lower: Array
     upper: Array
     interval: tuple[float, float] = UNBOUNDED
+    dead_band: float = 0.0
+    excess: float = 0.0
+
+    @property
+    def corners(self) -> list[float]:
+        """Errors at which the slope of f changes, from the greatest on."""
+        least, most = (self.excess - 1.0) / self.gain, (self.excess + 1.0) / self.gain
+        if self.dead_band:
+            return [most + self.dead_band, self.dead_band, -self.dead_band, least - self.dead_band]
+        return [most, least]
+
+    def contributions(self, errors: Array) -> Array:
+        """The contribution f of every error."""
+        law = speed_law(gain=self.gain, v_max=1.0, dead_band=self.dead_band, v_offset=self.excess)
+        return np.asarray(law(errors))
 
 
 class Support(NamedTuple):
@@ -80,15 +98,9 @@ class HullCut(NamedTuple):
     limit: float
 
 
-def contributions_of(requests: Array, angles: Array, gain: float) -> Array:
-    """The u = clip(gamma (y - x), -1, 1) of each request at each angle, shape (requests, m)."""
-    return np.clip(gain * (requests[:, np.newaxis] - angles), -1.0, 1.0)
-
-
 def breakpoints(angles: Array, requests: RequestSet) -> Array:
     """Requests of the set at which some contribution starts or ceases to saturate; its ends."""
-    reach = 1.0 / requests.gain
-    every = np.concatenate([angles - reach, angles + reach])
+    every = np.concatenate([angles + corner for corner in reversed(requests.corners)])
     within: Array = np.minimum(np.maximum(every, requests.interval[0]), requests.interval[1])
     return within
 
@@ -96,17 +108,18 @@ def breakpoints(angles: Array, requests: RequestSet) -> Array:
 def support(nu: Array, xi: Array, requests: RequestSet) -> Support:
     """The support function of the set in the direction (nu, -xi): the right-hand side of (9a).
 
-    For a given request every angle is on its own, and best at an end of its range or where its
-    contribution is just saturated. Between neighbouring breakpoints all these candidates are linear
-    in the request, so that the best of them is convex in it, and the maximum is at a breakpoint.
+    For a given request every angle is on its own, and best at an end of its range or where the
+    slope of its contribution changes. Between neighbouring breakpoints all these candidates are
+    linear in the request, so that the best of them is convex in it, and the maximum is at a
+    breakpoint.
     """
-    lower, upper, gain = requests.lower, requests.upper, requests.gain
+    lower, upper, corners = requests.lower, requests.upper, requests.corners
     tried = breakpoints(np.concatenate([lower, upper]), requests)[:, np.newaxis]
-    angles = np.empty((4, len(tried), len(lower)))
+    angles = np.empty((2 + len(corners), len(tried), len(lower)))
     angles[0], angles[1] = lower, upper
-    angles[2] = np.minimum(np.maximum(tried - 1.0 / gain, lower), upper)
-    angles[3] = np.minimum(np.maximum(tried + 1.0 / gain, lower), upper)
-    contributions = np.minimum(np.maximum(gain * (tried - angles), -1.0), 1.0)
+    for place, corner in zip(angles[2:], corners, strict=True):
+        place[:] = np.minimum(np.maximum(tried - corner, lower), upper)
+    contributions = requests.contributions(tried - angles)
     values = nu * contributions - xi * angles
     best = int(np.argmax(values.max(axis=0).sum(axis=1)))
     which = values[:, best].argmax(axis=0), best, np.arange(len(lower))
@@ -128,7 +141,8 @@ def separate(
     angles = np.clip(angles, requests.lower, requests.upper)
     count = len(contributions)
     target = np.concatenate([contributions, gain * (angles - middle)])
-    curve = contributions_of(np.unique(breakpoints(angles, requests)), angles, gain)
+    tried = np.unique(breakpoints(angles, requests))[:, np.newaxis]
+    curve = requests.contributions(tried - angles)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
     best, deepest = None, options.violation
     for _ in range(options.trials):
@@ -149,13 +163,17 @@ def separate(
 
 
 def nearest_request(
-    contributions: Array, angles: Array, requests: RequestSet
+    contributions: Array, angles: Array, requests: RequestSet, *, margin: float
 ) -> tuple[float, float]:
-    """The request whose contributions at these angles are nearest, and their distance."""
+    """The request whose contributions at these angles are nearest, and their distance.
+
+    The request is moved to where this share of the interval is left on either side.
+    """
     ends = breakpoints(angles, requests)
     tried = np.linspace(ends.min(), ends.max(), TRIED_REQUESTS)
-    distances = np.linalg.norm(
-        contributions_of(tried, angles, requests.gain) - contributions, axis=1
-    )
+    errors = tried[:, np.newaxis] - angles
+    distances = np.linalg.norm(requests.contributions(errors) - contributions, axis=1)
     nearest = int(np.argmin(distances))
-    return float(tried[nearest]), float(distances[nearest])
+    kept = margin * (tried[-1] - tried[0])
+    request = np.clip(tried[nearest], tried[0] + kept, tried[-1] - kept)
+    return float(request), float(distances[nearest])

@@ -15,7 +15,13 @@ from scipy import sparse
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import Norm
 from planner.inversion.bounds.clarabel import Cones, ConicSolution, minimise_over_cones
-from planner.inversion.bounds.reachable_set import BoundProblem, Level, ReachableSet, reachable_set
+from planner.inversion.bounds.reachable_set import (
+    BoundProblem,
+    Level,
+    ReachableSet,
+    farthest_per_period,
+    reachable_set,
+)
 from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10
@@ -34,10 +40,10 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     Raises:
         SolverFailed: The solver proposed no multipliers.
     """
-    model, desired, cyclic, norm, start = problem
-    middle, slack = float(np.mean(desired)), model.v_max * model.period
+    desired, norm = problem.desired, problem.norm
+    middle, slack = float(np.mean(desired)), farthest_per_period(problem.model, problem.load)
     scale = max(float(np.ptp(desired)), slack)
-    reachable = reachable_set(model, len(desired), cyclic=cyclic, level=level, start=start)
+    reachable = reachable_set(problem, level)
     matrix, sampled = reachable.matrix, reachable.sampled
     limits = (reachable.limits - matrix @ np.full(matrix.shape[1], middle)) / scale
     centred = (desired - middle) / scale
@@ -140,7 +146,7 @@ def certified_error(
     norm: Norm,
     slack: float,
 ) -> float:
-    """The lower bound that the multipliers prove by (9), whoever proposed them.
+    """The lower bound that any multipliers prove by (9).
 
     Args:
         reachable: The set.

@@ -20,7 +20,7 @@ LEVELS: tuple[Level, ...] = ("slope", "envelope", "exact")
 
 
 class BoundProblem(NamedTuple):
-    """A joint and what is desired of it: what a lower bound is about.
+    """The joint, the desired angles and the norm of a lower bound.
 
     Attributes:
         model: The joint.
@@ -28,6 +28,7 @@ class BoundProblem(NamedTuple):
         cyclic: Whether the trajectory repeats for ever.
         norm: Which error.
         start: From rest: where the joint rests before the first request [rad]; None for any start.
+        load: Torque on the joint in the period that ends in each sample [N m], shape (n,), if any.
     """
 
     model: JointModel
@@ -35,6 +36,7 @@ class BoundProblem(NamedTuple):
     cyclic: bool
     norm: Norm
     start: float | None
+    load: Array | None = None
 
 
 class ReachableSet(NamedTuple):
@@ -51,37 +53,31 @@ class ReachableSet(NamedTuple):
     sampled: npt.NDArray[np.int_]
 
 
-def reachable_set(
-    model: JointModel,
-    samples: int,
-    *,
-    cyclic: bool,
-    level: Level,
-    start: float | None = None,
-) -> ReachableSet:
+def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
     """Linear conditions that every response of the joint meets, tick by tick.
 
     Args:
-        model: The joint.
-        samples: Number of requests n.
-        cyclic: Whether the trajectory repeats for ever.
-        level: "slope" for condition 1, otherwise conditions 1 and 2.
-        start: From rest: where the joint rests before the first request [rad], for condition 3.
+        problem: The joint, its load and the number of samples; what is desired does not count.
+        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
 
     Returns:
         The conditions, on the angles at every tick.
     """
-    ticks = samples * model.hold if cyclic else (samples - 1) * model.hold + 1
-    steps = _differences(ticks, cyclic=cyclic)  # speeds [rad/tick] from angles
-    rows = [steps, -steps]
-    limits = [np.full(steps.shape[0], model.v_max_per_tick)] * 2
+    model, start = problem.model, problem.start
+    ticks = ticks_of(problem)
+    load = load_by_tick(problem, ticks)
+    steps = _differences(ticks, cyclic=problem.cyclic)  # speeds [rad/tick] from angles
+    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    moved = np.arange(0 if problem.cyclic else 1, ticks)
+    rows, limits = [steps, -steps], [high[moved], -low[moved]]
     if level != "slope":
-        kept, gain = envelope(model)
-        changes = _differences_of_speed(steps, kept, cyclic=cyclic)
-        rows += [changes, -changes]
-        limits += [np.full(changes.shape[0], gain)] * 2
+        kept, gain = envelope(model, load[moved], cyclic=problem.cyclic)
+        for sign, keeping, gaining in zip((1.0, -1.0), kept, gain, strict=True):
+            changes = _differences_of_speed(steps, keeping, cyclic=problem.cyclic)
+            rows.append(sign * changes)
+            limits.append(gaining)
     if start is not None:
-        farthest_from_start = distance_from_rest(model, ticks, level)
+        farthest_from_start = distance_from_rest(model, load, level)
         near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
         rows += [near_start, -near_start]
         limits += [farthest_from_start + start, farthest_from_start - start]
@@ -92,17 +88,59 @@ def reachable_set(
     )
 
 
-def envelope(model: JointModel) -> tuple[float, float]:
-    """Condition 2 with its convex majorant: ``w(t+1) - kept * w(t) <= gain`` and its mirror image.
+def ticks_of(problem: BoundProblem) -> int:
+    """Number of ticks at which the joint's angle is an unknown."""
+    samples, hold = len(problem.desired), problem.model.hold
+    return samples * hold if problem.cyclic else (samples - 1) * hold + 1
+
+
+def farthest_per_period(model: JointModel, load: Array | None = None) -> float:
+    """Farthest that the joint moves between two requests, in either direction [rad]."""
+    low, high = model.speed_limits(0.0 if load is None else load)
+    return float(max(np.max(high), np.max(-low))) * model.period
+
+
+def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
+    """The torque in the tick that ends in each tick's angle [N m], shape (ticks,)."""
+    if problem.load is None:
+        return np.zeros(ticks)
+    samples = -(-np.arange(ticks) // problem.model.hold)  # at each tick the sample that is next
+    by_tick: Array = problem.load[samples % len(problem.load)]
+    return by_tick
+
+
+def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Array]:
+    """Condition 2 with its convex majorant, ``w(t+1) - kept * w(t) <= gain``, and its mirror image.
+
+    The majorant of ``max(0, s - w)``, with s the change of the sag, is the chord between the least
+    and the greatest speed w, which are 2 v_max apart.
+
+    Args:
+        model: The joint.
+        load: Torque in the ticks whose speeds are known [N m], shape (m,).
+        cyclic: Whether the first of them follows the last.
 
     Returns:
-        kept [-] and gain [rad/tick].
+        kept [-] and gain [rad/tick], each of shape (2, changes): upwards, and of the mirror image.
     """
     v_max, weights = model.v_max_per_tick, model.window.weights
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
-    half = v_max / model.theta_0 * common / 2.0
-    return 1.0 - half, v_max * (replaced + half)
+    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    following, count = np.roll(np.arange(len(load)), -1), len(load) - (not cyclic)
+    sagging = model.compliance * (load[following] - load)
+    faster = high[following] - high
+    kept, gain = [], []
+    for sign, slowest, fastest in ((1.0, low, high), (-1.0, -high, -low)):
+        # Upwards the least w leaves most to be gained; the mirror image turns all signs.
+        most = np.maximum(sign * sagging - slowest, 0.0)
+        least = np.maximum(sign * sagging - fastest, 0.0)
+        slope = model.gain_per_tick * common * ((most - least) / (2.0 * v_max))
+        beyond = slope * (fastest - v_max) + model.gain_per_tick * common * least
+        changed = common * np.maximum(sign * faster, 0.0) + replaced * sign * faster / 2.0
+        kept.append((1.0 - slope)[:count])
+        gain.append((v_max * (replaced + slope) + beyond + changed)[:count])
+    return np.stack(kept), np.stack(gain)
 
 
 def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
@@ -114,26 +152,36 @@ def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
 
 
 def _differences_of_speed(
-    steps: sparse.csr_array, kept: float, *, cyclic: bool
+    steps: sparse.csr_array, kept: Array, *, cyclic: bool
 ) -> sparse.csr_array:
-    """Rows w[t+1] - kept * w[t]."""
-    if cyclic:
-        following = steps[np.roll(np.arange(steps.shape[0]), -1)]
-        return sparse.csr_array(following - kept * steps)
-    return sparse.csr_array(steps[1:] - kept * steps[:-1])
+    """Rows w[t+1] - kept[t] * w[t]."""
+    last = steps.shape[0] if cyclic else -1
+    following = steps[np.roll(np.arange(steps.shape[0]), -1)][:last]
+    scaled = steps[:last]
+    scaled.data *= np.repeat(kept, np.diff(scaled.indptr))
+    return sparse.csr_array(following - scaled)
 
 
-def distance_from_rest(model: JointModel, ticks: int, level: Level) -> Array:
+def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     """How far the first angles can be from the start [rad]: condition 3.
 
     The joint rests until the second request acts; then only the weights of the requests that may
-    differ from the first one can carry it away. The level "slope" leaves the latter out.
+    differ from the first one can carry it away, and before and after what the sag changes by. The
+    level "slope" leaves out what follows the second request.
+
+    Args:
+        model: The joint.
+        load: Torque in each tick [N m], shape (ticks,).
+        level: "slope" or another.
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
-    if level == "slope":
-        return resting[:ticks]
-    changed = np.cumsum(np.minimum(np.cumsum(model.window.weights), 1.0))
-    return np.concatenate([resting, model.v_max_per_tick * changed])[:ticks]
+    changed = np.minimum(np.cumsum(model.window.weights), 1.0)
+    new = np.concatenate([resting, changed if level != "slope" else []])[: len(load)]
+    low, high = model.speed_limits(load[: len(new)])
+    fastest = np.maximum(high, -low) * model.tick
+    sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
+    more = (fastest - model.v_max_per_tick) * new + (1.0 - new) * sagged
+    return np.asarray(model.v_max_per_tick * np.cumsum(new) + np.cumsum(more))
 
 
 def check_level(level: str) -> None:

@@ -9,6 +9,7 @@ error is less than that of a known plan, the incumbent, lie in the set.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from planner.exceptions import InvalidInput
 from planner.inversion.bounds.hull_cuts import UNBOUNDED, HullCut, RequestSet, separate
 from planner.inversion.bounds.multipliers import dual_value, nearest_point
 from planner.inversion.bounds.reachable_set import BoundProblem, distance_from_rest
@@ -25,6 +27,10 @@ from planner.trajectory import Array
 Indices = npt.NDArray[np.int_]
 Intervals = dict[int, tuple[float, float]]
 """Least and greatest value of the requests that are known to lie somewhere."""
+
+
+RELAXATION_WORK, NONZERO_WORK = 1500, 3
+"""What a relaxation counts, with the search for cuts after it, and each of its nonzeros."""
 
 
 class ActingPairs(NamedTuple):
@@ -68,6 +74,8 @@ class ScaledProblem:
 
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
+        dead_band: Error that dry friction holds [v_max ticks].
+        excess: By how much the top speed is higher upwards, and lower downwards [v_max].
         desired: D [v_max ticks], shape (n,).
         incumbent: Error of a known plan, which a better response stays below [v_max ticks].
         norm: Which error.
@@ -75,20 +83,29 @@ class ScaledProblem:
         sampled: Ticks at which the desired angles are compared, shape (n,).
         fixed: Requests that are known, as from rest with a given start the first.
         windows: Where each request acts.
+        work: What has been done so far, in nonzeros of the cone programmes of tightening.
+        most_work: When the search stops.
     """
 
-    def __init__(self, problem: BoundProblem, incumbent: float) -> None:
+    def __init__(
+        self, problem: BoundProblem, incumbent: float, *, most_work: float = math.inf
+    ) -> None:
         """Scale the problem: one is what the joint can move in a tick."""
-        model, desired, cyclic, norm, start = problem
+        problem = without_load(problem)
+        model, desired, cyclic, norm, start, _ = problem
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.gain = unit / model.theta_0
+        self.dead_band, self.excess = model.dead_band / unit, model.v_offset / model.v_max
         self.desired = (desired - middle) / unit
         self.incumbent = incumbent / unit
+        self.work, self.most_work = 0, most_work
         self.ticks = len(desired) * model.hold if cyclic else (len(desired) - 1) * model.hold + 1
         self.sampled = np.arange(0, self.ticks, model.hold)
         self.start = None if start is None else (start - middle) / unit
-        self.fixed: Intervals = {} if self.start is None else {0: (self.start, self.start)}
+        self.fixed: Intervals = {}
+        if self.start is not None:  # the first request holds the joint there
+            self.fixed = {0: (self.start - self.dead_band, self.start + self.dead_band)}
         self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
         self.before = (np.arange(self.ticks) - 1) % self.ticks
         self.first = 0 if cyclic else 1  # from rest the speed at tick 0 is unknown
@@ -108,21 +125,31 @@ class ScaledProblem:
         return self.ticks + len(self.pairs.tick)
 
     @property
+    def exhausted(self) -> bool:
+        """Whether all work that is allowed has been done."""
+        return self.work >= self.most_work
+
+    @property
     def equations(self) -> int:
         """Number of equations of motion, which are the relaxation's first rows."""
         return self.ticks - self.first
 
     def initial_ranges(self) -> Ranges:
-        """What the incumbent, the top speed and the start say by themselves."""
+        """Ranges that follow from the incumbent, the top speed and the start alone."""
         farthest = self.incumbent * (np.sqrt(len(self.desired)) if self.norm == "rms" else 1.0)
-        after = np.arange(self.ticks) % self.model.hold  # ticks since the last sample
+        after = np.arange(self.ticks) % self.model.hold * (1.0 + abs(self.excess))
         nearest = np.repeat(self.desired, self.model.hold)[: self.ticks]
         lower, upper = nearest - farthest - after, nearest + farthest + after
         if self.start is not None:
-            near = distance_from_rest(self.model, self.ticks, "envelope") / self.unit
+            near = distance_from_rest(self.model, np.zeros(self.ticks), "envelope") / self.unit
             lower[: len(near)] = np.maximum(lower[: len(near)], self.start - near)
             upper[: len(near)] = np.minimum(upper[: len(near)], self.start + near)
-        return Ranges(lower, upper, np.full(self.ticks, -1.0), np.full(self.ticks, 1.0))
+        slowest = np.full(self.ticks, self.excess - 1.0)
+        return Ranges(lower, upper, slowest, np.full(self.ticks, self.excess + 1.0))
+
+    def requests_at(self, lower: Array, upper: Array, interval: tuple[float, float]) -> RequestSet:
+        """What a request in an interval can contribute at angles within these ends."""
+        return RequestSet(self.gain, lower, upper, interval, self.dead_band, self.excess)
 
     @cached_property
     def speeds(self) -> sparse.csr_array:
@@ -153,6 +180,28 @@ class ScaledProblem:
             shape=(len(pair), self.size),
         )
         return matrix, pairs.tick[pair] - self.first
+
+
+def without_load(problem: BoundProblem) -> BoundProblem:
+    """The same problem with a constant load as part of the joint's offsets.
+
+    Raises:
+        InvalidInput: The load is not constant.
+    """
+    if problem.load is None:
+        return problem
+    torque = float(problem.load[0])
+    if np.any(problem.load != torque):
+        raise InvalidInput(
+            "level 'exact': not derived for a load that changes; use 'envelope', which holds under "
+            "every load"
+        )
+    model = replace(
+        problem.model,
+        offset=float(problem.model.sag(torque)),
+        v_offset=problem.model.v_offset + problem.model.speed_per_torque * torque,
+    )
+    return problem._replace(model=model, load=None)
 
 
 def acting_pairs(model: JointModel, ticks: int, *, cyclic: bool) -> ActingPairs:
@@ -243,8 +292,8 @@ def conditions(
         (-speeds, -slow),
         (angles, ranges.upper),
         (-angles, -ranges.lower),
-        (contributions, ones),
-        (-contributions, ones),
+        (contributions, ones + problem.excess),
+        (-contributions, ones - problem.excess),
     ]
     if cuts:
         rows.append((_cut_rows(problem, cuts), np.array([cut.hull.limit for cut in cuts])))
@@ -268,6 +317,7 @@ def _cut_rows(problem: ScaledProblem, cuts: list[Cut]) -> sparse.csr_array:
 def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) -> RelaxedSolution:
     """The relaxation's nearest point, and its distance as the multipliers prove it by (9)."""
     matrix, limits = conditions(problem, ranges, cuts)
+    problem.work += RELAXATION_WORK + NONZERO_WORK * matrix.nnz
     answer = nearest_point(
         matrix,
         limits,
@@ -279,7 +329,8 @@ def solve_relaxation(problem: ScaledProblem, ranges: Ranges, cuts: list[Cut]) ->
     angles = answer.unknowns[: problem.ticks]
     reference = np.zeros(problem.size)
     reference[: problem.ticks] = np.clip(angles, ranges.lower, ranges.upper)
-    # What is compared with nothing may be anywhere in its range; contributions in [-1, 1].
+    reference[problem.ticks :] = problem.excess
+    # What is compared with nothing may be anywhere in its range; contributions in excess ± 1.
     room = np.ones(problem.size)
     room[: problem.ticks] = np.maximum(
         ranges.upper - reference[: problem.ticks], reference[: problem.ticks] - ranges.lower
@@ -316,8 +367,7 @@ def violated_cuts(
     """A cut for every request whose contributions lie outside of its hull."""
     found = []
     for request, window in problem.windows.items():
-        requests = RequestSet(
-            problem.gain,
+        requests = problem.requests_at(
             ranges.lower[window.angles],
             ranges.upper[window.angles],
             intervals.get(request, UNBOUNDED),

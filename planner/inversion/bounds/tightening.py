@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -65,12 +64,7 @@ class LocalProblem(NamedTuple):
 
 
 def tighten(
-    problem: ScaledProblem,
-    ranges: Ranges,
-    solution: RelaxedSolution,
-    ticks: Iterable[int],
-    *,
-    until: float,
+    problem: ScaledProblem, ranges: Ranges, solution: RelaxedSolution, ticks: Iterable[int]
 ) -> bool:
     """Narrow the ranges in place, tick by tick; False where no such response is left.
 
@@ -79,12 +73,11 @@ def tighten(
         ranges: What is known so far.
         solution: The nearest point of the present relaxation.
         ticks: Where to narrow.
-        until: When to stop [s of ``perf_counter``].
     """
     columns = sparse.csc_array(solution.matrix)
     lengths = np.diff(solution.matrix.indptr)
     for tick in ticks:
-        if perf_counter() >= until:
+        if problem.exhausted:
             break
         local = local_problem(problem, ranges, solution, columns, lengths, tick)
         angle = np.zeros(len(local.middle))
@@ -95,6 +88,7 @@ def tighten(
             speed = angle.copy()
             speed[local.place[problem.before[tick]]] -= 1.0
             objectives += [speed, -speed]
+        problem.work += local.matrix.nnz * len(objectives)
         proved = proved_minima(local, objectives)
         ranges.lower[tick] = max(ranges.lower[tick], proved[0])
         ranges.upper[tick] = min(ranges.upper[tick], -proved[1])
@@ -161,7 +155,7 @@ def local_problem(
     weighted, spare = matrix.T @ multipliers, -float(multipliers @ limits)
     sampled = np.flatnonzero(near[problem.sampled])
     cones = Cones(equations, len(kept) - equations)
-    middle, room = np.zeros(len(chosen)), np.ones(len(chosen))
+    middle, room = np.full(len(chosen), problem.excess), np.ones(len(chosen))
     angles = np.flatnonzero(near)
     middle[: len(angles)] = (ranges.lower + ranges.upper)[angles] / 2.0
     room[: len(angles)] = (ranges.upper - ranges.lower)[angles] / 2.0

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
-from planner.inversion.arguments import checked_limits
-from planner.model.joint import JointModel
+from planner.inversion.arguments import checked_limits, checked_max_step
+from planner.model.joint import JointModel, checked_load
 from planner.trajectory import Array
 from planner.validation import as_reals, shown
 
@@ -67,6 +67,52 @@ def range_of_each(
             f"expected (lower, upper) [rad], each a number or one for each of the {joints}"
         ) from error
     return lower, upper
+
+
+def steps_of_each(max_step: npt.ArrayLike | None, count: int, *, joints: str) -> Array:
+    """Largest change of every joint's request [rad], shape (count,), inf where there is no limit.
+
+    Raises:
+        InvalidInput: They are not above 0, or not as many as there are joints.
+    """
+    if max_step is None:
+        return np.full(count, np.inf)
+    try:
+        steps = np.broadcast_to(as_reals(max_step), count)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"max_step: got {shown(max_step)}, expected an angle above 0 [rad], or one for each of "
+            f"the {joints}"
+        ) from error
+    return np.array([checked_max_step(step) for step in steps.tolist()])
+
+
+def load_of_each(
+    load: npt.ArrayLike | None, models: Sequence[JointModel], samples: int, *, joints: str
+) -> tuple[Array | None, ...]:
+    """The torque on every joint [N m], (samples,), or None where it changes nothing.
+
+    Args:
+        load: A number, one of each joint, or one of each joint at every sample; for one joint also
+            shape (samples,).
+        models: The joints.
+        samples: Number of samples.
+        joints: What has a joint each, in words.
+    """
+    if load is None:
+        return (None,) * len(models)
+    try:
+        given = as_reals(load)
+        if len(models) == 1 and given.ndim == 1:
+            given = given.reshape(-1, 1)
+        torques = np.broadcast_to(given, (samples, len(models)))
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"load: got {shown(load)}, expected a torque [N m], one for each of the {joints}, or "
+            f"{samples} rows of them"
+        ) from error
+    columns = zip(torques.T, models, strict=True)
+    return tuple(checked_load(column, model, samples) for column, model in columns)
 
 
 def limits_of(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:

@@ -21,7 +21,11 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm
-from planner.inversion.bounds.reachable_set import reachable_set
+from planner.inversion.bounds.reachable_set import (
+    BoundProblem,
+    farthest_per_period,
+    reachable_set,
+)
 from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bundle_method import (
     Column,
@@ -33,7 +37,7 @@ from planner.inversion.foot.bundle_method import (
     zero_multipliers,
 )
 from planner.inversion.foot.configuration_minima import Distance
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, Loads, sags
 from planner.trajectory import Array
 
 MOST_SAMPLES_BOUNDED = 1000
@@ -90,6 +94,7 @@ def foot_bound(
     weights: Array,
     limits: tuple[Array, Array],
     start: Array | None,
+    loads: Loads | None = None,
 ) -> float:
     """Lower bound on the error of the foot under any requests within the limits [m].
 
@@ -105,6 +110,7 @@ def foot_bound(
         weights: Weight of each axis, shape (3,).
         limits: Smallest and largest requests [rad], two arrays (k,).
         start: From rest: angles at which the joints rest [rad], (k,).
+        loads: Torque on each joint at every sample [N m], (n,), or None.
 
     Returns:
         The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`. A solver
@@ -115,19 +121,20 @@ def foot_bound(
     known = error_norm(errors, norm)
     if known <= ATTAINED * leg.chain.size:
         return 0.0
-    lower, upper = attainable_angles(models, limits, len(desired), start=start)
+    loads = [None] * len(models) if loads is None else loads
+    lower, upper = attainable_angles(models, limits, len(desired), start=start, loads=loads)
     distance = Distance(leg.chain, lower, upper, desired, roots / known)
     starts: list[float | None] = (
         [None] * len(models) if start is None else [float(angle) for angle in start]
     )
     sets = [
-        reachable_set(model, len(desired), cyclic=cyclic, level="envelope", start=each)
-        for model, each in zip(models, starts, strict=True)
+        reachable_set(BoundProblem(model, column, cyclic, norm, each, load), "envelope")
+        for model, column, each, load in zip(models, angles.T, starts, loads, strict=True)
     ]
     relaxation = LagrangianRelaxation(
         distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
     )
-    away = largest_distances(models, len(desired), cyclic=cyclic)
+    away = largest_distances(models, len(desired), cyclic=cyclic, loads=loads)
     squared = _branch_and_bound(
         relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
     )
@@ -245,23 +252,30 @@ def attainable_angles(
     samples: int,
     *,
     start: Array | None,
+    loads: Loads | None = None,
 ) -> tuple[Array, Array]:
     """Angles between which every joint stays under requests within limits [rad], (n, k) both.
 
-    A joint overshoots a request by v - theta_0 a tick at most, and by nothing where that is
-    negative. Turning by 2 pi changes nothing for the foot, so that a cycle may be thought to have
-    its least angle within a turn of the lower limit, or of -pi; and it goes only so far.
+    A joint overshoots a request by v - theta_0 a tick at most, by more in the direction of a higher
+    top speed, and by nothing where that is negative; friction holds it within its dead band. A turn
+    by 2 pi changes nothing for the foot, so that a cycle may be thought to have its least angle
+    within a turn of the lower limit, or of -pi; and it goes only so far.
 
     Args:
         models: The joints.
         limits: Smallest and largest requests [rad], two arrays (k,).
         samples: Number of samples n.
         start: From rest: where the joints rest at the first sample [rad], (k,); None for a cycle.
+        loads: Torque on each joint at every sample [N m], (n,), or None.
     """
+    loads = [None] * len(models) if loads is None else loads
+    farthest = _farthest(models, loads)
     beyond = np.array([max(model.v_max_per_tick - model.theta_0, 0.0) for model in models])
-    offsets = np.array([model.offset for model in models])
-    farthest = np.array([model.v_max * model.period for model in models])
-    lower, upper = limits[0] + offsets - beyond, limits[1] + offsets + beyond
+    beyond *= farthest / np.array([model.v_max_per_period for model in models])
+    beyond = np.maximum(beyond, [model.dead_band for model in models])
+    sagging = np.atleast_2d(sags(models, loads))
+    lower = limits[0] + np.min(sagging, axis=0) - beyond
+    upper = limits[1] + np.max(sagging, axis=0) + beyond
     if start is not None:
         away = np.arange(samples)[:, np.newaxis] * farthest
         return np.maximum(lower, start - away), np.minimum(upper, start + away)
@@ -274,10 +288,17 @@ def attainable_angles(
     return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
 
 
-def largest_distances(models: Sequence[JointModel], samples: int, *, cyclic: bool) -> Array:
+def _farthest(models: Sequence[JointModel], loads: Loads) -> Array:
+    """How far each joint moves between two requests at most [rad], (k,)."""
+    return np.array([farthest_per_period(m, load) for m, load in zip(models, loads, strict=True)])
+
+
+def largest_distances(
+    models: Sequence[JointModel], samples: int, *, cyclic: bool, loads: Loads
+) -> Array:
     """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
     apart = np.abs(np.arange(samples) - samples // 2)
     if cyclic:
         apart = np.minimum(apart, samples - apart)
-    farthest: Array = apart[:, np.newaxis] * np.array([m.v_max * m.period for m in models])
+    farthest: Array = apart[:, np.newaxis] * _farthest(models, loads)
     return farthest

@@ -22,17 +22,22 @@ from planner.trajectory import Array
 class ConfigurationSearchOptions:
     """How finely the angles are cut, and how much is searched at a time.
 
+    In brackets what half and twice the value do to the bounds of the reference walk and of 40
+    samples of it from rest, and to their processor time.
+
     Attributes:
         widest_cell: Width of the first cells [rad], where the foot's path over one is bent by a few
-            per cent; wider where there would be too many.
-        widening: Factor of that width where there are too many first cells [-].
+            per cent; wider where there would be too many (both the same to 3e-5, half in 1.2 to 2.2
+            times the time).
+        widening: Factor of that width where there are too many first cells [-], as for joints
+            without limits (no change: these have limits).
         samples_at_once: Samples in a block: as many as a few thousand first cells each leave room
-            for.
+            for (both the same to 5e-6, and as fast).
         most_cells: Cells that a block may be about to have open [-]; beyond it their bounds stand
             as they are. So many are seen only where angles far apart are equally good, and take
             some 100 MB.
         most_halvings: Times that a cell is halved [-]: cells are then 1e-12 of the first ones wide,
-            as small as rounding.
+            as small as rounding (half: no change).
     """
 
     widest_cell: float = float(np.radians(15.0))

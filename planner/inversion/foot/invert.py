@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -14,17 +15,24 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.inversion.arguments import Norm, check_norm
-from planner.inversion.foot.arguments import checked_leg, joints_of, limits_of, model_of_each
+from planner.inversion.arguments import Norm, check_norm, checked_smoothness
+from planner.inversion.foot.arguments import (
+    checked_leg,
+    joints_of,
+    limits_of,
+    load_of_each,
+    model_of_each,
+    steps_of_each,
+)
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.kkt_step import Mask
+from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.smoothing import OPTIONS as SMOOTHING
-from planner.inversion.smoothing import SAME_ERROR, smoothed
+from planner.inversion.smoothing import SAME_ERROR, allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, Loads, rest_angles
 from planner.trajectory import Array
 from planner.validation import as_flag, as_reals, freeze, shown
 
@@ -32,7 +40,7 @@ LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
 
 STATIONARY = 1e-9
-"""Range of the angles of a joint that does not move [rad]: rounding."""
+"""Range of the requests that hold a joint that does not move [rad]: rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,18 +53,12 @@ class FootOptions:
             0.08 % at worst; corners of 2 and 1 in front lose 0.35 % at worst, none 0.55 %.
         steps: Steps of a stage at most: where joints can stand in for one another, it takes many.
             12 or 24 make no difference to 18 feet.
-        smoothing_rounds: Rounds of smoothing: their cost is small beside that of the search.
-        unseen: Rise of the error that is accepted where it lets a joint rest, in radians of a
-            typical joint's turn: a thousandth of a degree, a tenth of what is left where joints can
-            follow.
         ridge: Curvature added to that of the squared errors, where a joint that does not move the
             foot has none [-]; errors are in radians of a typical joint.
     """
 
     stages: tuple[Stage, ...] = (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *SEARCH.narrow)
     steps: int = 16
-    smoothing_rounds: int = 3
-    unseen: float = 2e-5
     ridge: float = 1e-4
 
 
@@ -66,13 +68,17 @@ OPTIONS = FootOptions()
 class FollowFoot:
     """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
 
-    def __init__(self, leg: Leg, desired: Array, scale: Array) -> None:
+    def __init__(
+        self, leg: Leg, desired: Array, scale: Array, disturbance: Array | float = 0.0
+    ) -> None:
         """Compile the leg for a path as long as the desired one, (n, 3) [m].
 
-        ``scale`` turns metres along each axis into errors [rad/m], (3,).
+        ``scale`` turns metres along each axis into errors [rad/m], (3,); ``disturbance`` [rad],
+        (n, k), is added to the joints' angles before the foot's position is computed.
         """
         self.desired = desired
         self._scale = scale
+        self._disturbance = disturbance
         self._foot = foot_function(leg).map(len(desired))
         self._joints = len(leg.joint_names)
 
@@ -83,7 +89,7 @@ class FollowFoot:
 
     def errors(self, angles: Array) -> Errors:
         """Foot minus desired, each axis times its scale [rad]."""
-        foot, jacobian = self._foot(angles.T)
+        foot, jacobian = self._foot((angles + self._disturbance).T)
         values = (np.asarray(foot).T - self.desired) * self._scale
         # CasADi lays the Jacobians (3, k) side by side.
         stacked = np.asarray(jacobian).reshape(3, len(angles), self._joints).transpose(1, 0, 2)
@@ -100,6 +106,10 @@ def invert_foot(
     norm: Norm = "rms",
     weights: npt.ArrayLike = (1.0, 1.0, 1.0),
     unreachable: Literal["nearest", "raise"] = "nearest",
+    load: npt.ArrayLike | LoadOfPose | None = None,
+    disturbance: npt.ArrayLike | None = None,
+    max_step: npt.ArrayLike | None = None,
+    smoothness: float | None = None,
 ) -> FootInversion:
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
@@ -117,16 +127,32 @@ def invert_foot(
         weights: How much each axis of the base frame counts, shape (3,).
         unreachable: Points out of reach are followed as closely as the leg can ("nearest"; the
             plan's ``reachable`` says which), or are an error that lists them ("raise").
+        load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
+            for each joint's, or (n, k); row i acts in the request period that ends in sample i. Or
+            a function of the angles (n, k) [rad]: see :func:`planner.plan`.
+        disturbance: Measured minus modelled angles [rad], shape (n, k), which the models' angles
+            are taken to miss under other requests too: see :func:`planner.refine`.
+        max_step: Largest change from one request of a joint to the next [rad], a number or shape
+            (k,): see :func:`planner.invert_optimal`.
+        smoothness: Relative rise of the foot's error that smoother requests may cost, as there.
 
     Returns:
         The plan.
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are not three
-            numbers, 0 or more and not all 0.
+            numbers, 0 or more and not all 0, or load or disturbance do not fit the points, or
+            ``max_step`` is not above 0 or ``smoothness`` below it.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
+
+    Example:
+        >>> from planner import reference_walk
+        >>> walk = reference_walk()
+        >>> made = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot)
+        >>> f"{100 * made.rms:.2f} cm rms"
+        '0.62 cm rms'
     """
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
@@ -134,8 +160,18 @@ def invert_foot(
     joints = model_of_each(models, len(leg.joint_names), given_as="models", joints=joints_of(leg))
     importance = _checked_weights(weights)
     lower, upper = limits_of(limits, leg)
+    steps = steps_of_each(max_step, len(joints), joints=joints_of(leg))
+    share = checked_smoothness(smoothness)
     solution = leg.inverse(foot, unreachable=unreachable)
     desired = _long_enough(foot)
+    if callable(load):
+        again = partial(invert_foot, joints, leg, desired, cyclic=cyclic, limits=(lower, upper))
+        again = partial(again, norm=norm, weights=importance, unreachable=unreachable)
+        again = partial(again, disturbance=disturbance)
+        again = partial(again, max_step=max_step, smoothness=smoothness)
+        return settled(lambda torques: again(load=torques), load, solution.angles)
+    loads = load_of_each(load, joints, len(desired), joints=joints_of(leg))
+    added = _checked_disturbance(disturbance, solution.angles)
     problem = _problem(
         joints,
         leg,
@@ -143,11 +179,14 @@ def invert_foot(
         solution.angles,
         weights=importance,
         limits=(lower, upper),
+        max_step=steps,
         cyclic=cyclic,
         norm=norm,
+        loads=loads,
+        disturbance=added,
     )
-    requests = _search(problem)
-    freeze(requests, desired, lower, upper, problem.start)
+    requests = _search(problem, smoothness=share)
+    freeze(requests, desired, lower, upper, steps, problem.start, added)
     return FootInversion(
         models=joints,
         leg=leg,
@@ -157,8 +196,12 @@ def invert_foot(
         norm=norm,
         weights=importance,
         limits=(lower, upper),
+        max_step=steps if np.any(np.isfinite(steps)) else None,
+        smoothness=share,
         start=problem.start,
         reachable=solution.reachable,
+        loads=loads,
+        disturbance=added,
     )
 
 
@@ -178,44 +221,65 @@ def _problem(
     *,
     weights: Array,
     limits: tuple[Array, Array],
+    max_step: Array,
     cyclic: bool,
     norm: Norm,
+    loads: Loads,
+    disturbance: Array | None = None,
 ) -> TrackingProblem:
     """What the joints should do together, if these angles (n, k) bring the foot nearest [rad]."""
     lower, upper = limits
-    offsets = np.array([model.offset for model in joints])
-    nearest = np.clip(angles, lower + offsets, upper + offsets)
+    added: Array | float = 0.0 if disturbance is None else disturbance
+    least, most = rest_angles(joints, lower, loads), rest_angles(joints, upper, loads)
+    nearest = np.clip(angles - added, least, most)
     return TrackingProblem(
         joints,
-        FollowFoot(leg, desired, _scale(weights, leg.jacobians(nearest), leg)),
-        nearest - offsets,
+        FollowFoot(leg, desired, _scale(weights, leg.jacobians(nearest + added), leg), added),
+        nearest,
         cyclic=cyclic,
         norm=norm,
         limits=limits,
-        start=None if cyclic else nearest[0].copy(),
+        max_step=max_step,
+        start=None if cyclic else np.clip(angles, least, most)[0],
         ridge=OPTIONS.ridge,
+        loads=loads,
     )
 
 
-def _search(problem: TrackingProblem) -> Array:
+def _search(problem: TrackingProblem, *, smoothness: float) -> Array:
     """The best requests found for the foot, from the plans for its joints one by one: (n, k)."""
-    nearest = problem.resting + problem.offsets
+    columns = zip(
+        problem.models,
+        problem.desired.T,
+        problem.lower,
+        problem.upper,
+        problem.max_step,
+        problem.loads,
+        strict=True,
+    )
     singly = [
-        invert_optimal(model, column, cyclic=problem.cyclic, limits=(low, high)).requests
-        for model, column, low, high in zip(
-            problem.models, nearest.T, problem.lower, problem.upper, strict=True
-        )
+        invert_optimal(
+            model,
+            column,
+            cyclic=problem.cyclic,
+            limits=(low, high),
+            load=load,
+            max_step=step,
+            smoothness=0.0,
+        ).requests
+        for model, column, low, high, step, load in columns
     ]
     first = problem.admissible(np.stack(singly, axis=1))
     angles = problem.exact_angles(first)
-    state = State(first, nearest if angles is None else angles)
+    state = State(first, problem.desired if angles is None else angles)
     at_most = problem.exact_error(first)
     best, least = minimise(problem, state, _longer(OPTIONS.stages))
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    problem, best = with_stationary_joints(problem, best, nearest, at_most=at_most)
-    return smoothed(problem, best.requests, at_most=at_most, rounds=OPTIONS.smoothing_rounds)
+    at_most = min(at_most, allowed_error(problem.exact_error(best.requests), smoothness))
+    problem, best = with_stationary_joints(problem, best, at_most=at_most)
+    return smoothed(problem, best.requests, at_most=at_most, smoothness=smoothness)
 
 
 def _longer(stages: Sequence[Stage]) -> list[Stage]:
@@ -224,7 +288,7 @@ def _longer(stages: Sequence[Stage]) -> list[Stage]:
 
 
 def with_stationary_joints(
-    problem: TrackingProblem, found: State, desired: Array, *, at_most: float
+    problem: TrackingProblem, found: State, *, at_most: float
 ) -> tuple[TrackingProblem, State]:
     """The plan with the joints at rest that need not move, if it then is as good.
 
@@ -234,22 +298,19 @@ def with_stationary_joints(
     Args:
         problem: What the joints should do together.
         found: A good plan.
-        desired: The angles that bring the foot to the path [rad], shape (n, joints).
         at_most: Error that is not to be passed in any case.
 
     Returns:
         The problem with those joints held, and the plan for it; or what was given.
     """
-    stationary: Mask = np.ptp(desired, axis=0) <= STATIONARY
+    stationary: Mask = np.ptp(problem.resting, axis=0) <= STATIONARY
     if not np.any(stationary) or np.all(stationary):
         return problem, found
     held = holding(problem, stationary)
-    error = problem.exact_error(found.requests, found.angles[-1])
-    as_good = min(error * (1.0 + SMOOTHING.error_share) + OPTIONS.unseen, at_most + SAME_ERROR)
     begin = State(held.admissible(found.requests), found.angles)
     sharp = [stage for stage in SEARCH.narrow if stage.radius < SEARCH.simulated]
     answer, error = minimise(held, begin, _longer(sharp))
-    return (held, answer) if error <= as_good else (problem, found)
+    return (held, answer) if error <= at_most + SAME_ERROR else (problem, found)
 
 
 def holding(problem: TrackingProblem, stationary: Mask) -> TrackingProblem:
@@ -283,3 +344,19 @@ def _checked_weights(weights: npt.ArrayLike) -> Array:
         )
     importance.setflags(write=False)
     return importance
+
+
+def _checked_disturbance(disturbance: npt.ArrayLike | None, angles: Array) -> Array | None:
+    """The disturbance [rad], a copy of the shape of the angles (n, k); None where there is none."""
+    if disturbance is None:
+        return None
+    try:
+        added = as_reals(disturbance)
+    except (TypeError, ValueError):
+        added = np.empty(0)
+    if added.shape != angles.shape or not np.all(np.isfinite(added)):
+        raise InvalidInput(
+            f"disturbance: got {shown(disturbance)}, expected finite angles [rad] of shape "
+            f"{angles.shape}, a column for each joint"
+        )
+    return added

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +12,14 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm
 from planner.inversion.error_norm import error_norm, relative_gap
+from planner.inversion.foot.arguments import joints_of, load_of_each
 from planner.inversion.foot.bound import foot_bound
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from planner.learning.history import Learning
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,8 +35,16 @@ class FootInversion:
         norm: Distance that was minimised.
         weights: Weight of each axis in that distance, shape (3,).
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
+        max_step: Largest change allowed from one request to the next [rad], shape (k,), or None.
+        smoothness: Relative rise of the error that smoother requests were allowed to cost [-].
         reachable: Which of the desired positions the leg can reach, shape (n,).
         start: From rest: angles at which the joints rest before the first request [rad], (k,).
+        loads: Torque on each joint at every sample [N m], (n,), or None; () for none at all.
+        load_of_pose: Whether that is the load of the predicted angles; there is no lower bound
+            then, see :class:`planner.Inversion`.
+        disturbance: What executed cycles add to the models' angles [rad], shape (n, k): see
+            :func:`planner.refine`; None before any was measured.
+        learning: The executed cycles that the plan has learnt from; None where there are none.
     """
 
     models: tuple[JointModel, ...]
@@ -43,18 +56,36 @@ class FootInversion:
     weights: Array
     limits: tuple[Array, Array]
     reachable: npt.NDArray[np.bool_]
+    max_step: Array | None = None
+    smoothness: float = 0.0
     start: Array | None = None
     method: str = "foot_optimal"
+    loads: tuple[Array | None, ...] = ()
+    load_of_pose: bool = False
+    disturbance: Array | None = None
+    learning: Learning | None = None
+
+    def under(self, torques: Array) -> Self:
+        """The same requests under the load of a pose [N m], shape (n, k)."""
+        joints = joints_of(self.leg)
+        loads = load_of_each(torques, self.models, len(self.requests), joints=joints)
+        return replace(self, loads=loads, load_of_pose=any(load is not None for load in loads))
 
     @cached_property
     def predicted(self) -> Array:
-        """Angles of the exact models under the requests [rad], shape (n, k)."""
+        """Angles of the exact models under the requests, plus the disturbance [rad], (n, k)."""
         starts = [None] * len(self.models) if self.start is None else self.start
-        columns = zip(self.models, self.requests.T, starts, strict=True)
+        loads = self.loads or [None] * len(self.models)
+        columns = zip(self.models, self.requests.T, starts, loads, strict=True)
         angles = np.stack(
-            [simulate(model, r, cyclic=self.cyclic, start=start) for model, r, start in columns],
+            [
+                simulate(model, r, cyclic=self.cyclic, start=start, load=load)
+                for model, r, start, load in columns
+            ],
             axis=1,
         )
+        if self.disturbance is not None:
+            angles += self.disturbance
         angles.setflags(write=False)
         return angles
 
@@ -91,8 +122,11 @@ class FootInversion:
         """Lower bound on :attr:`error` for any requests within the limits [m].
 
         From rest it is about plans that start at ``start``. It is computed, and proved, when it is
-        first asked for: some 30 ms a sample, and up to ten seconds where a path is short.
+        first asked for: some 30 ms a sample, and up to ten seconds where a path is short. There is
+        none, and it is 0, where the load depends on the pose, or with a disturbance.
         """
+        if self.load_of_pose or self.disturbance is not None:
+            return 0.0
         return foot_bound(
             self.models,
             self.leg,
@@ -103,7 +137,13 @@ class FootInversion:
             weights=self.weights,
             limits=self.limits,
             start=self.start,
+            loads=self.loads or None,
         )
+
+    @property
+    def stopped(self) -> str:
+        """Why learning from executed cycles has ended; empty while it goes on, and before it."""
+        return "" if self.learning is None else self.learning.stopped
 
     @property
     def gap(self) -> float:

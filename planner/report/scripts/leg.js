@@ -90,7 +90,7 @@ live.kinds.leg = async (place, { motions, period, cyclic, ground }) => {
       bones.setAttribute("points", line(points));
       points.forEach((point, j) => { [joints[j].cx.baseVal.value, joints[j].cy.baseVal.value] = seen(point); });
       const sample = Math.round(state.moment / period) % samples;
-      distance.textContent = motion.distances ? `${motion.distances[sample].toFixed(1)} cm` : "";
+      distance.textContent = motion.distances ? `${motion.rms.toFixed(2)} cm rms, now ${motion.distances[sample].toFixed(2)}` : "";
     }
     slider.value = state.moment / period;
     clock.textContent = end < 10 ? `${Math.round(1000 * state.moment)} ms` : `${state.moment.toFixed(2)} s`;

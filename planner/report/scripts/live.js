@@ -1,5 +1,5 @@
 // What all live figures of a page share: where they stand, the page's colours, and one moment in
-// time. A figure that cannot be brought to life stays the still picture that it was.
+// time. A figure that cannot be drawn live stays as it is on paper.
 "use strict";
 
 const live = {

@@ -6,7 +6,7 @@ live.library = () => {
     const packed = atob(document.getElementById("plotly").textContent.trim());
     const bytes = Uint8Array.from(packed, (letter) => letter.charCodeAt(0));
     const stream = new DecompressionStream("gzip"), writer = stream.writable.getWriter();
-    writer.write(bytes).then(() => writer.close()).catch(() => {}); // the reader is told what fails
+    writer.write(bytes).then(() => writer.close()).catch(() => {}); // the reader of the stream reports what fails
     document.head.append(live.element("script", { textContent: await new Response(stream.readable).text() }));
   })();
   return live.unpacked;
@@ -16,9 +16,9 @@ live.library = () => {
 live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
   const place = live.element("div", { className: "canvas" });
   place.style.height = `${height}px`;
-  const names = [...new Set(data.map((trace) => trace.name))];
+  const names = [...new Set(data.filter((trace) => trace.showlegend !== false).map((trace) => trace.name))];
   const entries = names.map((name) => {
-    const rows = [...data.keys()].filter((k) => data[k].name === name);
+    const rows = [...data.keys()].filter((k) => data[k].name === name && data[k].showlegend !== false);
     const { line, marker, visible } = data[rows[0]];
     const looks = line ? { colour: line.color, width: line.width, dashes: line.dash.replaceAll("px", "").replace("solid", "none") }
       : { colour: marker.line.color, width: 1, dashes: "dots", filled: marker.line.width === 0 };

@@ -24,7 +24,7 @@ class Task(NamedTuple):
 
     name: str
     leg: Leg
-    wanted: Array  # (n, 3) [m]
+    desired: Array  # (n, 3) [m]
     nearest: Array  # (n, joints) [rad]
 
 
@@ -65,7 +65,7 @@ def bounds(samples: int) -> Table:
     for task in tasks(samples):
         for norm in ("rms", "max"):
             joint = planner.JointModel.ers210a()
-            plan = planner.invert_foot(joint, task.leg, task.wanted, norm=norm)
+            plan = planner.invert_foot(joint, task.leg, task.desired, norm=norm)
             bound, seconds = timed(lambda plan=plan: plan.lower_bound)
             table.add(
                 f"{task.name}, {norm}", 100.0 * plan.error, 100.0 * bound, 100.0 * plan.gap, seconds
@@ -109,7 +109,7 @@ def foot_distances(task: Task, requests: Array) -> Array:
     """Distances of the foot under the requests [m], (n,)."""
     joint = planner.JointModel.ers210a()
     angles = np.stack([planner.simulate(joint, column) for column in requests.T], axis=1)
-    distances: Array = np.linalg.norm(task.leg.foot_positions(angles) - task.wanted, axis=1)
+    distances: Array = np.linalg.norm(task.leg.foot_positions(angles) - task.desired, axis=1)
     return distances
 
 
@@ -135,7 +135,7 @@ def joint_by_joint(task: Task) -> Array:
 def stacked(norm: str, task: Task) -> Array:
     """All joints at once."""
     joint = planner.JointModel.ers210a()
-    return planner.invert_foot(joint, task.leg, task.wanted, norm=norm).requests
+    return planner.invert_foot(joint, task.leg, task.desired, norm=norm).requests
 
 
 METHODS: dict[str, Callable[[Task], Array]] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,9 @@ AMPLITUDES = (30.0, 90.0), (40.0, 110.0), (30.0,)
 NOISE, QUANTUM = 0.2, 0.3
 """Noise and resolution of the sensor [deg]."""
 
+FINE_NOISE, FINE_QUANTUM, STICKY_ROWS = 0.1, 0.09, 800
+"""The same of a good encoder, and the rows of the logs with dry friction."""
+
 CYCLES, SAMPLES = 3, 88
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
@@ -35,7 +39,8 @@ PENDULUMS = {
 
 def measure(options: Options) -> list[Table]:
     """Made logs, and the recordings where they are."""
-    tables = [coverage(SEEDS * options.instances)]
+    seeds = SEEDS * options.instances
+    tables = [coverage(seeds), friction(seeds)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if folder and Path(folder).is_dir():
         tables.append(recordings(Path(folder)))
@@ -79,6 +84,47 @@ def coverage(seeds: int) -> Table:
                 seconds,
             )
     return table
+
+
+def friction(seeds: int) -> Table:
+    """One row for each dead band."""
+    table = Table(
+        "Identification of dry friction, made",
+        ("kept, %", "in the interval, %", "rms error, %", "largest error, %", "half interval, %"),
+        note=f"The ERS-210A with a dead band, {STICKY_ROWS} rows of random steps within 0.4 rad, "
+        f"{FINE_NOISE:g} deg noise, {FINE_QUANTUM:g} deg resolution, {seeds} seeds.",
+        stub="dead band, deg",
+    )
+    for degrees in (1.0, 2.0, 4.0):
+        truth = replace(planner.JointModel.ers210a(), dead_band=math.radians(degrees))
+        found = [planner.identify(sticky_log(truth, seed), hold_out=False) for seed in range(seeds)]
+        kept = np.array([one.model.dead_band > 0.0 for one in found])
+        errors = np.array([one.model.dead_band for one in found]) / truth.dead_band - 1.0
+        ends = np.array([one.intervals.get("dead_band", (0.0, 0.0)) for one in found])
+        held = (ends[:, 0] <= truth.dead_band) & (truth.dead_band <= ends[:, 1])
+        table.add(
+            f"{degrees:g}",
+            100.0 * float(np.mean(kept)),
+            100.0 * float(np.mean(held)),
+            100.0 * float(np.sqrt(np.mean(errors**2))),
+            100.0 * float(np.max(np.abs(errors))),
+            50.0 * float(np.median(ends[:, 1] - ends[:, 0])) / truth.dead_band,
+        )
+    return table
+
+
+def sticky_log(model: planner.JointModel, seed: int) -> planner.Log:
+    """Random steps of a joint with friction, as a good encoder reports them."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(4, 30, size=STICKY_ROWS)
+    requests = np.repeat(rng.uniform(-0.4, 0.4, size=STICKY_ROWS), lengths)[:STICKY_ROWS]
+    angles = np.degrees(planner.simulate(model, requests, cyclic=False))
+    noisy = angles + rng.normal(scale=FINE_NOISE, size=len(angles))
+    return planner.Log(
+        times=np.arange(STICKY_ROWS) * model.period,
+        requests=requests,
+        angles=np.radians(np.round(noisy / FINE_QUANTUM) * FINE_QUANTUM),
+    )
 
 
 def made(model: planner.JointModel, amplitudes: tuple[float, ...], seed: int) -> list[planner.Log]:

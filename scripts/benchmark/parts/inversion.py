@@ -28,7 +28,9 @@ def build_ours(
 
     def solve(desired: Array, limits: tuple[float, float], start: Array) -> Array:
         del start  # it finds its own, in its own time
-        return planner.invert_optimal(model, desired, limits=limits, solver=solver).requests
+        # Nobody else gives up accuracy for smooth requests.
+        options = {"limits": limits, "smoothness": 0.0}
+        return planner.invert_optimal(model, desired, solver=solver, **options).requests
 
     return solve
 

@@ -61,7 +61,7 @@ def gap_row(
     """Error [deg], gaps [%], largest step [deg] and excess [deg] of one plan."""
     model, desired = instance.model, instance.desired
     limits = None if instance.limits == FREE else instance.limits
-    plan = planner.invert_optimal(model, desired, limits=limits, norm=norm)
+    plan = planner.invert_optimal(model, desired, limits=limits, norm=norm, smoothness=0.0)
     error = plan.rms if norm == "rms" else plan.max_error
     over = []
     for level in levels:

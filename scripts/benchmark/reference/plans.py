@@ -31,8 +31,8 @@ ATTAINED = math.radians(0.005)
 FOOT_ATTAINED = 1e-5
 """The same for the foot [m]."""
 
-EXACT_SECONDS = 20.0
-"""Longest search for an exact bound [s]."""
+EXACT_SECONDS = 5.0
+"""Longest search for an exact bound [s], as counted by its work."""
 
 
 def joints() -> Iterator[tuple[str, Instance, dict[str, Any]]]:
@@ -142,7 +142,7 @@ def feet() -> Iterator[Case]:
 
 def stepped(task: Task, **asked: Any) -> Numbers:
     """The numbers of a leg's plan."""
-    plan = planner.invert_foot(planner.JointModel.ers210a(), task.leg, task.wanted, **asked)
+    plan = planner.invert_foot(planner.JointModel.ers210a(), task.leg, task.desired, **asked)
     return {
         "error": plan.error,
         "floor": FOOT_ATTAINED,

@@ -19,7 +19,7 @@ OPTIONS = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes"}}
 SPEEDS = (1.0, 0.3, 0.1)
 """Radii of the saturation's corners, stage by stage [degrees a tick]."""
 
-PULL = 1e-3
+REGULARISATION = 1e-3
 """Weight on the distance of the requests from the desired angles."""
 
 NO_LIMIT = 1e20
@@ -44,7 +44,9 @@ def build(model: planner.JointModel, samples: int) -> Solve:
     # objective
     offset = model.offset / DEGREE
     resting = desired - offset
-    opti.minimize(casadi.sumsqr(angles - desired) + PULL * casadi.sumsqr(requests - resting))
+    opti.minimize(
+        casadi.sumsqr(angles - desired) + REGULARISATION * casadi.sumsqr(requests - resting)
+    )
 
     # dynamics, closed to a cycle
     for k in range(samples):
@@ -59,8 +61,8 @@ def build(model: planner.JointModel, samples: int) -> Solve:
     opti.subject_to(opti.bounded(lower, requests, upper))
     opti.solver("ipopt", OPTIONS)
 
-    def solve(wanted: Array, limits: Limits, start: Array) -> Array:
-        opti.set_value(desired, wanted / DEGREE)
+    def solve(trajectory: Array, limits: Limits, start: Array) -> Array:
+        opti.set_value(desired, trajectory / DEGREE)
         opti.set_value(lower, max(limits[0] / DEGREE, -NO_LIMIT))
         opti.set_value(upper, min(limits[1] / DEGREE, NO_LIMIT))
         opti.set_initial(requests, start / DEGREE)
@@ -76,6 +78,6 @@ def build(model: planner.JointModel, samples: int) -> Solve:
                 break
             candidates.append(found * DEGREE)
             opti.set_initial(opti.x, opti.debug.value(opti.x))
-        return best_of(model, wanted, limits, candidates)
+        return best_of(model, trajectory, limits, candidates)
 
     return solve

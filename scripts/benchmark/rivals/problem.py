@@ -21,7 +21,7 @@ RADII = (0.4, 0.12, 0.04)
 """Radii of the saturation's corners [theta_0], stage by stage: 1, 0.3 and 0.1 degrees a tick for a
 joint of 2.5. One stage sharper, IPOPT fails or reports success at three times the error."""
 
-PULL = 1e-4
+REGULARISATION = 1e-4
 """Weight on the distance of the requests from the desired angles."""
 
 

@@ -7,13 +7,13 @@ from scipy.optimize import least_squares
 
 import planner
 
-from .problem import DEGREE, PULL, RADII, Array, Limits, Solve, best_of
+from .problem import DEGREE, RADII, REGULARISATION, Array, Limits, Solve, best_of
 
 MOST_EVALUATIONS = 60
 """Simulations in one stage."""
 
 CYCLES = 20
-"""Most rounds of Newton's method for the cycle's seam."""
+"""Most rounds of Newton's method for the angle at a cycle's boundary."""
 
 
 class Simulation:
@@ -26,7 +26,7 @@ class Simulation:
         ages = np.arange(model.window.first, model.window.last + 1)
         self.acting = (np.arange(samples)[:, np.newaxis] - ages) % samples
 
-    def run(self, requests: Array, radius: float, seam: float) -> tuple[Array, Array, Array]:
+    def run(self, requests: Array, radius: float, boundary: float) -> tuple[Array, Array, Array]:
         """Angles, their derivatives by the angle before and by the requests that act."""
         windows = requests[self.acting] + self.offset
         angles, by_angle, by_request = (
@@ -35,7 +35,7 @@ class Simulation:
             np.empty(windows.shape),
         )
         gain, rounded = self.v_max / (2.0 * self.theta_0), radius**2
-        angle = seam
+        angle = boundary
         for tick, window in enumerate(windows):
             above, below = window - (angle - self.theta_0), window - (angle + self.theta_0)
             to_above, to_below = np.sqrt(above**2 + rounded), np.sqrt(below**2 + rounded)
@@ -44,15 +44,15 @@ class Simulation:
             angles[tick], by_angle[tick], by_request[tick] = angle, 1.0 - slopes.sum(), slopes
         return angles, by_angle, by_request
 
-    def cycle(self, requests: Array, radius: float, seam: float) -> tuple[Array, Array, Array]:
+    def cycle(self, requests: Array, radius: float, boundary: float) -> tuple[Array, Array, Array]:
         """The run that ends where it began."""
         for _ in range(CYCLES):
-            run = self.run(requests, radius, seam)
-            mismatch = run[0][-1] - seam
+            run = self.run(requests, radius, boundary)
+            mismatch = run[0][-1] - boundary
             if abs(mismatch) < 1e-9:
                 break
             contraction = float(np.prod(run[1]))
-            seam += mismatch / max(1.0 - contraction, 1e-3)
+            boundary += mismatch / max(1.0 - contraction, 1e-3)
         return run
 
     def jacobian(self, by_angle: Array, by_request: Array) -> Array:
@@ -71,14 +71,14 @@ class Simulation:
 def build(model: planner.JointModel, samples: int) -> Solve:
     """Stages of the trust-region reflective method, the last one nearly exact."""
     simulation = Simulation(model, samples)
-    pull = PULL**0.5
+    weight = REGULARISATION**0.5
 
-    def solve(wanted: Array, limits: Limits, start: Array) -> Array:
-        desired = wanted / DEGREE
+    def solve(trajectory: Array, limits: Limits, start: Array) -> Array:
+        desired = trajectory / DEGREE
         resting = desired - simulation.offset
         lower, upper = limits[0] / DEGREE, limits[1] / DEGREE
         inside = 1e-9 * max(1.0, min(upper - lower, 1e3))
-        seam = desired[-1]
+        boundary = desired[-1]
         requests, candidates = start / DEGREE, [start]
         for share in RADII:
             radius, last = share * simulation.theta_0, {}
@@ -87,16 +87,16 @@ def build(model: planner.JointModel, samples: int) -> Solve:
                 key = requests.tobytes()
                 if key not in last:
                     last.clear()
-                    last[key] = simulation.cycle(requests, radius, seam)
+                    last[key] = simulation.cycle(requests, radius, boundary)
                 return last[key]
 
             found = least_squares(
                 lambda requests: np.append(
-                    cycle(requests)[0] - desired, pull * (requests - resting)
+                    cycle(requests)[0] - desired, weight * (requests - resting)
                 ),
                 np.clip(requests, lower + inside, upper - inside),
                 jac=lambda requests: np.vstack(
-                    [simulation.jacobian(*cycle(requests)[1:]), pull * np.eye(samples)]
+                    [simulation.jacobian(*cycle(requests)[1:]), weight * np.eye(samples)]
                 ),
                 bounds=(lower, upper),
                 max_nfev=MOST_EVALUATIONS,
@@ -104,6 +104,6 @@ def build(model: planner.JointModel, samples: int) -> Solve:
             )
             requests = found.x
             candidates.append(requests * DEGREE)
-        return best_of(model, wanted, limits, candidates)
+        return best_of(model, trajectory, limits, candidates)
 
     return solve

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile, InvalidInput, MissingExtra
-from planner.files.exports.bag import TOPIC, write_bag
-from planner.files.exports.joint_trajectory import TYPE, joint_trajectory
-from planner.files.exports.trajectory_yaml import trajectory_yaml, write_trajectory_yaml
-from planner.files.output_folder import list_files
+from planner.files.exports.ros_trajectory import (
+    TOPIC,
+    TYPE,
+    joint_trajectory,
+    trajectory_yaml,
+    write_bag,
+    write_trajectory_yaml,
+)
+from planner.files.staging import list_files
 from planner.robot.schedule import Schedule
 
 ROUNDING = 1e-12

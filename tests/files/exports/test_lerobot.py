@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput, MissingExtra
-from planner.files.exports.lerobot import write_lerobot
-from planner.files.output_folder import list_files
+from planner.files.exports import lerobot
+from planner.files.exports.lerobot import Layout, lerobot_dataset, write_lerobot
+from planner.files.logs.lerobot import read_lerobot
+from planner.files.logs.options import LogOptions
+from planner.files.staging import list_files
 from planner.robot.schedule import Schedule
 
 SINGLE = 1e-7
@@ -82,10 +85,59 @@ def test_the_same_requests_make_the_same_files(schedule, tmp_path, parquet):  # 
         assert one.read_bytes() == two.read_bytes(), name
 
 
-def test_frames_come_at_a_whole_rate(tmp_path, parquet):  # noqa: ARG001
-    odd = Schedule(("knee",), np.zeros((4, 1)), 0.0123)
-    with pytest.raises(InvalidInput, match=r"is 81.3008 per second, expected a whole number"):
-        write_lerobot(tmp_path / "out", odd)
+@pytest.mark.parametrize(
+    ("period", "fps"),
+    [(1 / 30, 30), (0.0333333, 30), (1 / 49.85, 49.85), (0.0200602, 49.85), (0.0123, 81.3008)],
+)
+def test_the_rate_is_what_it_is(tmp_path, parquet, period, fps):
+    write_lerobot(tmp_path / "out", Schedule(("knee",), np.zeros((4, 1)), period))
+    info = json.loads((tmp_path / "out" / "meta" / "info.json").read_text())
+    assert info["fps"] == fps
+    data = parquet.read_table(tmp_path / "out" / "data" / "chunk-000" / "file-000.parquet")
+    assert np.allclose(data["timestamp"].to_pylist(), np.arange(4) / fps, atol=SINGLE)
+
+
+def test_less_than_one_request_a_second_is_no_rate(tmp_path, parquet):  # noqa: ARG001
+    slow = Schedule(("knee",), np.zeros((4, 1)), 2.5)
+    with pytest.raises(InvalidInput, match=r"is 0.4 per second, expected at least one"):
+        write_lerobot(tmp_path / "out", slow)
+    assert list_files(tmp_path) == []
+
+
+def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
+    monkeypatch.setattr(lerobot, "FILE_ROWS", 9)
+    rng = np.random.default_rng(2)
+    actions = [rng.normal(size=(count, 2)) for count in (4, 5, 3)]
+    layout = Layout(features={"action": ("a", "b"), "observation.state": ("a", "b")}, rate=30)
+    with lerobot_dataset(tmp_path / "out", layout) as add:
+        for number, action in enumerate(actions):
+            add({"action": action, "observation.state": -action}, "up" if number else "down")
+    read = read_lerobot(tmp_path / "out", LogOptions(joint="a", unit="rad"))
+    for log, action in zip(read, actions, strict=True):
+        assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
+        assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)
+    rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
+    about = rows.to_pylist()
+    assert [each["data/file_index"] for each in about] == [0, 0, 1]
+    assert [each["tasks"] for each in about] == [["down"], ["up"], ["up"]]
+    assert [each["dataset_to_index"] for each in about] == [4, 9, 12]
+    stats = json.loads((tmp_path / "out" / "meta" / "stats.json").read_text())["action"]
+    every = np.vstack(actions).astype(np.float32)
+    assert stats["std"] == pytest.approx(every.std(axis=0), abs=1e-6)
+    assert stats["mean"] == pytest.approx(every.mean(axis=0), abs=1e-6)
+    assert stats["count"] == [12]
+
+
+def test_a_dataset_that_is_not_finished_is_not_there(tmp_path, parquet):  # noqa: ARG001
+    layout = Layout(features={"action": ("a",)}, rate=30)
+
+    def fail():
+        with lerobot_dataset(tmp_path / "out", layout) as add:
+            add({"action": np.zeros((3, 1))}, "stay")
+            raise InvalidInput("an episode failed")
+
+    with pytest.raises(InvalidInput, match="an episode failed"):
+        fail()
     assert list_files(tmp_path) == []
 
 

@@ -7,7 +7,7 @@ import pytest
 from rosbags import rosbag1, rosbag2
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
-from planner.files.logs.controller_state import CONTROLLER_STATE
+from planner.files.logs.ros_messages import CONTROLLER_STATE
 from tests.files.logs.bags import (
     HUMBLE,
     JOINTS,
@@ -250,132 +250,91 @@ def _refused(path, **options):
     return message.removeprefix(str(path))
 
 
-def test_what_a_bag_does_not_tell_is_asked_for(tmp_path):
-    numbers = lambda kit, _: kit.numbers([0.0, 0.0])  # noqa: E731
-    folder = _command_bag(
-        tmp_path / "run", COMMANDS["trajectory"], extra=[("/more", numbers), ("/x", numbers)]
-    )
-    listed = {
-        "/commands": "trajectory_msgs/msg/JointTrajectory",
-        "/more": "std_msgs/msg/Float64MultiArray",
-        "/x": "std_msgs/msg/Float64MultiArray",
-    }
-    candidates = ", ".join(f"{name} ({kind})" for name, kind in listed.items())
-    every = candidates.replace(
-        "Trajectory)", "Trajectory), /joint_states (sensor_msgs/msg/JointState)"
-    )
-    assert _refused(folder) == (
-        f": several topics may tell the requested angles; topics: {candidates}; "
-        "choose one with --command-topic"
-    )
-    assert _refused(folder, command_topic="/command") == (
-        f": --command-topic: no topic '/command' (did you mean '/commands'?); topics: {every}"
-    )
-    assert _refused(folder, topic="/more") == (
-        ": --topic: topic /more holds std_msgs/msg/Float64MultiArray, expected one of "
-        f"{CONTROLLER_STATE}, sensor_msgs/msg/JointState"
-    )
-    assert _refused(folder, command_topic="/commands") == (
-        ": 2 joints (hip, knee); choose one with --joint NAME, or --joint all"
-    )
-    assert _refused(folder, command_topic="/commands", joint="kneee") == (
-        ": no joint 'kneee' (did you mean 'knee'?); joints: hip, knee"
-    )
-    assert _refused(folder, episodes="0") == ": --episodes means nothing to a bag; leave it out"
+def _states(count=4, topics=(STATE,), change=lambda *_: None):
+    """Messages of controllers' states; a change of each state."""
+    kit = Kit(store())
+    messages = []
+    for k, row in enumerate(zip(*angles(count), strict=True)):
+        for topic in topics:
+            state = kit.state(START + k * PERIOD, *row)
+            change(k, state)
+            messages.append((topic, START + k * PERIOD, state))
+    return messages
 
 
-def test_a_bag_with_two_controllers_asks_which(tmp_path):
-    types = store()
-    kit = Kit(types)
-    messages = [
-        (name, START + k * PERIOD, kit.state(START + k * PERIOD, [0, 0], [0, 0]))
-        for k in range(4)
-        for name in ("/left", "/right")
-    ]
-    write(tmp_path / "run", types, messages)
-    assert _refused(tmp_path / "run", joint="hip") == (
-        f": several topics tell actual angles; topics: /left ({CONTROLLER_STATE}), /right "
-        f"({CONTROLLER_STATE}); choose one with --topic"
-    )
+def _short_feedback(k, state):
+    if k == 2:
+        state.feedback.positions = np.array([1.0])
 
 
-def test_a_bag_of_other_things_says_what_it_holds(tmp_path):
-    types = store()
-    kit = Kit(types)
-    write(tmp_path / "other", types, [("/speed", START, kit.number(1.0))])
-    assert _refused(tmp_path / "other") == (
-        ": no topic tells actual angles; topics: /speed (std_msgs/msg/Float64); expected "
-        f"{CONTROLLER_STATE} or sensor_msgs/msg/JointState"
-    )
-    write(tmp_path / "states", types, [("/s", START, kit.joint_state(START, [0, 0]))])
-    assert _refused(tmp_path / "states") == (
-        ": no topic tells the requested angles; topics: /s (sensor_msgs/msg/JointState); record "
-        "the topic of the commands too, or a controller's state"
-    )
+def _missing_reading(k, state):
+    if k == 2:
+        state.feedback.positions[1] = np.nan
 
 
-def test_states_are_no_commands_for_themselves(tmp_path):
-    folder = _command_bag(tmp_path / "run", COMMANDS["trajectory"])
-    assert _refused(folder, topic="/joint_states", command_topic="/joint_states") == (
-        ": topic /joint_states tells one angle of each joint, expected another topic for the "
-        "requested angles; name it with --command-topic"
-    )
+def _repeated_time(k, state):
+    if k == 3:
+        state.header = Kit(store()).header(START + PERIOD)
 
 
-def test_commands_without_names_must_fit_the_joints(tmp_path):
-    three = _command_bag(tmp_path / "three", lambda kit, _, row: kit.numbers([*row, 0.0]))
-    assert _refused(three, joint="hip") == (
-        ": topic /commands: got 3 without names, expected a number for each of 2 joints (hip, "
-        "knee); choose a topic with names by --command-topic"
-    )
-    one = _command_bag(tmp_path / "one", lambda kit, _, row: kit.number(row[0]))
-    assert _refused(one, joint="all") == (
-        ": topic /commands: got 1 without names, expected a number for each of 2 joints (hip, "
-        "knee); choose the joint with --joint"
-    )
+def _joint_states(count=4):
+    kit = Kit(store())
+    return [("/s", START + k, kit.joint_state(START + k, [0, 0])) for k in range(count)]
 
 
-def test_messages_that_contradict_themselves_are_refused_with_their_place(tmp_path):
-    types = store()
-    kit = Kit(types)
-    requested, actual = angles(4)
-    states = [kit.state(START + k * PERIOD, requested[k], actual[k]) for k in range(4)]
-    states[2].feedback.positions = np.array([1.0])
-    write(tmp_path / "run", types, [(STATE, START + k, state) for k, state in enumerate(states)])
-    assert _refused(tmp_path / "run", joint="hip") == (
-        f": topic {STATE}, message 3: got 1 in 'feedback', expected an angle for each of 2 "
-        "joints (hip, knee)"
-    )
+NUMBERS = [(name, lambda kit, _: kit.numbers([0.0, 0.0])) for name in ("/more", "/x")]
+
+REFUSED = {
+    "several commands": (
+        lambda path: _command_bag(path, COMMANDS["trajectory"], extra=NUMBERS),
+        {},
+        {"command_topic": "/command"},
+        {"topic": "/more"},
+        {"command_topic": "/commands"},
+        {"command_topic": "/commands", "joint": "kneee"},
+        {"episodes": "0"},
+    ),
+    "states as their own commands": (
+        lambda path: _command_bag(path, COMMANDS["trajectory"]),
+        {"topic": "/joint_states", "command_topic": "/joint_states"},
+    ),
+    "three numbers for two joints": (
+        lambda path: _command_bag(path, lambda kit, _, row: kit.numbers([*row, 0.0])),
+        {"joint": "hip"},
+    ),
+    "one number for two joints": (
+        lambda path: _command_bag(path, lambda kit, _, row: kit.number(row[0])),
+        {"joint": "all"},
+    ),
+    "two controllers": (_states(topics=("/left", "/right")), {"joint": "hip"}),
+    "nothing of joints": ([("/speed", START, Kit(store()).number(1.0))], {}),
+    "no commands": (_joint_states(), {}),
+    "commands after all states": (
+        [*_joint_states(), ("/c", START + 9, Kit(store()).numbers([0, 0]))],
+        {"joint": "hip"},
+    ),
+    "too few angles in a message": (_states(change=_short_feedback), {"joint": "hip"}),
+    "a repeated time": (_states(change=_repeated_time), {"joint": "hip"}),
+}
+"""Bags, by function or as messages, and options with which they cannot be read."""
 
 
-def test_a_missing_reading_and_a_repeated_time_are_refused_with_their_place(tmp_path):
-    types = store()
-    kit = Kit(types)
-    requested, actual = angles(4)
-    actual[2, 1] = np.nan
-    rows = [(START + k * PERIOD, requested[k], actual[k]) for k in range(4)]
-    write(tmp_path / "nan", types, [(STATE, START, kit.state(*row)) for row in rows])
-    assert _refused(tmp_path / "nan", joint="knee") == (
-        ": joint knee, state 3: actual angle: got nan, expected a finite number; remove or "
-        "interpolate the sample"
-    )
-    rows[3] = (START + PERIOD, requested[3], actual[3])
-    write(tmp_path / "twice", types, [(STATE, START, kit.state(*row)) for row in rows])
-    assert _refused(tmp_path / "twice", joint="hip") == (
-        ": joint hip, state 3: time is 0.01 s after 0.01 s, expected times that increase; sort the "
-        "rows and remove doubles"
-    )
+def test_what_a_bag_does_not_tell_or_tells_wrongly_is_said_with_its_place(tmp_path, snapshot):
+    said = []
+    for k, (name, (bag, *asked)) in enumerate(REFUSED.items()):
+        path = tmp_path / str(k)
+        path = write(path, store(), bag) if isinstance(bag, list) else bag(path)
+        said += [f"{name}, {options}: BAG{_refused(path, **options)}\n" for options in asked]
+    snapshot.check("bags", "".join(said))
 
 
-def test_commands_after_all_states_are_refused(tmp_path):
-    types = store()
-    kit = Kit(types)
-    messages = [("/joint_states", START + k, kit.joint_state(START + k, [0, 0])) for k in range(4)]
-    write(tmp_path / "run", types, [*messages, ("/c", START + 9, kit.numbers([0, 0]))])
-    assert _refused(tmp_path / "run", joint="hip") == (
-        ", joint hip: no request before the last state: 1 requests on topic /c; expected the same "
-        "clock and time in both topics"
-    )
+def test_a_state_without_a_reading_is_left_out_with_a_note(tmp_path):
+    path = write(tmp_path / "bag", store(), _states(change=_missing_reading))
+    (log,) = read_logs(path, options=LogOptions(joint="knee"))
+    assert len(log.times) == 3
+    assert "1 row is left out, first state 3: a value is missing" in log.notes
+    (whole,) = read_logs(path, options=LogOptions(joint="hip"))
+    assert len(whole.times) == 4
 
 
 EVIL = {
@@ -402,20 +361,17 @@ def test_code_in_a_definition_is_never_run(tmp_path, place):
     assert not marker.exists()
 
 
-@pytest.mark.parametrize(
-    "types",
-    [
-        {"a/msg/B(object)": ([], [])},
-        {"a/msg/B": ([], [("x=1", (1, ("uint8", 0)))])},
-        {"a/msg/B": ([("x=1", "uint8", 1)], [])},
-        {"a/msg/B": ([], [("x", (4, ((2, "c/msg/D()"), 0)))])},
-    ],
-    ids=["type", "field", "constant", "type of a field"],
-)
-def test_only_plain_names_go_where_code_is_made_of_them(tmp_path, monkeypatch, types):
-    folder = _controller_bag(tmp_path / "run")
-    monkeypatch.setattr("rosbags.typesys.get_types_from_msg", lambda *_: types)
-    assert _refused(folder) == f": definition of type {next(iter(types))!r}: expected plain names"
+def test_a_definition_that_nobody_understands_matters_on_its_own_topic_only(tmp_path):
+    types = store()
+    state = Kit(types).state(START, [0.0, 0.0], [0.0, 0.0])
+    with rosbag2.Writer(tmp_path / "run", version=9) as bag:
+        known = bag.add_connection(STATE, state.__msgtype__, typestore=types)
+        odd = bag.add_connection("/odd", "a/msg/B", msgdef="uint8<<x", rihs01="RIHS01_" + 64 * "0")
+        for k in range(4):
+            state.header = Kit(types).header(START + k * PERIOD)
+            bag.write(known, START + k, types.serialize_cdr(state, state.__msgtype__))
+            bag.write(odd, START + k, b"any")
+    assert len(read_logs(tmp_path / "run", options=LogOptions(joint="all"))) == len(JOINTS)
 
 
 def test_a_bag_that_is_cut_short_is_refused(tmp_path):

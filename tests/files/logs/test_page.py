@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from planner import LogOptions
-from planner.cli.identify import identify
-from planner.cli.log_options import to_log_options
-from planner.files.logs import columns, rows, units
+from planner.cli.identify import identify, to_log_options
+from planner.files.logs import column_names, make_log, units
 from planner.files.logs.ros_messages import ACTUAL_TYPES, REQUEST_TYPES
+from planner.files.units import MOST_TURNS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^    request-planner identify (.*)$", PAGE, re.MULTILINE)
@@ -40,10 +40,10 @@ def test_the_page_names_every_unit_and_type():
 def test_every_word_that_the_page_says_is_guessed_is_known():
     bullets = dict(re.findall(r"^- (\S+ \S+)(.*?)(?:;|\.)$", PAGE, re.MULTILINE | re.DOTALL))
     known = {
-        "the time": columns.TIMES | {f"_{unit}" for unit in units.SECONDS},
-        "requested angles": columns.REQUESTED,
-        "actual angles": columns.ACTUAL | columns.PLAIN,
-        "the torque,": columns.TORQUES,
+        "the time": column_names.TIMES | {f"_{unit}" for unit in units.SECONDS},
+        "requested angles": column_names.REQUESTED,
+        "actual angles": column_names.ACTUAL | column_names.PLAIN,
+        "the torque,": column_names.TORQUES,
     }
     for bullet, words in known.items():
         told = re.findall(r"`(\w+)`", bullets[bullet])
@@ -52,7 +52,9 @@ def test_every_word_that_the_page_says_is_guessed_is_known():
 
 
 def test_the_numbers_of_the_page_are_the_codes():
-    assert f"more than {rows.MOST_RAD:.0f} rad" in PAGE
-    assert f"less than {rows.LEAST_DEG:.0f} degrees" in PAGE
-    assert f"more than {rows.SLOWEST:.0f} s or less than {rows.FASTEST * 1e6:.0f} µs" in PAGE
-    assert f"beyond {rows.MOST_SHARE:.0f} either way" in PAGE
+    assert f"more than {MOST_TURNS:.0f} turns in radians" in PAGE
+    assert f"less than {make_log.LEAST_DEG:.0f} degrees" in PAGE
+    assert (
+        f"more than {make_log.SLOWEST:.0f} s or less than {make_log.FASTEST * 1e6:.0f} µs" in PAGE
+    )
+    assert f"beyond {make_log.MOST_SHARE:.0f} either way" in PAGE

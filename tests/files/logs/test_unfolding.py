@@ -12,8 +12,8 @@ pytest.importorskip("rosbags", reason="needs the extra bags")
 import lz4.frame
 
 from planner import InvalidFile, LogOptions, read_logs
-from planner.files.logs import unfolding
-from planner.files.logs.unfolding import check_unfolding, unfolded
+from planner.files.logs import bag_file
+from planner.files.logs.bag_file import check_unfolding, unfolded
 from tests.files.logs.bags import START, Kit, only_file, store, write
 
 if sys.version_info >= (3, 14):
@@ -33,7 +33,7 @@ def test_every_frame_counts_and_what_is_cut_short_as_far_as_it_goes(name, compre
     assert unfolded(name, content) == len(TEXT)
     assert unfolded(name, 3 * content) == 3 * len(TEXT)
     assert unfolded(name, content[: len(content) // 2]) <= len(TEXT)
-    monkeypatch.setattr(unfolding, "MOST_CHUNK", len(TEXT))
+    monkeypatch.setattr(bag_file, "MOST_CHUNK", len(TEXT))
     assert len(TEXT) < unfolded(name, 100 * content) <= 2 * len(TEXT)
 
 
@@ -62,13 +62,13 @@ def test_a_whole_bag_passes_and_one_of_many_large_chunks_does_not(tmp_path, stor
     check_unfolding(bag)
     check_unfolding(file)
     assert len(read_logs(file, options=LogOptions(joint="all"))) == 2
-    monkeypatch.setattr(unfolding, "MOST_CHUNK", 100)
+    monkeypatch.setattr(bag_file, "MOST_CHUNK", 100)
     for path in (bag, file):
         with pytest.raises(InvalidFile, match="its chunks unfold to more than 0 MiB"):
             check_unfolding(path)
         with pytest.raises(InvalidFile, match="its chunks unfold to more than 0 MiB"):
             read_logs(path, options=LogOptions(joint="all"))
     monkeypatch.undo()
-    monkeypatch.setattr(unfolding, "MOST_TIMES", 0)
-    monkeypatch.setattr(unfolding, "MOST_CHUNK", 10**5)
+    monkeypatch.setattr(bag_file, "MOST_TIMES", 0)
+    monkeypatch.setattr(bag_file, "MOST_CHUNK", 10**5)
     check_unfolding(file)

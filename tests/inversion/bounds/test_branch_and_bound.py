@@ -51,7 +51,7 @@ def unknowns(problem, model, requests, middle, *, cyclic, start):
     scaled = (np.asarray(requests) + model.offset - middle) / problem.unit
     pairs = problem.pairs
     at = (before[pairs.tick] - middle) / problem.unit
-    contributions = np.clip(problem.gain * (scaled[pairs.request] - at), -1.0, 1.0)
+    contributions = model.speed(problem.unit * (scaled[pairs.request] - at)) / model.v_max
     return np.concatenate([(angles - middle) / problem.unit, contributions]), scaled
 
 
@@ -68,9 +68,9 @@ def violation(problem, node, point, requests):
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
-    model=models(),
+    model=st.one_of(models(), models(friction=True)),
     requests=trajectories(least=4, most=9, reach=0.5),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -85,24 +85,22 @@ def test_a_response_better_than_what_is_known_stays_in_some_part(kind, norm, mod
     point, scaled = unknowns(
         problem, model, requests, float(np.mean(desired)), cyclic=cyclic, start=start
     )
-    until = math.inf
     ranges = problem.initial_ranges()
     node = Node(0.0, dict(problem.fixed), ranges, [], solve_relaxation(problem, ranges, []))
     assert violation(problem, node, point, scaled) <= ROUNDING
     for _ in range(2):
-        assert tighten(problem, ranges, node.solution, range(problem.ticks), until=until)
+        assert tighten(problem, ranges, node.solution, range(problem.ticks))
         node = cut_off(problem, node)
         assert violation(problem, node, point, scaled) <= ROUNDING
         assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
     for _ in range(3):  # follow it down the tree
-        parts = branch(problem, node, until)
+        parts = branch(problem, node)
         misses = [violation(problem, part, point, scaled) for part in parts]
         assert min(misses) <= ROUNDING
         node = parts[int(np.argmin(misses))]
         assert node.bound * problem.unit <= error(angles, desired, norm) + ROUNDING
 
 
-@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("share", [0.5, 0.99, 3.0])
 def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
@@ -111,36 +109,33 @@ def test_the_bound_is_valid_whatever_is_said_to_be_known(share, norm):
     desired = saturating(rng, model, samples=24)
     best = invert_optimal(model, desired, norm=norm).error
     known = share * best
-    bound = exact_bound(BoundProblem(model, desired, True, norm, None), known, time_limit=1.0)
+    bound = exact_bound(BoundProblem(model, desired, True, norm, None), known, time_limit=0.3)
     assert bound <= min(known, best)
 
 
-@pytest.mark.usefixtures("counted_seconds")
 def test_what_no_response_goes_below_is_proved_to_the_full():
     rng = np.random.default_rng(5)
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=24)
     known = 0.5 * lower_bound(model, desired)
-    bound = exact_bound(BoundProblem(model, desired, True, "rms", None), known, time_limit=5.0)
+    bound = exact_bound(BoundProblem(model, desired, True, "rms", None), known, time_limit=1.0)
     assert bound == pytest.approx(known, rel=1e-3)
 
 
-@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
 def test_plans_of_the_reference_walk_are_within_a_thousandth_of_the_best(joint):
-    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=3.0)
+    certificate = certify(ERS210A, joint.desired, level="exact", time_limit=2.0)
     assert math.degrees(certificate.bound) >= joint.exact_bound_deg
-    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits)
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
     assert 0.0 <= plan.rms / certificate.bound - 1.0 <= WITHIN
     assert certificate.solver_gap <= WITHIN
 
 
-@pytest.mark.usefixtures("counted_seconds")
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_two_angles_are_bounded_too(cyclic):
     model = random_model(np.random.default_rng(0), whole=False)
     desired = np.array([0.0, 1.0])
     known = planned_error(BoundProblem(model, desired, cyclic, "rms", None))
     assert known == pytest.approx(0.5)
-    bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=3.0)
+    bound = lower_bound(model, desired, cyclic=cyclic, level="exact", time_limit=0.3)
     assert lower_bound(model, desired, cyclic=cyclic) <= bound <= known

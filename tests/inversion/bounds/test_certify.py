@@ -41,6 +41,26 @@ OPTIMAL = 1e-6
 """How close the solver's multipliers come to the best ones [relative to the range]."""
 
 
+def set_of(model, samples, *, cyclic, level, start=None, load=None):
+    """The conditions of a level, whatever is desired."""
+    return reachable_set(BoundProblem(model, np.zeros(samples), cyclic, "rms", start, load), level)
+
+
+def envelope_of(model):
+    """The numbers of condition 2 without a load, the same for every tick and direction."""
+    kept, gain = envelope(model, np.zeros(3), cyclic=True)
+    assert np.ptp(kept) == np.ptp(gain) == 0.0
+    return kept[0, 0], gain[0, 0]
+
+
+def loads_of(model, samples, seed):
+    """Torques within ±1 N m, constant, slow or different at every sample; or none."""
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * np.pi * np.arange(samples) / samples
+    kinds = [None, np.full(samples, rng.uniform(-1, 1)), np.sin(phase), rng.uniform(-1, 1, samples)]
+    return kinds[rng.integers(4)] if model.feels_load else None
+
+
 def error(angles, desired, norm):
     errors = np.abs(angles - desired)
     return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
@@ -60,58 +80,87 @@ def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
     half = (far - ERS210A.v_max_per_tick) / 2.0
     bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="slope")
     assert bound == pytest.approx(half, rel=OPTIMAL)
-    kept, gain = envelope(ERS210A)  # w(t+1) = -w(t), so (1 + kept) |w| <= gain
+    kept, gain = envelope_of(ERS210A)  # w(t+1) = -w(t), so (1 + kept) |w| <= gain
     bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="envelope")
     assert bound == pytest.approx((far - gain / (1.0 + kept)) / 2.0, rel=OPTIMAL)
 
 
 def test_the_envelope_of_whole_ticks_is_that_of_the_derivation():
-    kept, gain = envelope(ERS210A)
+    kept, gain = envelope_of(ERS210A)
     v, ratio, a = ERS210A.v_max_per_tick, 2.5 / 7.0, 6.0
     common = (a - 1.0) / a * ratio / 2.0
     assert kept == pytest.approx(1.0 - common, rel=1e-12)
     assert gain == pytest.approx(v * (2.0 / a + common), rel=1e-12)
 
 
+def at_every_tick(model, requests, load, *, cyclic, start=None):
+    """Angles of every tick, each of its own sample: the load of a sample acts in those before."""
+    torques = None if load is None else np.roll(np.repeat(load, model.hold), 1 - model.hold)
+    return simulate(
+        replace(model, hold=1),
+        np.repeat(requests, model.hold),
+        cyclic=cyclic,
+        start=start,
+        load=torques,
+    )
+
+
 @pytest.mark.parametrize("cyclic", [True, False])
-@given(model=models(), requests=trajectories(least=4), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=60)
+@given(
+    model=st.one_of(models(), models(friction=True)),
+    requests=trajectories(least=4),
+    seed=st.integers(0, 2**32 - 1),
+)
 def test_every_response_meets_the_conditions_of_every_level(cyclic, model, requests, seed):
     """The derivation itself, tick by tick, on requests that switch hard."""
     rng = np.random.default_rng(seed)
     if rng.random() < 0.5:
         requests = np.sign(requests) * 2.0 * model.theta_0 + rng.normal(size=len(requests)) * 0.01
-    every_tick = simulate(replace(model, hold=1), np.repeat(requests, model.hold), cyclic=cyclic)
+    load = loads_of(model, len(requests), seed)
+    every_tick = at_every_tick(model, requests, load, cyclic=cyclic)
     for level in LINEAR_LEVELS:
-        reachable = reachable_set(model, len(requests), cyclic=cyclic, level=level)
+        reachable = set_of(model, len(requests), cyclic=cyclic, level=level, load=load)
         angles = every_tick[: reachable.matrix.shape[1]]
         assert angles.shape == (reachable.matrix.shape[1],)
         assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
 
 
-@given(model=models(), requests=trajectories(least=4))
-def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests):
-    start = float(requests[0] + model.offset)
-    every_tick = simulate(
-        replace(model, hold=1), np.repeat(requests, model.hold), cyclic=False, start=start
-    )
+@settings(max_examples=60)
+@given(
+    model=st.one_of(models(), models(friction=True)),
+    requests=trajectories(least=4),
+    seed=st.integers(0, 2**32 - 1),
+    share=st.floats(-1.0, 1.0),
+)
+def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed, share):
+    load = loads_of(model, len(requests), seed)
+    held = float(requests[0] + model.sag(0.0 if load is None else load[0]))
+    start = held + share * model.dead_band  # anywhere in it, it rests
+    every_tick = at_every_tick(model, requests, load, cyclic=False, start=start)
     for level in LINEAR_LEVELS:
-        reachable = reachable_set(model, len(requests), cyclic=False, level=level, start=start)
+        reachable = set_of(model, len(requests), cyclic=False, level=level, start=start, load=load)
         angles = every_tick[: reachable.matrix.shape[1]]
         assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
 
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("cyclic", [True, False])
-@settings(max_examples=25)
-@given(model=models(), desired=trajectories(least=3, most=14), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=40)
+@given(
+    model=st.one_of(models(), models(friction=True)),
+    desired=trajectories(least=3, most=14),
+    seed=st.integers(0, 2**32 - 1),
+)
 def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
-    slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope")
-    envelope_ = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="envelope")
+    load = loads_of(model, len(desired), seed)
+    slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope", load=load)
+    envelope_ = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="envelope", load=load)
     assert 0.0 <= slope <= envelope_ + OPTIMAL * (np.ptp(desired) + model.v_max * model.period)
     rng = np.random.default_rng(seed)
     for spread in (0.0, 0.05, 1.0):
         requests = desired - model.offset + spread * rng.normal(size=len(desired))
-        missed = error(simulate(model, requests, cyclic=cyclic), desired, norm)
+        missed = error(simulate(model, requests, cyclic=cyclic, load=load), desired, norm)
         assert envelope_ <= missed + ROUNDING
 
 
@@ -147,7 +196,7 @@ def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
 ):
     rng = np.random.default_rng(seed)
     n = len(requests)
-    reachable = reachable_set(model, n, cyclic=cyclic, level=level)
+    reachable = set_of(model, n, cyclic=cyclic, level=level)
     angles = simulate(model, requests, cyclic=cyclic)
     desired = angles + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
     rows, ticks = reachable.matrix.shape
@@ -167,7 +216,7 @@ def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
 @pytest.mark.parametrize("norm", NORMS)
 def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
     model = replace(ERS210A, hold=3)
-    reachable = reachable_set(model, 8, cyclic=True, level="envelope")
+    reachable = set_of(model, 8, cyclic=True, level="envelope")
     desired = np.array([0.0, 1.0] * 4)
     most = lower_bound(model, desired, norm=norm)
     rng = np.random.default_rng(0)
@@ -185,7 +234,7 @@ def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(nor
 
 
 def test_no_multipliers_prove_nothing():
-    reachable = reachable_set(ERS210A, 5, cyclic=True, level="slope")
+    reachable = set_of(ERS210A, 5, cyclic=True, level="slope")
     nothing = np.zeros(reachable.matrix.shape[0])
     desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
     assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
@@ -225,7 +274,7 @@ def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
     rng = np.random.default_rng(seed)
     model = random_model(rng, whole=False)
     desired = saturating(rng, model, samples=30)
-    reachable = reachable_set(model, 30, cyclic=cyclic, level=level)
+    reachable = set_of(model, 30, cyclic=cyclic, level=level)
     expected = least_distance(reachable, desired)
     bound = lower_bound(model, desired, cyclic=cyclic, level=level)
     assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
@@ -238,7 +287,7 @@ def test_the_bound_on_the_largest_error_is_that_of_a_linear_program(hold, cyclic
     rng = np.random.default_rng(hold)
     model = random_model(rng, whole=False, hold=hold)
     desired = saturating(rng, model, samples=20)
-    reachable = reachable_set(model, 20, cyclic=cyclic, level=level)
+    reachable = set_of(model, 20, cyclic=cyclic, level=level)
     expected = least_largest_error(reachable, desired)
     bound = lower_bound(model, desired, cyclic=cyclic, norm="max", level=level)
     assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
@@ -291,14 +340,20 @@ def test_the_bound_takes_two_samples():
 @pytest.mark.parametrize("level", LINEAR_LEVELS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
 @pytest.mark.parametrize("hold", [1, 3])
-def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(hold, kind, level, norm):
+@pytest.mark.parametrize("loaded", [False, True])
+def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, hold, kind, level, norm):
     rng = np.random.default_rng([hold, len(kind)])
     model = random_model(rng, whole=False, hold=hold, offset=True)
     desired = saturating(rng, model, samples=25)
     start = float(desired[0] + 0.2) if kind == "from a start" else None
-    stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start), level)
+    load = None
+    if loaded:
+        load = rng.uniform(-1.0, 1.0, 25)
+        v_max = model.v_max
+        model = replace(model, v_offset=0.3 * v_max, speed_per_torque=0.5 * v_max, compliance=0.02)
+    stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start, load), level)
     bound = lower_bound(
-        model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start
+        model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start, load=load
     )
     assert bound == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
 
@@ -311,6 +366,13 @@ def test_a_solver_without_an_answer_is_an_error(monkeypatch):
     monkeypatch.setattr(clarabel.DefaultSolver, "solve", lambda _: Nothing)
     with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*NumericalError"):
         lower_bound(ERS210A, [0.0, 1.0, 0.0])
+
+
+def test_the_exact_level_is_refused_under_a_load_that_changes():
+    model = replace(ERS210A, compliance=0.01)
+    with pytest.raises(InvalidInput, match=r"level 'exact': .* a load that changes; use 'envel"):
+        lower_bound(model, [0.0, 0.1, 0.0], level="exact", load=[0.1, 0.2, 0.1])
+    assert lower_bound(model, [0.0, 0.1, 0.0], level="exact", load=0.1, time_limit=0.1) >= 0.0
 
 
 @pytest.mark.parametrize(

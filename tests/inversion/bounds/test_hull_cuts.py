@@ -10,11 +10,11 @@ from planner.inversion.bounds.hull_cuts import (
     UNBOUNDED,
     CutOptions,
     RequestSet,
-    contributions_of,
     nearest_request,
     separate,
     support,
 )
+from planner.model.joint import speed_law
 
 ROUNDING = 1e-9
 """Sums of at most a dozen terms of about one."""
@@ -26,19 +26,26 @@ def random_set(rng, *, interval=True):
     upper = lower + rng.exponential(size=count) * rng.choice([0.0, 0.1, 1.0, 5.0])
     ends = np.sort(rng.normal(size=2) * 3.0)
     requests = RequestSet(float(rng.uniform(0.02, 1.9)), lower, upper)
+    if rng.random() < 0.5:
+        band, excess = rng.choice([0.0, 0.1, 1.0]), rng.uniform(-0.9, 0.9)
+        requests = requests._replace(dead_band=float(band), excess=float(excess))
     kinds = [UNBOUNDED, tuple(ends), (ends[0], np.inf), (-np.inf, ends[1]), (ends[0], ends[0])]
     return requests._replace(interval=kinds[rng.integers(len(kinds))]) if interval else requests
 
 
 def random_points(rng, requests, count=500):
     """Calls of random requests at random angles of the place, ends of ranges included."""
-    low = max(requests.interval[0], float(requests.lower.min()) - 2.0 / requests.gain)
-    high = min(requests.interval[1], float(requests.upper.max()) + 2.0 / requests.gain)
+    reach = 2.0 / requests.gain + requests.dead_band
+    low = max(requests.interval[0], float(requests.lower.min()) - reach)
+    high = min(requests.interval[1], float(requests.upper.max()) + reach)
     low, high = min(low, requests.interval[1]), max(high, requests.interval[0])
     for request in np.append(rng.uniform(low, high, size=count), [low, high]):
         share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
         angles = requests.lower + share * (requests.upper - requests.lower)
-        yield contributions_of(np.array([request]), angles, requests.gain)[0], angles
+        law = speed_law(
+            gain=requests.gain, v_max=1.0, dead_band=requests.dead_band, v_offset=requests.excess
+        )
+        yield law(request - angles), angles
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -64,9 +71,13 @@ def test_the_support_is_attained_at_a_point_of_the_set(seed):
     assert np.all(most.angles >= requests.lower)
     assert np.all(most.angles <= requests.upper)
     _, distance = nearest_request(
-        most.contributions, most.angles, requests._replace(lower=most.angles, upper=most.angles)
+        most.contributions,
+        most.angles,
+        requests._replace(lower=most.angles, upper=most.angles),
+        margin=0.0,
     )
-    spacing = 2.0 / 299.0 * (1.0 + requests.gain * np.ptp(most.angles)) * len(most.contributions)
+    farthest = 1.0 + requests.gain * (np.ptp(most.angles) + requests.dead_band)
+    spacing = 2.0 / 299.0 * farthest * len(most.contributions)
     assert distance <= spacing
 
 
@@ -74,7 +85,7 @@ def test_the_support_is_attained_at_a_point_of_the_set(seed):
 def test_a_cut_takes_away_the_point_and_no_request(seed):
     rng = np.random.default_rng(seed)
     requests = random_set(rng)
-    calls = rng.uniform(-1.0, 1.0, size=len(requests.lower))
+    calls = requests.excess + rng.uniform(-1.0, 1.0, size=len(requests.lower))
     at = rng.uniform(requests.lower, requests.upper)
     cut = separate(calls, at, requests)
     if cut is None:

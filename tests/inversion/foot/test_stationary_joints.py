@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,17 +39,16 @@ def test_a_joint_that_could_only_make_up_for_next_to_nothing_rests(norm, monkeyp
     plan = invert_foot(ERS210A, LEG, path, norm=norm)
     assert np.ptp(plan.requests[:, 1]) == 0.0
     monkeypatch.setattr(invert, "STATIONARY", -1.0)
-    moving = invert_foot(ERS210A, LEG, path, norm=norm)
+    moving = invert_foot(ERS210A, LEG, path, norm=norm, smoothness=0.0)
     assert np.ptp(moving.requests[:, 1]) > math.radians(0.01)
-    assert plan.error <= moving.error + UNSEEN
+    assert plan.error <= 1.005 * moving.error + UNSEEN
 
 
-def test_a_joint_that_makes_up_for_what_others_miss_moves(monkeypatch):
+def test_a_joint_that_makes_up_for_what_others_miss_moves():
     path = stepping(40.0)
     plan = invert_foot(ERS210A, LEG, path)
     assert np.ptp(plan.requests[:, 1]) > math.radians(1.0)
-    monkeypatch.setattr(invert, "OPTIONS", replace(invert.OPTIONS, unseen=math.inf))
-    resting = invert_foot(ERS210A, LEG, path)
+    resting = invert_foot(ERS210A, LEG, path, smoothness=10.0)
     assert np.ptp(resting.requests[:, 1]) == 0.0
     assert plan.rms < 0.99 * resting.rms
 

@@ -1,0 +1,103 @@
+"""A target that is chosen while the arm moves, followed at 100 Hz without a jump.
+
+    python examples/stream_100_hz.py
+
+Every 1.5 s somebody chooses another angle. A quintic leads there; its next 0.2 s are known. The arm
+is a simulated servo with friction and a load (extra `mujoco`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import planner
+from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.robot import VirtualRobot
+
+PERIOD = 0.01  # [s]
+PREVIEW = 20  # rows, 0.2 s
+TICKS = 900
+
+MODEL = planner.JointModel(  # as request-planner identify finds it from a log of this servo
+    v_max=4.59,
+    theta_0=0.384,
+    lag=0.0,
+    acceleration_time=0.108,
+    tick=0.005,
+    offset=-0.043,
+    dead_band=0.032,
+    v_offset=-0.61,
+).requested_every(PERIOD)
+
+
+class Target:
+    """Angles on the way from one chosen angle to the next."""
+
+    def __init__(self) -> None:
+        self.random = np.random.default_rng(2)
+        self.start, self.goal, self.begun = 0.6, 0.6, 0
+
+    def stretch(self, tick: int) -> np.ndarray | None:
+        """The way from this tick on [rad], (PREVIEW, 1): another one after each choice."""
+        if tick == TICKS:
+            return None
+        if tick % 150 == 0:
+            self.start, self.begun = self.at(tick), tick
+            self.goal = self.random.uniform(0.2, 1.6)
+        return self.at(tick + np.arange(PREVIEW))[:, np.newaxis]
+
+    def at(self, tick):
+        """A quintic of 0.5 s."""
+        share = np.clip((tick - self.begun) * PERIOD / 0.5, 0.0, 1.0)
+        return self.start + (self.goal - self.start) * share**3 * (10 - 15 * share + 6 * share**2)
+
+
+def error(*, streamed: bool) -> float:
+    """How far the arm is from the target, sent as it is or by a stream [rad, rms]."""
+    robot = VirtualRobot(
+        [0.6], constants=replace(Sts3215(), request_period=PERIOD), pendulum=Pendulum()
+    )
+    robot.rest(1.0, [0.6])
+    target, clock, meant, angles = Target(), [0.0], [], []
+
+    def desired(tick: int) -> np.ndarray | None:
+        stretch = target.stretch(tick)
+        if stretch is not None:
+            meant.append(stretch[0, 0])
+        return stretch
+
+    def send(requests: np.ndarray) -> None:
+        angles.append(robot.play(requests[np.newaxis]).angles[0, 0])
+
+    def sleep(seconds: float) -> None:
+        clock[0] += seconds
+
+    if streamed:
+        stream = planner.Stream(
+            MODEL, preview=PREVIEW, limits=(-0.2, 2.0), max_step=np.radians(400.0) * PERIOD
+        )
+        report = planner.follow(
+            stream,
+            desired,
+            send=send,
+            measure=robot.sense,
+            now=lambda: clock[0],  # leave now and sleep out on hardware
+            sleep=sleep,
+        )
+        print(report)
+    else:
+        while (stretch := desired(len(angles))) is not None:
+            send(stretch[0])
+    return float(np.sqrt(np.mean((np.array(angles) - meant) ** 2)))
+
+
+def main() -> None:
+    """Follow the target directly and by a stream."""
+    print(f"the target as it is: {1e3 * error(streamed=False):.0f} mrad rms off the target")
+    print(f"by a stream: {1e3 * error(streamed=True):.0f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The fewest segments within a largest error, a minimum-link path: docs/math.md, section 4."""

@@ -1,0 +1,335 @@
+"""The path of fewest segments through gates: a minimum-link path.
+
+A gate is an interval of values at a place, and the path must pass all of them with slopes within
+±v. The greedy algorithm is exact (docs/math.md, section 4): of the lines that pass the gates as far
+as any line can, the one that comes closest to the gate that all of them miss is kept, and the next
+line begins where it crosses that one. Which lines there are is known from two extreme ones, the
+highest and the lowest at all later gates. Each touches a convex hull of ends of gates behind it, so
+that a gate costs O(1) on average. All decisions compare numbers one by one; none hangs on a sum.
+
+Sources: Suri (1986), Imai and Iri (1986), and Guibas, Hershberger, Mitchell and Snoeyink (1993),
+whose ordered stabbing this is, for minimum-link paths; O'Rourke (1981) for the extreme lines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """Effort of the search for the fewest segments.
+
+    Attributes:
+        eaves: Eaves from which a cycle with no short segment is sought. 400 cycles of 20 to 300
+            samples: 4 and 16: the same cycles have none.
+        work: Gates times the length of a segment in gates up to which every gate may be a knot on
+            a sample; about 5 s.
+        trials: Searches at the first cut of a cycle with knots on samples for one that meets the
+            lower bound for knots anywhere, before exact counts are computed. 4 and 16: the same
+            time and segments; none: cycles of 1,000 samples and few segments take two to four times
+            as long.
+        cuts: Knots of a cycle at which it is cut where the exact search would take too long.
+        halvings: Times that the error is halved in search of the least one that so many segments
+            keep, as the curve in the middle of its bounds is where least squares begin. 48 paths
+            and cycles: 6: 1 % larger rms errors in the mean; 24: no change for a quarter more time.
+        few_halvings: The same for more than ``many_samples``.
+        many_samples: Samples for which twelve halvings take too long.
+    """
+
+    eaves: int = 8
+    work: int = 3_000_000
+    trials: int = 8
+    cuts: int = 3
+    halvings: int = 12
+    few_halvings: int = 3
+    many_samples: int = 10_000
+
+
+LINKS = LinkOptions()
+
+
+class Course(NamedTuple):
+    """A curve of few lines.
+
+    Attributes:
+        knots: Its knots, shape (K,); of a cycle without the first one again.
+        values: Its values there, shape (K,).
+        fewest: Lower bound on the segments of any such curve.
+    """
+
+    knots: Array
+    values: Array
+    fewest: int
+
+    def shortest(self, period: float | None = None) -> float:
+        """Length of its shortest segment; of a cycle, with its period [samples]."""
+        end = [] if period is None else [self.knots[0] + period]
+        return float(np.min(np.diff(np.append(self.knots, end)), initial=math.inf))
+
+
+class Gates(NamedTuple):
+    """What a curve must pass, by place.
+
+    Attributes:
+        places: Where the gates are, increasing [samples].
+        lower: Least value of the curve at each.
+        upper: Largest value of the curve at each.
+        slope: Largest rise per sample, v.
+    """
+
+    places: Sequence[float]
+    lower: Sequence[float]
+    upper: Sequence[float]
+    slope: float
+
+
+class Line(NamedTuple):
+    """A line through a point."""
+
+    place: float
+    value: float
+    slope: float
+
+    def at(self, place: float) -> float:
+        """Its value at a place."""
+        return self.value + self.slope * (place - self.place)
+
+
+class Link(NamedTuple):
+    """An extreme line, kept until the next one crosses it.
+
+    They cross between gates ``touched`` and ``end`` + 1.
+
+    Attributes:
+        line: The line.
+        rising: Whether it is the highest one, below gate ``end`` + 1; else the lowest, above it.
+        touched: The gate whose far end it touches last: its upper end if rising, else its lower.
+        before: The earlier gate whose opposite end it touches; -1 if its slope is at the bound.
+        end: The last gate that it passes.
+    """
+
+    line: Line
+    rising: bool
+    touched: int
+    before: int
+    end: int
+
+
+class LastLines(NamedTuple):
+    """The highest and the lowest line at the last gate, where no gate is missed."""
+
+    highest: Line
+    lowest: Line
+
+
+def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
+    """The path of fewest segments through all gates; O(number of gates).
+
+    A path that must have a knot at a gate falls into two parts there. The first part keeps its own
+    fewest segments, since one more would save the second part one at most.
+
+    Args:
+        gates: Gates that slopes within the bound can pass.
+        breaks: Numbers of the gates where there must be a knot, increasing, ends left out.
+
+    Returns:
+        The path; ``fewest`` is its number of segments. Where gates are one sample apart or more,
+        so are its knots.
+    """
+    ends = [*breaks, len(gates.places) - 1]
+    lower, upper = list(gates.lower), list(gates.upper)
+    gates = gates._replace(lower=lower, upper=upper)
+    if breaks:
+        least, most = _passable(gates)
+        for k in breaks:
+            lower[k], upper[k] = least[k], max(most[k], least[k])
+    parts: list[tuple[list[Link], LastLines]] = []
+    first = 0
+    for last in ends:
+        links, lines = _forward(gates, first, last)
+        parts.append((links, lines))
+        place = gates.places[last]
+        lower[last] = min(max(lines.lowest.at(place), lower[last]), upper[last])
+        upper[last] = max(min(lines.highest.at(place), upper[last]), lower[last])
+        first = last
+    knots, values = [gates.places[-1]], list[float]()
+    for (links, lines), first, last in zip(
+        parts[::-1], [*ends[-2::-1], 0], ends[::-1], strict=True
+    ):
+        if values:
+            lower[last] = upper[last] = values[-1]
+            lines = _pinned(gates, first, last, links, lines)
+        final = _final(links, lines, gates.places[first])
+        if not values:
+            values.append(final.at(knots[0]))
+        lines_of = [link.line for link in links] + [final]
+        for link, line in zip(links[::-1], lines_of[:0:-1], strict=True):
+            place = _crossing(gates, link, line)
+            knots.append(place)
+            values.append(link.line.at(place))
+        knots.append(gates.places[first])
+        values.append(min(max(lines_of[0].at(knots[-1]), lower[first]), upper[first]))
+    return Course(np.array(knots[::-1]), np.array(values[::-1]), len(knots) - 1)
+
+
+def _passable(gates: Gates) -> tuple[list[float], list[float]]:
+    """The least and the largest value at every gate from which slopes can pass all the others."""
+    ramp = gates.slope * np.array(gates.places)
+    sides = []
+    for ends, sign in ((gates.lower, -1.0), (gates.upper, 1.0)):
+        far = sign * np.array(ends)  # lowest of these that a cone over another one allows
+        forth = np.minimum.accumulate(far - ramp) + ramp
+        back = np.minimum.accumulate((far + ramp)[::-1])[::-1] - ramp
+        sides.append((sign * np.minimum(forth, back)).tolist())
+    return sides[0], sides[1]
+
+
+def _forward(gates: Gates, first: int, last: int) -> tuple[list[Link], LastLines]:
+    """The lines kept from one gate to another, and those that remain for the last segment."""
+    links: list[Link] = []
+    found = next_link(gates, first, last)
+    while isinstance(found, Link):
+        links.append(found)
+        found = next_link(gates, found.touched, last, half=found.end, rising=found.rising)
+    return links, found
+
+
+def _pinned(gates: Gates, first: int, last: int, links: list[Link], lines: LastLines) -> LastLines:
+    """The last lines through the one value that is left at the last gate."""
+    found: Link | LastLines
+    if links:
+        link = links[-1]
+        found = next_link(gates, link.touched, last, half=link.end, rising=link.rising)
+    else:
+        found = next_link(gates, first, last)
+    if isinstance(found, LastLines):
+        return found
+    place = gates.places[last]  # missed by a rounding error
+    top, bottom = lines.highest.at(place), lines.lowest.at(place)
+    share = (gates.lower[last] - bottom) / (top - bottom) if top > bottom else 0.5
+    through = line_between(lines, gates.places[first], min(max(share, 0.0), 1.0))
+    return LastLines(through, through)
+
+
+def _final(links: list[Link], lines: LastLines, place: float) -> Line:
+    """The last line: the one that crosses the line before it first, else that in the middle."""
+    if links:
+        return lines.lowest if links[-1].rising else lines.highest
+    return line_between(lines, place, 0.5)
+
+
+def line_between(lines: LastLines, place: float, share: float) -> Line:
+    """The line at a share of the way from the lowest to the highest one."""
+    top, bottom = lines
+    value = (1.0 - share) * bottom.at(place) + share * top.at(place)
+    return Line(place, value, (1.0 - share) * bottom.slope + share * top.slope)
+
+
+def _crossing(gates: Gates, link: Link, line: Line) -> float:
+    """Where a line takes over from the one of ``link``."""
+    least, most = gates.places[link.touched], gates.places[link.end + 1]
+    return meeting(link.line, line, least, most)
+
+
+def meeting(first: Line, second: Line, least: float, most: float) -> float:
+    """Where two lines cross, which is known to be between two places."""
+    place, value, slope = first
+    turn = slope - second.slope
+    if turn == 0.0:
+        return least
+    return min(max(place + (second.at(place) - value) / turn, least), most)
+
+
+def next_link(
+    gates: Gates, start: int, last: int, *, half: int = -1, rising: bool = False
+) -> Link | LastLines:
+    """The line kept next, or the last ones if a line passes all gates from ``start`` to ``last``.
+
+    Args:
+        gates: All gates.
+        start: The first gate that counts, the one that the link before touched last.
+        last: The last gate that counts.
+        half: The last gate that the link before passes. Up to it, only the ends away from that link
+            count: on the near side the line is beyond it before they cross.
+        rising: Whether the link before is rising.
+    """
+    places, lowers, uppers, slope = gates
+    highest, lowest = Extreme(slope), Extreme(slope)
+    for k in range(start, last + 1):
+        place, lower, upper = places[k], lowers[k], uppers[k]
+        if k <= half:
+            lower, upper = (-math.inf, upper) if rising else (lower, math.inf)
+        top, bottom = highest.line.at(place), -lowest.line.at(place)
+        if top < lower and highest.before < 0:  # by rounding: slopes within the bound can pass
+            lower = top
+        if bottom > upper and lowest.before < 0:
+            upper = bottom
+        if top < lower:
+            return Link(highest.line, True, highest.touched, highest.before, k - 1)
+        if bottom > upper:
+            at, value, steepness = lowest.line
+            line = Line(at, -value, -steepness)
+            return Link(line, False, lowest.touched, lowest.before, k - 1)
+        if upper < top:
+            highest.tighten(k, place, upper)
+        if lower > bottom:
+            lowest.tighten(k, place, -lower)
+        if lower > -math.inf:
+            highest.add(k, place, lower)
+        if upper < math.inf:
+            lowest.add(k, place, -upper)
+    at, value, steepness = lowest.line
+    return LastLines(highest.line, Line(at, -value, -steepness))
+
+
+class Extreme:
+    """Of the lines above all lower ends and below all upper ends, the one that is highest later on.
+
+    It goes through an upper end and, unless its slope is the largest, through a lower end before
+    it. Mirrored, the same serves for the lowest.
+    """
+
+    def __init__(self, slope: float) -> None:
+        """No gate so far: it is infinitely high."""
+        self.line = Line(0.0, math.inf, 0.0)
+        self.touched, self.before = -1, -1
+        self._slope = slope
+        self._hull: list[tuple[float, float, int]] = []  # lower ends, a concave chain
+        self._first = 0  # ends before it will not be touched again
+
+    def tighten(self, gate: int, place: float, upper: float) -> None:
+        """Turn the line down to an upper end below it."""
+        hull, k = self._hull, self._first
+        slope, before = self._slope, -1
+        if k < len(hull):
+            x, y, _ = hull[k]
+            tangent = (upper - y) / (place - x)
+            while k + 1 < len(hull):
+                x, y, _ = hull[k + 1]
+                further = (upper - y) / (place - x)
+                if further > tangent:
+                    break
+                tangent, k = further, k + 1
+            self._first = k
+            if tangent < slope:
+                slope, before = tangent, hull[k][2]
+        self.line = Line(place, upper, slope)
+        self.touched, self.before = gate, before
+
+    def add(self, gate: int, place: float, lower: float) -> None:
+        """Keep a lower end for later tangents."""
+        hull = self._hull
+        while len(hull) - self._first >= 2:
+            (x1, y1, _), (x2, y2, _) = hull[-2], hull[-1]
+            if (y2 - y1) * (place - x2) > (lower - y2) * (x2 - x1):
+                break
+            hull.pop()
+        hull.append((place, lower, gate))

@@ -1,0 +1,333 @@
+"""What the command line says, and how much: results on standard output, the rest on standard error.
+
+``--quiet``, ``--verbose``, NO_COLOR and FORCE_COLOR set how much, and the colours; on a terminal a
+line shows the progress of long work.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import click
+
+from planner.exceptions import PlannerError, printable
+from planner.files.text import STANDARD_STREAM, to_json, write_text
+
+Verbosity = Literal["quiet", "normal", "verbose"]
+
+KEY = "planner.cli.verbosity"
+"""Where the command's context keeps it."""
+
+BAR = 24
+"""Characters of the bar."""
+
+REDRAWN = 0.5
+"""Time after which the line is drawn again [s]."""
+
+BRIEF = 2.0
+"""Work that has taken less time than this [s] has no estimate."""
+
+_ERASE = "\r\x1b[K"
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print a JSON document on standard output."""
+    write_text(STANDARD_STREAM, to_json(content))
+
+
+def summarise(text: str) -> None:
+    """Print a summary on standard error, out of the way of the data; the first line stands out."""
+    if verbosity() == "quiet":
+        return
+    first, newline, rest = text.partition("\n")
+    print_line(click.style(first, bold=True) + newline + rest)
+
+
+def complain(message: str) -> None:
+    """Say in one line on standard error why there is no answer, or none to be trusted."""
+    line = printable(" ".join(message.split()))
+    print_line(f"{click.style('request-planner:', fg='red', bold=True)} {line}")
+
+
+def warn(message: str) -> None:
+    """Say in one line on standard error what to beware of."""
+    print_line(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
+
+
+def remark(message: str) -> None:
+    """Say in one line on standard error what is good to know."""
+    if verbosity() != "quiet":
+        print_line(f"request-planner: {message}")
+
+
+@contextmanager
+def naming(joint: str) -> Iterator[None]:
+    """Note on an error of ours that is raised within which joint it is about."""
+    try:
+        yield
+    except PlannerError as error:
+        error.add_note(joint)
+        raise
+
+
+def deliver(
+    document: Mapping[str, Any],
+    summary: str,
+    write: Callable[[str], None],
+    *,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Hand over a command's answer.
+
+    Args:
+        document: The answer for machines.
+        summary: The answer in a few words for people, for standard error.
+        write: Writes the CSV to the file that it is given.
+        output: That file; ``-`` is standard output, which JSON takes for itself.
+        as_json: Whether a machine is asking.
+    """
+    if not as_json or output != "-":
+        write(output)
+    if as_json:
+        print_json(document)
+    else:
+        summarise(summary)
+
+
+def detail(message: str) -> None:
+    """Say on standard error what only ``--verbose`` asks for."""
+    if verbosity() == "verbose":
+        print_line(click.style(f"request-planner: {message}", dim=True))
+
+
+def print_line(text: str) -> None:
+    """A line on standard error, where no progress is shown meanwhile."""
+    if Progress.shown is not None:
+        Progress.shown.erase()
+    click.echo(text, err=True, color=coloured())
+
+
+def verbosity() -> Verbosity:
+    """How much is to be said beside the data."""
+    context = click.get_current_context(silent=True)
+    asked: Verbosity = "normal" if context is None else context.meta.get(KEY, "normal")
+    return asked
+
+
+def coloured() -> bool | None:
+    """Whether to use colours; None is where they go to a terminal.
+
+    https://no-color.org and https://force-color.org, of which the first overrules the second.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return False if os.environ.get("TERM") == "dumb" else None
+
+
+def add_verbosity(command: click.Command) -> None:
+    """Let a command take ``--quiet`` and ``--verbose``, wherever they are given."""
+    if any(parameter.name == "quiet" for parameter in command.params):
+        return
+    for option, about in (
+        ("quiet", "Print nothing but data, warnings and errors."),
+        ("verbose", "Print the duration of each step and the reports of the solvers."),
+    ):
+        command.params.append(
+            click.Option(
+                [f"-{option[0]}", f"--{option}"],
+                is_flag=True,
+                expose_value=False,
+                callback=_settle,
+                help=about,
+            )
+        )
+
+
+def _settle(context: click.Context, option: click.Parameter, value: Any) -> None:
+    if not value:
+        return
+    asked = option.name
+    if context.meta.get(KEY, asked) != asked:
+        raise click.UsageError("--quiet and --verbose contradict each other: leave one out.")
+    context.meta[KEY] = asked
+    if asked == "verbose":
+        context.call_on_close(print_log())
+
+
+def print_log() -> Callable[[], None]:
+    """Begin to print what the library logs, the solvers' reports; the answer ends it."""
+    log = logging.getLogger("planner")
+    before, handler = log.level, _Printing()
+    log.addHandler(handler)
+    log.setLevel(logging.DEBUG)
+
+    def end() -> None:
+        log.removeHandler(handler)
+        log.setLevel(before)
+
+    return end
+
+
+class _Printing(logging.Handler):
+    """Prints every entry of the log in a line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        detail(record.getMessage())
+
+
+class Progress:
+    """The progress of long work: a line on a terminal, and with ``--verbose`` one after each step.
+
+    A thread draws the line again during a long step; without a terminal there is none.
+    """
+
+    shown: Progress | None = None
+    """The one whose line is on the terminal: of work inside other work, the inner one's."""
+
+    def __init__(
+        self,
+        expected: Mapping[str, float] | Iterable[str] = (),
+        *,
+        count: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Find out whether standard error is a terminal.
+
+        Args:
+            expected: The steps that are to come, in order, and how long each takes in proportion to
+                the others; all take equally long where that is not said. Without steps there is no
+                bar, and no time left.
+            count: In place of these the number of steps, where there are many in parallel: each is
+                reported once it is done, and drawn twice a second.
+            clock: Tells the time [s].
+        """
+        self._expected = (
+            dict(expected) if isinstance(expected, Mapping) else dict.fromkeys(expected, 1.0)
+        )
+        self._verbose = verbosity() == "verbose"
+        watched = sys.stderr is not None and sys.stderr.isatty()
+        self._watched = watched and verbosity() != "quiet"
+        self._doing = ""
+        self._done: list[str] = []
+        self._count, self._counted = count, 0
+        self._time = clock
+        self._began = self._step_began = self._time()
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._around: Progress | None = None
+
+    def __enter__(self) -> Progress:
+        if self._count:
+            self._counted = -1
+            self("the first")  # which none has been finished before
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.done()
+
+    def __call__(self, doing: str) -> None:
+        """Say what is being done; what was being done before is finished."""
+        if self._count:
+            self._counted += 1
+            if self._thread is not None:
+                return  # which draws the line
+        else:
+            self._finish_step()
+        self._doing = doing
+        if not self._watched:
+            return
+        if self._thread is None:
+            self._around = Progress.shown
+        Progress.shown = self
+        self._draw()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._keep_time, daemon=True)
+            self._thread.start()
+
+    def done(self) -> None:
+        """Clear the line."""
+        self._finish_step()
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        if Progress.shown is self:
+            Progress.shown = self._around
+            self.erase()
+
+    def erase(self) -> None:
+        """Make room for a line of another kind; this one is drawn again later."""
+        click.echo(_ERASE, nl=False, err=True, color=True)
+
+    def line(self) -> str:
+        """What the line says now."""
+        now = self._time()
+        if self._count:
+            spent, finished = now - self._began, self._counted
+            bar = ("█" * (BAR * finished // self._count)).ljust(BAR, "░")
+            estimated = finished > 0 and spent >= BRIEF
+            ending = (
+                f"  {_duration(spent * (self._count / finished - 1.0))} left" if estimated else ""
+            )
+            return f"{finished} of {self._count} …  {bar}{ending}"
+        if not self._expected or self._doing not in self._expected:
+            return f"{self._doing} …{_spent(now - self._began)}"
+        total = sum(self._expected.values())
+        done = sum(self._expected.get(name, 0.0) for name in self._done)
+        left = self._left(total, done, now)
+        share = done / total if left is None else (now - self._began) / (now - self._began + left)
+        bar = ("█" * int(BAR * share)).ljust(BAR, "░")
+        if not left or now - self._began < BRIEF:
+            return f"{self._doing} …  {bar}{_spent(now - self._began)}"
+        return f"{self._doing} …  {bar}  {_duration(left)} left"
+
+    def _left(self, total: float, done: float, now: float) -> float | None:
+        """How long it still takes at the pace of the steps that are done [s]; None without any."""
+        spent = self._step_began - self._began
+        if done <= 0.0 or spent <= 0.0:
+            return None
+        pace = spent / done
+        now_of_step = min((now - self._step_began) / pace, self._expected[self._doing])
+        return (total - done - now_of_step) * pace
+
+    def _finish_step(self) -> None:
+        now = self._time()
+        if self._doing:
+            self._done.append(self._doing)
+            if self._verbose:
+                detail(f"{self._doing}: {now - self._step_began:.3g} s")
+        self._doing = ""
+        self._step_began = now
+
+    def _draw(self) -> None:
+        width = shutil.get_terminal_size().columns - 1
+        text = self.line()[:width]
+        click.echo(f"{_ERASE}{text}", nl=False, err=True, color=True)
+
+    def _keep_time(self) -> None:
+        while not self._ended.wait(REDRAWN):
+            if self._doing and Progress.shown is self:
+                self._draw()
+
+
+def _spent(seconds: float) -> str:
+    return f"  {_duration(seconds)}" if seconds >= BRIEF else ""
+
+
+def _duration(seconds: float) -> str:
+    """A duration in two or three digits."""
+    if seconds < 100.0:
+        return f"{max(seconds, 1.0):.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 100 else f"{minutes / 60.0:.1f} h"

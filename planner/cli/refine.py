@@ -1,0 +1,140 @@
+"""``request-planner refine``: executed requests and measured angles in, the next requests out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from planner.cli import options, types
+from planner.cli.console import Progress, deliver, warn
+
+if TYPE_CHECKING:
+    from planner.run.settings import Run
+
+
+@click.command()
+@click.argument("requests", type=types.INPUT)
+@click.argument("measured", type=types.INPUT, nargs=-1, required=True)
+@click.option(
+    "--desired",
+    "path",
+    type=types.INPUT,
+    required=True,
+    help="The path that the requests were planned for: of joints, or of a foot with --leg.",
+)
+@options.settings(
+    *options.LEG,
+    "leg.unreachable",
+    "model.file",
+    "path.joints",
+    "path.rate_hz",
+    "plan.cyclic",
+    "start",
+    "plan.method",
+    "plan.load",
+    "plan.norm",
+    "plan.solver",
+    "plan.weights",
+    "limits",
+)
+@click.option(
+    "--history",
+    type=types.OUTPUT,
+    help="A file that remembers the trials: read where it exists, and written.",
+)
+@click.option(
+    "--cycles",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Cycles to take from MEASURED; by default all.",
+)
+@click.option(
+    "--sensor-delay-ms",
+    type=float,
+    metavar="MS",
+    help="How late the measured angles are; 0 to take them as they are.  [default: looked for]",
+)
+@click.option(
+    "--reidentify/--no-reidentify",
+    default=True,
+    help="Whether the cycles may identify the models anew.  [default: reidentify]",
+)
+@options.output
+@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about what was learnt.")
+@options.as_json
+def refine(
+    *,
+    run: Run,
+    path: str,  # noqa: ARG001
+    requests: str,
+    measured: tuple[str, ...],
+    history: str | None,
+    cycles: int | None,
+    sensor_delay_ms: float | None,
+    reidentify: bool,
+    output: str,
+    report: str | None,
+    as_json: bool,
+) -> None:
+    """Learn from executed REQUESTS and the angles MEASURED meanwhile: write the next requests.
+
+    REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, a row for each
+    request, and as many cycles as were recorded; several files are several recordings of the same
+    requests. Give the path, the leg, the models and the limits as to `plan`.
+
+    \b
+    Example, the same line after every execution:
+        request-planner plan path.csv --model arm.toml -o requests.csv
+        request-planner refine requests.csv measured.csv --desired path.csv --model arm.toml \\
+            --history learning.json -o requests.csv
+    """  # noqa: D301
+    from planner.files.paths import write_joint_path
+    from planner.files.text import write_text
+    from planner.run.learning import (
+        document,
+        learning_report,
+        read_executed,
+        read_measured,
+        refined,
+        summary,
+        write_history,
+    )
+    from planner.run.run import prepare
+
+    prepared = prepare(run)
+    desired = prepared.desired
+    options.warn_of(desired.remarks)
+    executed = read_executed(requests, prepared)
+    angles, left = read_measured(measured, prepared, cycles=cycles)
+    if left:
+        warn(f"{left} measured rows after the last whole cycle are not used")
+    with Progress([*desired.names]) as progress:
+        answer = refined(
+            prepared,
+            executed,
+            angles,
+            history=history,
+            sensor_delay=None if sensor_delay_ms is None else 1e-3 * sensor_delay_ms,
+            reidentify=reidentify,
+            progress=progress,
+        )
+    if history is not None:
+        write_history(history, answer)
+    if report is not None:
+        files = [("requests", output), ("history", history)]
+        write_text(report, learning_report(answer, page=report, written=files))
+    deliver(
+        document(answer),
+        summary(answer),
+        lambda file: write_joint_path(
+            file,
+            desired.names,
+            answer.requests,
+            period=desired.period,
+            units=desired.units,
+            loads=answer.loads,
+        ),
+        output=output,
+        as_json=as_json,
+    )

@@ -1,0 +1,202 @@
+"""``request-planner replay``: a recording in, requests that repeat it out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from planner.cli import options, types
+from planner.cli.console import Progress, deliver, remark, warn
+from planner.cli.identify import log_options, to_log_options
+
+if TYPE_CHECKING:
+    from planner.replaying import Replay
+    from planner.run.replay import ReplayTask
+    from planner.run.settings import Replay as ReplaySettings
+    from planner.run.settings import Run
+    from planner.run.tasks import Engine
+
+
+@click.command()
+@click.argument("logs", nargs=-1, required=True, type=types.INPUT, metavar="RECORDING...")
+@options.settings(
+    "model.file",
+    "replay.speed",
+    "replay.track",
+    "replay.joints",
+    "replay.begin_s",
+    "replay.end_s",
+    "replay.rate_hz",
+    "limits",
+    "plan.norm",
+    "plan.solver",
+    "plan.max_step_deg",
+    "plan.smoothness",
+    "replay.fastest",
+    "tolerance.deg",
+    "tolerance.cm",
+    "replay.retime",
+    *options.LEG,
+    "replay.urdf_joints",
+    "replay.write_as",
+    name="A leg or arm of your robot, with --base and --foot, whose joints are recorded; or a "
+    "shipped leg.",
+    file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "
+    "from the recording itself.",
+    limits="Range of the requests [deg, or percent of the range], of all joints or one.",
+    norm="The error to make small.",
+    solver="Our own solver, or one of CasADi's with the same problem.",
+)
+@partial(log_options, without=["joint"])
+@click.option(
+    "-o",
+    "--output",
+    type=types.INPUT,
+    default="-",
+    metavar="OUT",
+    help="The file, or folder, to write; '-' is standard output.  [default: -]",
+)
+@click.option(
+    "--report", type=types.OUTPUT, help="Write a page (HTML) about the replay of one recording."
+)
+@options.parallel
+@options.as_json
+def replay(
+    *,
+    run: Run,
+    replay: ReplaySettings,
+    logs: tuple[str, ...],
+    output: str,
+    report: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    resume: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
+    """Plan requests that repeat RECORDINGs, at their own speed or another one.
+
+    A RECORDING is what `identify` reads: CSV with columns such as t_s, requested_deg and
+    actual_deg, a LeRobot dataset, a ROS bag, or a JSON of BAM. Its units, names and rate stay.
+    Grippers and joints without a model get their recorded requests at the new speed.
+
+    \b
+    Example, a demonstration half as fast again, and one that brings its own models:
+        request-planner replay demo.csv --model arm.toml --speed 1.5 -o requests.csv
+        request-planner replay demo.csv --model from-log --speed 1.5 -o requests.csv
+
+    \b
+    Example, as fast as the joints stay within one degree, and slower only where they need it:
+        request-planner replay demo.csv --model arm.toml --fastest --tolerance-deg 1 -o requests.csv
+        request-planner replay demo.csv --model arm.toml --fastest --tolerance-deg 1 \\
+            --retime varying -o requests.csv
+
+    \b
+    Example, ten episodes of a LeRobot dataset as a dataset of planned actions:
+        request-planner replay my_dataset --episodes 0-9 --unit deg --model arm.toml --speed 1.5 \\
+            --as lerobot -o planned_dataset
+    """  # noqa: D301
+    from planner.files.logs.recordings import recordings_in
+    from planner.run.replay import tasks_of
+    from planner.run.replay_files import check_writing
+    from planner.run.tasks import engine_of
+
+    options.check_parallel(workers, scheduler)
+    recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
+    check_writing(replay.write_as, recordings, output)
+    _check_output(replay, output)
+    with Progress() as progress:
+        tasks = tasks_of(run, replay, recordings, progress)
+    for each in tasks[0].models.remarks:
+        warn(each)
+    if len(tasks) == 1:
+        _replay_one(tasks[0], output=output, report=report, as_json=as_json)
+    elif report is not None:
+        raise click.UsageError("--report is about one recording: choose one (--episodes 0).")
+    else:
+        with engine_of(workers, scheduler) as engine:
+            _replay_all(tasks, engine, output=output, resume=resume, as_json=as_json)
+
+
+def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
+    """Plan one recording, and write it."""
+    from planner.files.staging import staged
+    from planner.run.replay import document, fastest_document, missed, replay_report, summary
+
+    found = None
+    with Progress() as progress:
+        if task.replay.fastest:
+            found = task.fastest(progress)
+        made = task.run(progress) if found is None else found.replay
+        progress("the errors of other requests")
+        said, words = document(made, task.models), summary(made, task.models, found)
+        misses = missed(task, made)
+        page: AbstractContextManager[None] = nullcontext()
+        if report is not None:
+            progress("the page")
+            page = staged(report, replay_report(task, made, found, report, output).encode())
+    if found is not None:
+        said |= {"fastest": fastest_document(found)}
+    for each in made.path.remarks:
+        remark(f"{made.path.name}: {each}")
+    with page:
+        deliver(said, words, lambda file: _write(file, task, made), output=output, as_json=as_json)
+    if misses:
+        raise click.ClickException(f"{'; '.join(misses)}; the requests are written all the same")
+
+
+def _replay_all(
+    tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool, as_json: bool
+) -> None:
+    """Plan every recording into one dataset; those that fail are left out, and listed last."""
+    from planner.run.replay import episodes_document, episodes_text
+    from planner.run.replay_files import left_out
+    from planner.run.replay_many import replay_many
+
+    with Progress(count=len(tasks)) as progress:
+        made = replay_many(
+            tasks, output, engine, resume=resume, progress=lambda task: progress(task.name)
+        )
+    for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
+        remark(words)
+    deliver(
+        episodes_document(made.figures, made.failed, tasks[0]),
+        episodes_text(made.figures, tasks[0]),
+        lambda _: None,
+        output=output,
+        as_json=as_json,
+    )
+    for name, reason in made.failed.items():
+        warn(f"{name} is left out: {reason}")
+    if made.failed:
+        raise click.ClickException(
+            f"{len(made.failed)} of {len(tasks)} recordings left out; the others are written, and "
+            f"kept in {made.kept} for --resume"
+        )
+
+
+def _write(output: str, task: ReplayTask, made: Replay) -> None:
+    """Write one recording's requests."""
+    from planner.files.exports.lerobot import lerobot_dataset
+    from planner.run.replay_files import lerobot_layout, lerobot_rows, write_replay
+
+    if task.replay.write_as != "lerobot":
+        write_replay(output, made, task.replay.write_as)
+        return
+    with lerobot_dataset(output, lerobot_layout(task.recording, made)) as add:
+        add(*lerobot_rows(task.recording, made))
+
+
+def _check_output(replay: ReplaySettings, output: str) -> None:
+    """Make sure that the output can be written, before anything is computed."""
+    from planner.files.staging import check_folder, check_writable
+    from planner.run.replay_files import FOLDERS
+
+    if replay.write_as in FOLDERS:
+        check_folder(output)
+    elif output != "-":
+        check_writable(output)

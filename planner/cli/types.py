@@ -1,0 +1,205 @@
+"""Types of options: each parses a value once, refuses what it is not, and completes it in a shell.
+
+NAME=VALUE of a joint, numbers above 0, a leg or a URDF, and names of files and folders. A file or a
+folder that is to be written is checked here, before anything is computed.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable
+from copy import copy
+from typing import Any, get_args
+
+import click
+from click.shell_completion import CompletionItem
+
+from planner.run.settings import ShippedLeg
+
+SHIPPED = get_args(ShippedLeg)
+"""The legs that need no description."""
+
+
+class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """What a function parses."""
+
+    name = "value"
+
+    def __init__(self, parse: Callable[[str], Any], expected: str) -> None:
+        """Take a function and what it parses.
+
+        Args:
+            parse: The value that a text stands for; raises ValueError where it stands for none.
+            expected: What a user should write, in words, with an example.
+        """
+        self.parse = parse
+        self.expected = expected
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The value of a text."""
+        try:
+            return self.parse(value)
+        except (ValueError, OverflowError):
+            option = "" if param is None else f"{param.opts[0]}: "
+            message = f"{option}got '{value}', expected {self.expected}."
+            raise click.UsageError(message, ctx) from None
+
+
+class ByJoint(Parsed):
+    """A value of one joint, NAME=VALUE, or of all joints, VALUE: the joint, "" for all, and it."""
+
+    def __init__(
+        self, parse: Callable[[str], Any], expected: str, *, all_joints: bool = True
+    ) -> None:
+        """Take a function that parses the value; see :class:`Parsed`.
+
+        Args:
+            parse: The value that a text stands for; raises ValueError where it stands for none.
+            expected: What a user should write, in words, with an example.
+            all_joints: Whether a value without a name is that of all joints.
+        """
+
+        def parse_named(text: str) -> tuple[str, Any]:
+            joint, equals, value = text.rpartition("=")
+            if not joint and (equals or not all_joints):
+                raise ValueError
+            return joint, parse(value)
+
+        super().__init__(parse_named, expected)
+
+
+class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """The name of a shipped leg, or the URDF of a robot."""
+
+    name = "leg"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The same text, if it is either."""
+        text = str(value)
+        is_file = text.lower().endswith((".urdf", ".xml")) or os.sep in text
+        if text not in SHIPPED and not is_file:
+            names = ", ".join(f"'{name}'" for name in SHIPPED)
+            self.fail(f"'{text}' is not one of {names}, nor a .urdf file.", param, ctx)
+        return text
+
+    def shell_complete(
+        self,
+        ctx: click.Context,  # noqa: ARG002
+        param: click.Parameter,  # noqa: ARG002
+        incomplete: str,
+    ) -> list[CompletionItem]:
+        """The names that begin like this, or files where none does."""
+        names = [CompletionItem(name) for name in SHIPPED if name.startswith(incomplete)]
+        return names or [CompletionItem(incomplete, type="file")]
+
+
+class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
+    """The name of a file or a folder, which a shell completes; one to write is checked at once."""
+
+    def __init__(self, kind: str, check: Callable[[str], None] = lambda _: None) -> None:
+        """Complete to ``file``, which has folders on the way, or ``dir``, and check the name."""
+        self.name = self.kind = kind
+        self.check = check
+
+    def convert(
+        self,
+        value: Any,
+        param: click.Parameter | None,  # noqa: ARG002
+        ctx: click.Context | None,  # noqa: ARG002
+    ) -> str:
+        """The same text, where it passes the check."""
+        self.check(value)
+        return str(value)
+
+    def shell_complete(
+        self,
+        ctx: click.Context,  # noqa: ARG002
+        param: click.Parameter,  # noqa: ARG002
+        incomplete: str,
+    ) -> list[CompletionItem]:
+        """Leave it to the shell, which knows what is there."""
+        return [CompletionItem(incomplete, type=self.kind)]
+
+
+class WithEarlierNames(click.Option):
+    """An option that has other names still, which earlier releases had and its help leaves out."""
+
+    def __init__(self, names: list[str], *, earlier: tuple[str, ...], **given: Any) -> None:
+        """Take its names, and those that it had earlier."""
+        super().__init__([*names, *earlier], **given)
+        self.earlier = earlier
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Its names of today and its help."""
+        shown = copy(self)
+        shown.opts = [name for name in self.opts if name not in self.earlier]
+        return click.Option.get_help_record(shown, ctx)
+
+
+def above_0(unit: str = "") -> Parsed:
+    """A number above 0, in this unit."""
+
+    def parse(text: str) -> float:
+        number = finite(text)
+        if number <= 0.0:
+            raise ValueError
+        return number
+
+    return Parsed(parse, f"more than 0 {unit}".rstrip())
+
+
+def finite(text: str) -> float:
+    """A finite number."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _span(text: str) -> list[float]:
+    low, high = (finite(part) for part in text.split(":"))
+    if not low < high:
+        raise ValueError
+    return [low, high]
+
+
+def _tick(text: str) -> int:
+    if not re.fullmatch(r"-?\d{1,9}", text, flags=re.ASCII):
+        raise ValueError
+    return int(text)
+
+
+def _position(text: str) -> tuple[str, float]:
+    slides = text.endswith("m")
+    return "lock_m" if slides else "lock", finite(text.removesuffix("m"))
+
+
+def _check_file(path: str) -> None:
+    from planner.files.staging import check_writable
+
+    if path != "-":
+        check_writable(path)
+
+
+def _check_folder(path: str) -> None:
+    from planner.files.staging import check_folder
+
+    check_folder(path)
+
+
+SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
+SPANS = ByJoint(
+    _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
+)
+ANGLES = ByJoint(finite, "DEG or JOINT=DEG, such as knee=30")
+POSE = ByJoint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
+PARAMETER = ByJoint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
+POSITIONS = ByJoint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
+NAMES = ByJoint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
+TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
+
+INPUT = Place("file")
+OUTPUT = Place("file", _check_file)
+FOLDER = Place("dir", _check_folder)

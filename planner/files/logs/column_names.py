@@ -1,0 +1,134 @@
+"""What the columns of a table mean, guessed from their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from planner.files.logs.units import ANGLE_NAMES, TIME_NAMES, split_name
+
+REQUESTED = frozenset(
+    (
+        *("requested", "request", "req", "goal", "command", "commanded", "cmd", "target"),
+        *("desired", "des", "reference", "ref", "setpoint", "action"),
+    )
+)
+"""Words for a requested angle."""
+
+ACTUAL = frozenset(
+    (
+        *("actual", "act", "present", "measured", "meas", "measurement", "feedback", "state"),
+        *("observed", "observation"),
+    )
+)
+"""Words for an actual angle."""
+
+PLAIN = frozenset(("position", "pos", "angle"))
+"""Words that only say that a column holds angles; without another word, actual ones."""
+
+OTHER = frozenset(
+    (
+        *("velocity", "vel", "speed", "effort", "load", "torque", "current", "voltage", "volts"),
+        *("temp", "temperature", "acceleration", "acc", "accel", "pwm", "error", "err", "gain"),
+        *("limit", "min", "max"),
+    )
+)
+"""Words for what is no angle."""
+
+TIMES = frozenset(("t", "time", "times", "timestamp", "stamp", "clock"))
+"""Words for times."""
+
+TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
+"""Names for whether the torque is on."""
+
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+_SET_POINT = re.compile("set[ _.-]?point", re.IGNORECASE)
+_SEPARATORS = "_.-/: "
+
+
+class Meaning(NamedTuple):
+    """What a column holds.
+
+    Attributes:
+        column: Its name.
+        role: "requested", "actual", or "position", which is an actual angle if no column says so.
+        joint: The joint's name; "" where the column names none.
+    """
+
+    column: str
+    role: str
+    joint: str
+
+
+class Pair(NamedTuple):
+    """The columns of one joint.
+
+    Attributes:
+        joint: Its name; "" where the columns name none.
+        requested: The columns that may hold its requested angles.
+        actual: The columns that may hold its actual angles.
+    """
+
+    joint: str
+    requested: tuple[str, ...]
+    actual: tuple[str, ...]
+
+
+def meaning(column: str) -> Meaning | None:
+    """What an angle's column means by its name; None where the name says nothing."""
+    stem = _SET_POINT.sub("setpoint", split_name(column, ANGLE_NAMES)[0])
+    spans = [word.span() for word in _WORD.finditer(stem)]
+    words = [stem[start:end].lower() for start, end in spans]
+    if "current" in words and PLAIN & set(words):  # the present position, and no ampere
+        words = ["present" if word == "current" else word for word in words]
+    if OTHER & set(words):
+        return None
+    lead = _run(words)
+    trail = _run(words[::-1]) if lead < len(words) else 0
+    edge = {*words[:lead], *words[len(words) - trail :]}
+    roles = [role for role, known in _ROLES if edge & known]
+    if len(roles) == 2 and roles[1] == "position":
+        roles.pop()
+    if len(roles) != 1:
+        return None
+    first = spans[lead - 1][1] if lead else 0
+    last = spans[len(spans) - trail][0] if trail else len(stem)
+    return Meaning(column, roles[0], stem[first:last].strip(_SEPARATORS))
+
+
+def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
+    """The columns by joint, in the order in which the joints appear."""
+    by_joint: dict[str, list[Meaning]] = {}
+    for found in filter(None, map(meaning, columns)):
+        by_joint.setdefault(found.joint, []).append(found)
+    return tuple(_pair(joint, found) for joint, found in by_joint.items())
+
+
+def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that may hold times."""
+    return tuple(name for name in columns if _is_time(name))
+
+
+def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that may say whether the torque is on."""
+    return tuple(name for name in columns if name.lower() in TORQUES)
+
+
+def _is_time(column: str) -> bool:
+    stem, _ = split_name(column, TIME_NAMES)
+    return bool({word.lower() for word in _WORD.findall(stem)} & TIMES) and len(stem) < 24
+
+
+def _run(words: Sequence[str]) -> int:
+    """How many of the first words name a role."""
+    known = REQUESTED | ACTUAL | PLAIN
+    return next((k for k, word in enumerate(words) if word not in known), len(words))
+
+
+def _pair(joint: str, found: Sequence[Meaning]) -> Pair:
+    by_role = {role: tuple(m.column for m in found if m.role == role) for role, _ in _ROLES}
+    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"])
+
+
+_ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))

@@ -1,0 +1,217 @@
+"""From columns of numbers to a log, with what every format has to check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.logs.units import Scale
+from planner.files.units import LARGEST, LEAST_DEG, not_radians
+from planner.identification.log import FEWEST_ROWS, Log, Written
+from planner.trajectory import Array
+
+Switch = npt.NDArray[np.bool_]
+"""Whether the torque was on, shape (n,)."""
+
+EPOCH = 1e6
+"""Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
+
+SLOWEST, FASTEST = 2.0, 2e-5
+"""A log with rows further apart than this [s], or closer, has probably another unit of time."""
+
+MOST_SHARE = 2.0
+"""A share of the range beyond this either way is none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where rows come from, for messages.
+
+    Attributes:
+        path: The file.
+        part: What of it, such as "episode 3"; "" for all.
+        line: Line of the file on which a row stands, counted from 1; None where it has no lines.
+        row: What a row is called.
+        episode: Number of the episode; None for a file of one recording.
+        kept: Which rows of the source were kept, counted from 0; None for all.
+    """
+
+    path: Path | str
+    part: str = ""
+    line: Callable[[int], int] | None = None
+    row: str = "row"
+    episode: int | None = None
+    kept: npt.NDArray[np.int_] | None = None
+
+    @property
+    def name(self) -> str:
+        """The source in words."""
+        return f"{self.path}, {self.part}" if self.part else f"{self.path}"
+
+    def fault(self, problem: str, k: int) -> InvalidFile:
+        """The error that row ``k``, counted from 0, has a problem."""
+        k = k if self.kept is None else int(self.kept[k])
+        if self.line is not None:
+            return InvalidFile(self.path, problem, line=self.line(k))
+        place = f"{self.part}, {self.row} {k + 1}" if self.part else f"{self.row} {k + 1}"
+        return InvalidFile(self.path, f"{place}: {problem}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """What a log holds, as it was written.
+
+    Attributes:
+        times: Times of the rows [s], shape (n,).
+        requests: Requested angles, shape (n,), in the unit of ``request_scale``.
+        angles: Actual angles, shape (n,), in the unit of ``angle_scale``.
+        request_scale: What a request's number means.
+        angle_scale: What an angle's number means.
+        torque_on: Whether the torque was on, shape (n,); None where the log does not say.
+        load: Torque on the joint in the direction of positive angles [N m], shape (n,); None where
+            the log does not say.
+        requested: Name of the column of requests; "" where there is none of this joint alone.
+    """
+
+    times: Array  # (n,) [s]
+    requests: Array  # (n,)
+    angles: Array  # (n,)
+    request_scale: Scale
+    angle_scale: Scale
+    torque_on: Switch | None = None
+    load: Array | None = None  # (n,) [N m]
+    requested: str = ""
+
+
+def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, ...] = ()) -> Log:
+    """Check the columns and make a log of them; rows in which a value is missing are left out.
+
+    Raises:
+        InvalidFile: A value cannot be true, times do not increase, or there are too few rows; the
+            message says where.
+    """
+    columns, source, left_out = _complete_rows(source, columns)
+    if columns.request_scale.unit != columns.angle_scale.unit:
+        raise InvalidFile(
+            source.name,
+            f"requests in {columns.request_scale.name} but angles in {columns.angle_scale.name}; "
+            "expected angles for both, or shares of the range for both",
+        )
+    _check_times(source, columns.times)
+    requests = _checked(source, "requested angle", columns.requests, columns.request_scale)
+    angles = _checked(source, "actual angle", columns.angles, columns.angle_scale)
+    if np.array_equal(requests, angles) and np.ptp(angles) > 0.0:
+        raise InvalidFile(
+            source.path,
+            f"{joint}{': ' if joint else ''}the actual angles equal the requested ones in every "
+            "row, expected measured angles; is the same column recorded twice?",
+        )
+    switch, load = columns.torque_on, columns.load
+    if load is not None and not np.isfinite(load).all():
+        k = int(np.argmin(np.isfinite(load)))
+        raise source.fault(f"load: got {load[k]}, expected a torque [N m]", k)
+    try:
+        return Log(
+            times=columns.times,
+            requests=requests,
+            angles=angles,
+            torque_on=np.ones(len(requests), bool) if switch is None else switch,
+            name=source.name,
+            joint=joint,
+            unit=columns.angle_scale.unit,
+            load=load,
+            notes=(*notes, *left_out, *_doubts(columns)),
+            written=_written(source, columns),
+        )
+    except InvalidInput as error:
+        raise InvalidFile(source.path, str(error)) from error
+
+
+def _written(source: Source, columns: Columns) -> Written:
+    name, factor, shift, _ = columns.request_scale
+    return Written(str(source.path), source.episode, columns.requested, name, factor, shift)
+
+
+def _complete_rows(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
+    """The rows in which no angle, request or torque is missing (NaN), and a note on the others."""
+    names = ("times", "requests", "angles", "load", "torque_on")
+    arrays = {name: array for name in names if (array := getattr(columns, name)) is not None}
+    kept = np.flatnonzero(~np.any([np.isnan(array) for array in arrays.values()], axis=0))
+    count = len(columns.times)
+    if len(kept) == count:
+        return columns, source, ()
+    first = int(np.argmin(np.isin(np.arange(count), kept)))
+    if len(kept) < FEWEST_ROWS:
+        raise source.fault(
+            f"a value is missing in {count - len(kept)} of {count} rows, expected both angles in "
+            f"at least {FEWEST_ROWS}; are requested and actual angles in rows of their own?",
+            first,
+        )
+    place = f"line {source.line(first)}" if source.line else f"{source.row} {first + 1}"
+    lost = "1 row is" if count - len(kept) == 1 else f"{count - len(kept)} rows are"
+    note = f"{lost} left out, first {place}: a value is missing"
+    rows = {name: array[kept] for name, array in arrays.items()}
+    return replace(columns, **rows), replace(source, kept=kept), (note,)
+
+
+def _check_times(source: Source, times: Array) -> None:
+    if len(times) < FEWEST_ROWS:
+        raise InvalidFile(
+            source.name, f"rows of samples: got {len(times)}, expected at least {FEWEST_ROWS}"
+        )
+    if not np.isfinite(times).all():
+        k = int(np.argmin(np.isfinite(times)))
+        raise source.fault(f"time: got {times[k]}, expected a finite number; remove the row", k)
+    steps = np.diff(times)
+    if (steps <= 0.0).any():
+        k = int(np.argmax(steps <= 0.0)) + 1
+        raise source.fault(
+            f"time is {times[k]:.9g} s after {times[k - 1]:.9g} s, expected times that increase; "
+            "sort the rows and remove doubles",
+            k,
+        )
+
+
+def _checked(source: Source, what: str, numbers: Array, scale: Scale) -> Array:
+    if not np.isfinite(numbers).all():
+        k = int(np.argmin(np.isfinite(numbers)))
+        raise source.fault(
+            f"{what}: got {numbers[k]}, expected a finite number; remove or interpolate the sample",
+            k,
+        )
+    values: Array = scale.factor * numbers + scale.shift
+    largest = MOST_SHARE if scale.unit == "1" else LARGEST
+    beyond = np.abs(values) > largest
+    if beyond.any():
+        k = int(np.argmax(beyond))
+        expected = "a share of the range" if scale.unit == "1" else "an angle"
+        raise source.fault(
+            f"{what}: got {numbers[k]:g}, expected {expected} in {scale.name}; check the unit", k
+        )
+    return values
+
+
+def _doubts(columns: Columns) -> tuple[str, ...]:
+    """What looks like a wrong unit, in words."""
+    doubts = []
+    step = float(np.median(np.diff(columns.times)))
+    if not FASTEST <= step <= SLOWEST:
+        doubts.append(f"one row every {step:.3g} s: is the unit of time right?")
+    for what, numbers, scale in (
+        ("requested", columns.requests, columns.request_scale),
+        ("actual", columns.angles, columns.angle_scale),
+    ):
+        if scale.name == "rad" and not_radians(numbers):
+            doubts.append(
+                f"{what} angles reach {float(np.abs(numbers).max()):.3g} rad: are they degrees?"
+            )
+        elif scale.name == "deg" and 0.0 < float(np.ptp(numbers)) < LEAST_DEG:
+            doubts.append(
+                f"{what} angles span only {float(np.ptp(numbers)):.2g} degrees: are they radians?"
+            )
+    return tuple(doubts)

@@ -1,0 +1,384 @@
+"""Paths over time as CSV: angles or requests of joints, positions of a foot, knots of curves.
+
+A joint path has one ``<joint>_deg`` or ``<joint>_rad`` column per joint, or ``<joint>_percent`` or
+``<joint>_range`` (0 to 1) where the joint is known by the share of its range. Its columns
+``<joint>_load_Nm`` are torques on these joints in the direction of positive angles. A foot path has
+the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have ``t_s``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.table import Table, nearest, read_table, write_table
+from planner.files.text import write_text
+from planner.files.units import (
+    ANGLES,
+    LENGTHS,
+    MOST_TURNS,
+    SHARES,
+    TURN,
+    not_radians,
+    pick,
+    split_unit,
+    with_unit,
+)
+from planner.trajectory import MOST_SAMPLES, Array
+
+JOINT_UNITS = {**ANGLES, **SHARES}
+"""What one of a joint's unit is in radians."""
+
+LOAD = "_load_Nm"
+"""Ending of the columns that hold the torque on a joint [N m]."""
+
+TIME = "t_s"
+"""The column that holds the time [s]."""
+
+COUNTERS = ("index", "sample")
+"""Columns that only number the rows, and are not read."""
+
+UNEVEN = 0.01
+"""A time step may differ from the period by this part of it, for clocks written in few decimals."""
+
+AXES = ("x", "y", "z")
+"""Of a foot's positions."""
+
+
+class _Path:
+    """What joint paths and foot paths share: samples at times."""
+
+    path: str
+    times: Array | None
+    samples: ClassVar[tuple[str, ...]]
+
+    def check_period(self, period: float) -> None:
+        """Raise InvalidFile if the samples are not ``period`` [s] apart."""
+        check_period(self.path, self.times, period)
+
+    def in_step(
+        self, period: float, *, resample: bool, cyclic: bool, speed: float | None = None
+    ) -> Self:
+        """The path with a sample every ``period`` [s]; resampled, or else checked.
+
+        Without times it has a sample per request, and is handed back as it is unless its speed is
+        to be multiplied by ``speed``.
+
+        Raises:
+            InvalidFile: The samples are not ``period`` apart, and are not to be resampled.
+        """
+        if speed is None and (self.times is None or not resample):
+            self.check_period(period)
+            return self
+        times = self.times
+        if times is None:
+            times = _times(len(getattr(self, self.samples[0])), period)
+        changed: dict[str, Any] = {
+            name: resampled(times, rows, period * (speed or 1.0), cyclic=cyclic)
+            for name in self.samples
+            if (rows := getattr(self, name)) is not None
+        }
+        count = len(changed[self.samples[0]])
+        return replace(self, times=_times(count, period), **changed)  # type: ignore[type-var]
+
+
+@dataclass(frozen=True)
+class JointPath(_Path):
+    """Angles or requests of some joints over time.
+
+    Attributes:
+        path: Where it came from; ``-`` is standard input.
+        names: The joints.
+        units: Their units in the file; :data:`.SHARES` are of joints without angles.
+        angles: Their angles [rad], shape (n, k), read-only; a percent is carried as a degree.
+        times: Times of the samples [s], shape (n,); None where the file does not say.
+        loads: Torques on the joints [N m], shape (n, k), read-only, 0 for a joint without a column;
+            None where no joint has one.
+    """
+
+    path: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    angles: Array  # (n, k)
+    times: Array | None  # (n,)
+    loads: Array | None = None  # (n, k)
+    samples: ClassVar[tuple[str, ...]] = ("angles", "loads")
+
+
+def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPath:
+    """Read a joint path from CSV, or from standard input for ``-``.
+
+    Args:
+        path: The file.
+        joints: Joints to read, in this order; the file's other columns are then left alone. By
+            default every column is a joint, but for ``t_s``, ``index`` and ``sample``.
+
+    Raises:
+        InvalidFile: The file is no joint path; the message says where and why.
+    """
+    return joint_path(read_table(path), joints=joints)
+
+
+def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:
+    """Understand a table as a joint path; see :func:`read_joint_path`.
+
+    Args:
+        table: The table.
+        joints: Joints to read; by default all.
+        even: Whether times must be evenly spaced.
+    """
+    if joints:
+        columns = pick(table, joints, JOINT_UNITS)
+    else:
+        others = (TIME, *COUNTERS)
+        columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
+    if not columns:
+        raise InvalidFile(
+            table.path,
+            f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad",
+            line=1,
+        )
+    names, units, values = with_unit(table, columns, JOINT_UNITS)
+    for name, unit, angles in zip(names, units, values.T, strict=True):
+        if unit == "rad":
+            _check_radians(table, name, angles)
+    loads = _loads(table, names, all_joints=not joints)
+    return JointPath(table.path, names, units, values, read_times(table, even=even), loads)
+
+
+def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:
+    """Torques on the joints [N m], shape (n, k); None where the table has none.
+
+    Raises:
+        InvalidFile: A torque is on a joint that is not in the file.
+    """
+    loaded = [name.removesuffix(LOAD) for name in table.names if name.endswith(LOAD)]
+    if strange := [name for name in loaded if all_joints and name not in names]:
+        raise InvalidFile(
+            table.path,
+            f"column '{strange[0]}{LOAD}': no joint '{strange[0]}'{nearest(strange[0], names)}; "
+            f"joints: {', '.join(names)}",
+            line=1,
+        )
+    if not set(loaded) & set(names):
+        return None
+    torques = np.zeros((len(table.rows), len(names)))
+    for j, name in enumerate(names):
+        if name in loaded:
+            torques[:, j] = table.numbers([f"{name}{LOAD}"])[:, 0]
+    torques.setflags(write=False)
+    return torques
+
+
+def write_joint_path(
+    path: Path | str,
+    names: Sequence[str],
+    angles: Array,
+    *,
+    period: float,
+    units: Sequence[str] | None = None,
+    loads: Array | None = None,
+) -> None:
+    """Write angles or requests as CSV: ``t_s`` and one ``<joint>_deg`` column per joint.
+
+    Args:
+        path: The file, or ``-`` for standard output.
+        names: The joints.
+        angles: Their angles [rad], shape (n, k).
+        period: Time between samples [s].
+        units: Units that the joints were read in: shares of a range are written as such again.
+        loads: Torques on the joints [N m], shape (n, k), for columns ``<joint>_load_Nm``.
+    """
+    endings = [unit if unit in SHARES else "deg" for unit in units or ["deg"] * len(names)]
+    columns = [
+        np.degrees(column) if unit == "deg" else column / SHARES[unit]
+        for unit, column in zip(endings, angles.T, strict=True)
+    ]
+    titles = [f"{name}_{unit}" for name, unit in zip(names, endings, strict=True)]
+    if loads is not None:
+        titles += [f"{name}{LOAD}" for name in names]
+        columns += list(loads.T)
+    rows = np.column_stack([_times(len(angles), period), *columns])
+    write_table(path, [TIME, *titles], rows)
+
+
+@dataclass(frozen=True)
+class FootPath(_Path):
+    """Positions of a foot over time.
+
+    Attributes:
+        path: Where it came from; ``-`` is standard input.
+        positions: Positions in the leg's base frame [m], shape (n, 3), read-only.
+        times: Times of the samples [s], shape (n,); None where the file does not say.
+    """
+
+    path: str
+    positions: Array  # (n, 3)
+    times: Array | None  # (n,)
+    samples: ClassVar[tuple[str, ...]] = ("positions",)
+
+
+def is_foot_path(table: Table) -> bool:
+    """Whether a table names a position along an axis, and so is meant as a foot path."""
+    parts = [split_unit(name, LENGTHS) for name in table.names]
+    return any(part is not None and part[0] in AXES for part in parts)
+
+
+def read_foot_path(path: Path | str) -> FootPath:
+    """Read a foot path from CSV, or from standard input for ``-``.
+
+    Raises:
+        InvalidFile: The file is no foot path; the message says where and why.
+    """
+    return foot_path(read_table(path))
+
+
+def foot_path(table: Table, *, even: bool = True) -> FootPath:
+    """Understand a table as a foot path; see :func:`read_foot_path` and :func:`joint_path`."""
+    quantities = with_unit(table, pick(table, AXES, LENGTHS), LENGTHS)
+    return FootPath(table.path, quantities.values, read_times(table, even=even))
+
+
+def write_foot_path(path: Path | str, positions: Array, *, period: float | None = None) -> None:
+    """Write positions [m], shape (n, 3), as CSV; ``-`` is standard output.
+
+    Args:
+        path: The file.
+        positions: The positions [m], shape (n, 3).
+        period: Time between samples [s], for a column ``t_s``; without it there is none.
+    """
+    names = [f"{axis}_m" for axis in AXES]
+    if period is None:
+        write_table(path, names, positions)
+    else:
+        times = _times(len(positions), period)
+        write_table(path, [TIME, *names], np.column_stack([times, positions]))
+
+
+def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
+    """Write a curve: all of it as JSON for ``*.json``, else its knots as CSV.
+
+    The CSV has columns ``knot_s`` and ``value_deg``. The JSON keeps every digit, and also samples,
+    tick, and whether it is a cycle; :meth:`.PiecewiseLinear.from_dict` takes it back.
+    """
+    if str(path).lower().endswith(".json"):
+        write_text(path, json.dumps(curve.to_dict(), indent=2, allow_nan=False) + "\n")
+    else:
+        columns = np.column_stack([curve.knots * curve.tick, np.degrees(curve.values)])
+        write_table(path, ["knot_s", "value_deg"], columns)
+
+
+def read_times(table: Table, *, even: bool = True) -> Array | None:
+    """Times of the samples [s], shape (n,); None where the file has no column ``t_s``.
+
+    Raises:
+        InvalidFile: Times that do not increase, or that are not ``even``.
+    """
+    if TIME not in table.names:
+        return None
+    times = table.numbers([TIME])[:, 0]
+    steps = np.diff(times)
+    if (steps <= 0.0).any():
+        k = int(np.argmax(steps <= 0.0)) + 1
+        raise InvalidFile(
+            table.path,
+            f"{TIME} is {times[k]:g} after {times[k - 1]:g}, expected times that increase; "
+            "sort the rows and remove doubles",
+            line=table.lines[k],
+        )
+    period = float(np.median(steps))
+    uneven = np.abs(steps - period) > UNEVEN * period
+    if even and uneven.any():
+        k = int(np.argmax(uneven)) + 1
+        raise InvalidFile(
+            table.path,
+            f"{TIME} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
+            "even steps; plan with --rate-hz to resample the path",
+            line=table.lines[k],
+        )
+    return times
+
+
+def check_period(path: str, times: Array | None, period: float) -> None:
+    """Make sure that a path's samples are as far apart as the joint's requests.
+
+    Args:
+        path: The file, for the error.
+        times: Times of its samples [s], or None where it does not say.
+        period: Time between requests [s].
+
+    Raises:
+        InvalidFile: The path has another rate than the joint.
+    """
+    if times is None:
+        return
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    if abs(step - period) > UNEVEN * period:
+        raise InvalidFile(
+            path,
+            f"one sample every {step:.6g} s, expected one every {period:.6g} s, the time between "
+            f"requests; plan with --rate-hz {1.0 / period:.6g} to resample the path, or with "
+            f"--rate-hz {1.0 / step:.6g} to send as many requests, or set tick and hold in the "
+            "model",
+        )
+
+
+def resampled(times: Array, rows: Array, period: float, *, cyclic: bool) -> Array:
+    """Rows at even times from the first on, by straight lines between the given ones.
+
+    A cycle lasts one mean step longer than its times. It is given a whole number of samples, the
+    nearest, over which it is stretched or shortened by less than half a sample.
+
+    Args:
+        times: Increasing times [s], shape (n,); they may be uneven.
+        rows: What holds then, shape (n, k).
+        period: Time between the samples of the answer [s].
+        cyclic: Whether the rows repeat for ever.
+
+    Returns:
+        Rows every ``period``, shape (m, k), read-only.
+
+    Raises:
+        InvalidInput: There would be too many of them.
+    """
+    span = float(times[-1] - times[0])
+    since = times - times[0]
+    if span / period > MOST_SAMPLES:
+        raise InvalidInput(
+            f"a sample every {period:g} s for {span:g} s: expected at most {MOST_SAMPLES} samples; "
+            "ask for a lower rate"
+        )
+    if cyclic:
+        whole = span * len(times) / (len(times) - 1)
+        count = max(round(whole / period), 1)
+        at = np.arange(count) * (whole / count)
+        since, rows = np.append(since, whole), np.vstack([rows, rows[:1]])
+    else:
+        at = np.arange(math.floor(span / period + UNEVEN) + 1) * period
+    columns = np.column_stack([np.interp(at, since, column) for column in rows.T])
+    columns.setflags(write=False)
+    return columns
+
+
+def _times(count: int, period: float) -> Array:
+    return np.asarray(np.arange(count) * period, dtype=np.float64)
+
+
+def _check_radians(table: Table, name: str, angles: Array) -> None:
+    """Refuse a column of radians whose values are those of degrees."""
+    if not_radians(angles):
+        k = int(np.argmax(np.abs(angles)))
+        raise InvalidFile(
+            table.path,
+            f"column '{name}_rad': got {angles[k]:g} rad, {abs(angles[k]) / TURN:.1f} turns, "
+            f"expected at most {MOST_TURNS:g}; if these are degrees, rename it {name}_deg",
+            line=table.lines[k],
+        )

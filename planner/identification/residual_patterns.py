@@ -1,0 +1,267 @@
+"""What the residuals show that the model does not have, each named in a sentence with its rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.identification.result import LogFit
+from planner.identification.verdict import said as _said
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatternOptions:
+    """From where on a pattern is named. Errors are held against the noise of the log.
+
+    Attributes:
+        clear: Standard deviations of the noise that a pattern has to exceed.
+        overshoot: Share of a step by which a joint that rings exceeds where it comes to rest.
+        settled: A step can ring where no other follows within so many whole delays of the joint.
+        asymmetry: Share of v_max by which top speeds differ where it is worth a sentence.
+        stop_rows: Rows at one extreme angle below which there is no stop.
+        stop_visits: Times that a joint has to meet a stop.
+        stop_width: Rows within this share of the span of the angles are at one angle.
+        drift: Share of the variance of the residuals that a line through them has to explain.
+        contradiction: Standard deviations of their residuals by which the means of two logs
+            differ that contradict each other.
+        resting: Change of the predicted angle from row to row below which a joint is at rest, as a
+            share of the error of the model.
+        rest: Time over which a joint at rest is observed [s], of ``rest_rows`` or more.
+        shaken: Share of the error of the model by which a joint at rest moves that is shaken.
+            Shaken joints of an arm move by 0.44 to 0.67, others by 0.22 or less (at half one calm
+            recording counts as shaken, at twice none does).
+        shaken_alike: Correlation of neighbouring rows of such motion; noise of a sensor has none.
+        acceleration: Factor by which the predicted accelerations exceed those measured.
+    """
+
+    clear: float = 5.0
+    overshoot: float = 0.05
+    settled: float = 3.0
+    asymmetry: float = 0.05
+    stop_rows: int = 20
+    stop_visits: int = 2
+    stop_width: float = 0.005
+    drift: float = 0.3
+    acceleration: float = 1.5
+    contradiction: float = 2.0
+    resting: float = 0.01
+    rest: float = 0.3
+    rest_rows: int = 10
+    shaken: float = 0.35
+    shaken_alike: float = 0.5
+
+
+OPTIONS = PatternOptions()
+
+
+class Stop(NamedTuple):
+    """Rows at the largest, or the least, angle of a log while the model goes beyond it.
+
+    Attributes:
+        rows: The rows, increasing.
+        words: What they show.
+    """
+
+    rows: npt.NDArray[np.int_]
+    words: str
+
+
+def stops(fit: LogFit, noise: float) -> list[Stop]:
+    """Where a joint is held at its largest, or least, angle while it is requested to go on.
+
+    A joint with friction waits at one angle, too, but at another one each time: a stop is met
+    twice or more, and the model goes beyond it by different amounts.
+
+    Args:
+        fit: What a model makes of the log.
+        noise: Standard deviation of the noise [rad].
+    """
+    log, used = fit.log, np.flatnonzero(fit.used)
+    found: list[Stop] = []
+    if len(used) < OPTIONS.stop_rows:
+        return found
+    width = OPTIONS.stop_width * float(np.ptp(log.angles[used]))
+    clear = OPTIONS.clear * max(noise, width)
+    for way, name in ((1.0, "largest"), (-1.0, "least")):
+        angles = way * log.angles
+        extreme = float(np.max(angles[used]))
+        rows = used[angles[used] >= extreme - max(width, 2.0 * noise)]
+        beyond = way * fit.predicted[rows] - extreme > clear
+        visits = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) > 1) + 1)
+        visits = [visit for visit in visits if beyond[visit].any()]
+        if np.sum(beyond) < max(OPTIONS.stop_rows, 0.5 * len(rows)):
+            continue
+        if len(visits) < OPTIONS.stop_visits:
+            continue
+        held = rows[np.concatenate(visits)]
+        if np.ptp(log.requests[held]) > clear:
+            words = (
+                f"a mechanical stop: in {_between(held)} the joint stays at its {name} angle, "
+                f"{way * extreme:.3g}, while it is requested to go on"
+            )
+            found.append(Stop(held, words))
+    return found
+
+
+def patterns(model: JointModel, fits: Sequence[LogFit], noise: float, unit: str) -> list[str]:
+    """A sentence for each pattern that shows.
+
+    Args:
+        model: The identified joint.
+        fits: What it makes of each log.
+        noise: Standard deviation of the noise [rad].
+        unit: Unit of the angles in words; empty for shares of a range.
+    """
+    found = []
+    if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:
+        found.append(
+            f"asymmetry: the joint reaches {model.v_max + model.v_offset:.3g} {unit}/s upwards and "
+            f"{model.v_max - model.v_offset:.3g} {unit}/s downwards, as under a load"
+        )
+    for fit in fits:
+        shown = (
+            *_ringing(model, fit, noise),
+            *_drift(fit, noise, unit),
+            *_acceleration(fit, noise, unit),
+        )
+        found += [f"{fit.log.name}: {text}" for text in shown]
+    return found + _contradictions(fits, unit)
+
+
+def shaken(model: JointModel, fits: Sequence[LogFit], unit: str) -> list[str]:
+    """A sentence for each log in which a joint moves to and fro under requests that do not change.
+
+    Whatever shakes it, other joints or the ground, dry friction holds it less than in calm motion.
+    On recordings of an arm the dead band that such a log shows is 0.009 rad where slow motion
+    shows 0.034; models of two such logs missed up to 56 % of calm motions.
+    """
+    delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
+    found = []
+    for fit in fits:
+        log = fit.log
+        length = max(OPTIONS.rest_rows, round(OPTIONS.rest / log.period))
+        settled = length + math.ceil(OPTIONS.settled * max(delay, OPTIONS.rest / 3.0) / log.period)
+        rows = np.arange(len(log.times))
+        resting = np.zeros(len(rows), dtype=bool)
+        resting[1:] = fit.used[1:] & fit.used[:-1]
+        resting[1:] &= np.abs(np.diff(fit.predicted)) <= OPTIONS.resting * fit.rms
+        resting &= np.diff(log.requests, prepend=log.requests[:1]) == 0.0
+        since = rows - np.maximum.accumulate(np.where(resting, 0, rows))
+        ends = np.flatnonzero(since >= settled)
+        if len(ends) < length:
+            continue
+        windows = np.lib.stride_tricks.sliding_window_view(log.angles, length)[ends - length + 1]
+        moved = windows - np.mean(windows, axis=1, keepdims=True)
+        size = float(np.sqrt(np.mean(moved**2)))
+        alike = float(np.mean(moved[:, 1:] * moved[:, :-1])) / max(size**2, 1e-300)
+        if alike > OPTIONS.shaken_alike and size > OPTIONS.shaken * fit.rms:
+            found.append(
+                f"{log.name}: the joint moves by {_said(size, unit)} (rms) while its request does "
+                "not change: shaking hides dry friction, and calm motion may be further off; "
+                "record slow motion in which nothing shakes it, such as excite --kind slow-triangle"
+            )
+    return found
+
+
+def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
+    """Logs in which the joint rests beside the model to different sides, or to other amounts."""
+    means = {}
+    for fit in fits:
+        left = fit.residuals[fit.used]
+        if len(left) >= OPTIONS.stop_rows:
+            means[fit.log.name] = float(np.mean(left)), float(np.std(left))
+    if len(means) < 2:
+        return []
+    low, high = (choose(means, key=lambda name: means[name][0]) for choose in (min, max))
+    apart = means[high][0] - means[low][0]
+    if apart <= OPTIONS.contradiction * max(means[low][1], means[high][1]):
+        return []
+    return [
+        f"the logs contradict each other: against one model the joint is {apart:.3g} {unit} higher "
+        f"in {high} than in {low}; was the load, the zero or the pose another? Identify them apart"
+    ]
+
+
+def _ringing(model: JointModel, fit: LogFit, noise: float) -> Iterator[str]:
+    """Steps after which the joint goes farther than where it comes to rest."""
+    log = fit.log
+    delay = model.lag + model.acceleration_time + model.theta_0 / model.v_max
+    changes = np.flatnonzero(np.diff(log.requests)) + 1
+    ends = np.append(changes, len(log.times))[1:]
+    over, steps, rows = 0, 0, []
+    for begin, end in zip(changes.tolist(), ends.tolist(), strict=True):
+        step = float(log.requests[begin] - log.requests[begin - 1])
+        if log.times[end - 1] - log.times[begin] < OPTIONS.settled * delay:
+            continue
+        if abs(step) < OPTIONS.clear * noise:
+            continue
+        moved = math.copysign(1.0, step) * (log.angles[begin:end] - log.angles[begin])
+        last = max(len(moved) // 5, 3)
+        rest = float(np.median(moved[-last:]))
+        if rest < 0.5 * abs(step):
+            continue
+        steps += 1
+        beyond = float(np.max(moved[:-last])) - rest
+        if beyond > max(OPTIONS.overshoot * rest, OPTIONS.clear * noise):
+            over += 1
+            rows.append((begin, beyond / rest))
+    if over >= 2 and over >= 0.5 * steps:
+        share = float(np.median([each for _, each in rows]))
+        yield (
+            f"ringing: after {over} of {steps} steps the joint goes {share:.0%} too far before it "
+            f"rests, first after row {rows[0][0]}; the model never overshoots"
+        )
+
+
+def _drift(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
+    """Residuals that follow a straight line through the log."""
+    used = np.flatnonzero(fit.used)
+    if len(used) < OPTIONS.stop_rows:
+        return
+    times, left = fit.log.times[used], fit.residuals[used]
+    line = np.polynomial.Polynomial.fit(times, left, 1)
+    change = float(line(times[-1]) - line(times[0]))
+    explained = float(np.var(line(times)) / max(np.var(left), 1e-300))
+    if explained > OPTIONS.drift and abs(change) > OPTIONS.clear * noise:
+        yield (
+            f"a slow drift: the angles leave the model by {change:.3g} {unit} from row {used[0]} "
+            f"to row {used[-1]}"
+        )
+
+
+def _acceleration(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
+    """Accelerations that the model predicts and the joint never reaches."""
+    measured, predicted = (
+        _accelerations(fit, column) for column in (fit.log.angles, fit.predicted)
+    )
+    if not len(measured):
+        return
+    most, asked = (float(np.quantile(np.abs(each), 0.99)) for each in (measured, predicted))
+    period = fit.log.period
+    floor = OPTIONS.clear * noise * math.sqrt(6.0) / (2.0 * period) ** 2
+    if asked > OPTIONS.acceleration * most and asked - most > floor:
+        row = int(np.nanargmax(np.abs(predicted)))
+        yield (
+            f"an acceleration limit: the joint gains at most {most:.3g} {unit}/s^2, where the "
+            f"model predicts {asked:.3g}, most near used row {row}"
+        )
+
+
+def _accelerations(fit: LogFit, angles: Array) -> Array:
+    """Second differences over five rows that are all used [rad/s^2]."""
+    rows = np.flatnonzero(fit.used[:-4] & fit.used[2:-2] & fit.used[4:])
+    times = fit.log.times
+    after = (angles[rows + 4] - angles[rows + 2]) / (times[rows + 4] - times[rows + 2])
+    before = (angles[rows + 2] - angles[rows]) / (times[rows + 2] - times[rows])
+    return np.asarray((after - before) / (0.5 * (times[rows + 4] - times[rows])))
+
+
+def _between(rows: npt.NDArray[np.int_]) -> str:
+    return f"{len(rows)} rows between {rows[0]} and {rows[-1]}"

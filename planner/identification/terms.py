@@ -1,0 +1,170 @@
+"""Dry friction, asymmetry and load: parameters that are 0 unless they reduce the loss."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.identification.fit import OPTIONS as SEARCH
+from planner.identification.fit import peak_command
+from planner.identification.intervals import (
+    Uncertainty,
+    correlation_time,
+    model_interval,
+    rise_allowed,
+    uncertainty_of,
+)
+from planner.identification.least_squares import OPTIONS as FITTING
+from planner.identification.least_squares import Fit, least_squares
+from planner.identification.parameters import TERMS, Parameters
+from planner.identification.resampling import Grid
+from planner.identification.result import Interval, Term
+from planner.identification.robust_loss import huber, rms
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermOptions:
+    """When a further parameter is kept, and where its search begins.
+
+    Attributes:
+        saving: Least share by which a term must reduce the loss, besides the information criterion:
+            real joints are not the model, and a smaller gain says nothing about a term.
+        first_dead_band: Where the search for the dead band begins, in standard deviations of what
+            is left without it. On the recordings of an arm 0.5, 1 and 2 lead to one optimum.
+        several_loads: Torques that span less than this share of the largest are one load.
+        rounded: Residuals below this, relative to the spread of the angles, are rounding: there
+            is nothing to explain.
+        test_dead_band: A dead band of so much of the errors between request and angle (rms) that
+            fits as well as none is one that the logs do not separate from a sag.
+    """
+
+    saving: float = 0.01
+    first_dead_band: float = 0.5
+    several_loads: float = 0.1
+    rounded: float = 1e-9
+    test_dead_band: float = 0.5
+
+
+OPTIONS = TermOptions()
+
+ORDER = ("compliance", "dead_band", "slowing", "asymmetry")
+"""In which order the terms are tried, each beside those that were kept before it."""
+
+
+class Trial(NamedTuple):
+    """The fit with the terms that are kept.
+
+    Attributes:
+        fit: With all terms that are kept.
+        terms: The errors with and without each term that was tried.
+        confounded: Parameters that the logs do not separate from a term that was not kept.
+    """
+
+    fit: Fit
+    terms: tuple[Term, ...]
+    confounded: frozenset[str]
+
+
+def with_terms(fit: Fit) -> Trial:
+    """Add one term after another, and keep those that reduce the loss by (16a).
+
+    A term is kept where it lowers the Bayesian information criterion (Schwarz, 1978) of as many
+    rows as are independent, ``n_eff log(loss without / loss with) > log(n_eff)`` with
+    ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss.
+    """
+    terms: list[Term] = []
+    confounded: set[str] = set()
+    for name in ORDER:
+        if not _shows(name, fit):
+            continue
+        trial = _fitted_with(name, fit)
+        kept = _pays(fit, trial)
+        uncertainty = uncertainty_of(trial)
+        interval = model_interval(trial, uncertainty, name)
+        if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
+            interval = Interval(0.0, math.inf)
+            confounded.add("offset")
+        terms.append(
+            Term(
+                name=TERMS[name],
+                kept=kept,
+                rms_without=fit.rms,
+                rms_with=trial.rms,
+                interval=interval,
+            )
+        )
+        fit = trial if kept else fit
+    return Trial(fit, tuple(terms), frozenset(confounded))
+
+
+def _shows(name: str, fit: Fit) -> bool:
+    """Whether the rows can say anything about a term."""
+    grid = fit.grid
+    if fit.scale <= OPTIONS.rounded * float(np.std(grid.angles)):
+        return False
+    if name == "dead_band":
+        return True
+    if name == "compliance":
+        return _loads_differ(grid)
+    errors = fit.active.targets - fit.states[grid.states - 1][:, np.newaxis]
+    beyond = fit.parameters.beyond(errors)
+    saturated = (fit.active.weights > 0.0) & (beyond != 0.0)
+    saturated &= ~fit.parameters.inside(errors, grid.loads[:, np.newaxis])
+    if name == "slowing":
+        return bool(saturated.any()) and _loads_differ(grid)
+    return bool((saturated & (errors > 0.0)).any() and (saturated & (errors < 0.0)).any())
+
+
+def _loads_differ(grid: Grid) -> bool:
+    return bool(np.ptp(grid.loads) > OPTIONS.several_loads * grid.heaviest)
+
+
+def _fitted_with(name: str, fit: Fit) -> Fit:
+    """The best fit with one term more."""
+    free = fit.free.copy()
+    free[Parameters._fields.index(name)] = True
+    at = fit.parameters
+    if name == "dead_band":
+        at = at._replace(dead_band=OPTIONS.first_dead_band * fit.scale)
+    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=FITTING.search)
+    found = search(at, starts=fit.starts)
+    at, shown = found.parameters, peak_command(found)
+    if name == "dead_band" and at.v_max > shown:
+        # Friction hides how fast the joint is called to move: v_max had no slope until here.
+        lower = at._replace(v_max=SEARCH.commanded_share * shown)
+        found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
+    return least_squares(fit.grid, found.parameters, free=free, starts=found.starts)
+
+
+def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
+    """Whether a dead band of half the errors fits as well, with another sag.
+
+    In motion of one direction friction holds the joint back by as much as a sag would.
+    """
+    at, grid = trial.parameters, fit.grid
+    errors = fit.active.targets - fit.states[grid.states - 1][:, np.newaxis]
+    size = OPTIONS.test_dead_band * rms(errors)
+    moved = math.copysign(size - at.dead_band, float(np.sum(errors)))
+    held = least_squares(
+        grid,
+        at._replace(dead_band=size, offset=at.offset + moved),
+        free=fit.free,
+        starts=trial.starts,
+        scale=trial.scale,
+        effort=FITTING.profile,
+    )
+    return held.cost <= trial.cost + rise_allowed(trial, uncertainty, "dead_band")
+
+
+def _pays(without: Fit, with_it: Fit) -> bool:
+    """Whether the information criterion, and the least saving, speak for a term."""
+    before, after = (huber(fit.residuals, without.scale)[0] for fit in (without, with_it))
+    if not after < (1.0 - OPTIONS.saving) * before:
+        return False
+    alike = correlation_time(with_it.weights * with_it.residuals)
+    independent = max(len(with_it.residuals) / alike, 2.0)
+    return independent * math.log(before / max(after, 1e-300)) > math.log(independent)

@@ -1,0 +1,132 @@
+"""Loads that depend on the pose: plan, predict the angles, and plan again under their load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput, SolverFailed, angle_text
+from planner.trajectory import Array
+from planner.validation import as_reals
+
+LoadOfPose = Callable[[Array], npt.ArrayLike]
+"""Torques on the joints [N m], shape (n, k), by their angles [rad], shape (n, k)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettlingOptions:
+    """When the load of a plan is that of its own prediction.
+
+    Attributes:
+        moved: A prediction may move so far [rad] when the load of the angles before is replaced by
+            that of its own: a fifteenth of a step of an encoder with 12 bits. At half and at twice
+            the value the plans of ``scripts/bench friction`` need the same number of rounds.
+        moved_share: Or by this share of its largest distance from the desired angles: where joints
+            cannot follow, another round brings little.
+        simulated: In the simulation with the load at the simulated angles [rad]: rounding.
+        rounds: Most plans, and most simulations of one; two plans suffice where the joints can
+            follow, as the prediction then hardly depends on the load.
+        slow: Where a simulation comes nearer by less than this factor, the next one moves half as
+            far towards its answer: on a fast path a pose that swings too far calls for a load that
+            makes it swing too far the other way.
+        least_share: Least share of the way that is gone.
+    """
+
+    moved: float = 1e-4
+    moved_share: float = 0.01
+    simulated: float = 1e-9
+    rounds: int = 50
+    slow: float = 0.7
+    least_share: float = 0.125
+
+
+OPTIONS = SettlingOptions()
+
+Made = TypeVar("Made", bound="UnderLoad")
+
+
+class UnderLoad(Protocol):
+    """A plan whose load can be replaced."""
+
+    @property
+    def predicted(self) -> Array:
+        """Angles of the exact models under the requests and the load [rad], shape (n, k)."""
+
+    def under(self, torques: Array) -> Self:
+        """The same requests under the load of a pose [N m], shape (n, k)."""
+
+
+def settled(plan_under: Callable[[Array], Made], load: LoadOfPose, desired: Array) -> Made:
+    """A plan whose load is that of the angles which it predicts.
+
+    With the load tau(q) of a pose the plan of round i is made under tau(q_{i-1}), q_0 = D, and its
+    requests are simulated under the load at the simulated angles,
+
+    ``q_i = M(R_i, tau(q_i))``,
+
+    by fixed-point iteration, which converges where a change of the angles changes the sag by less:
+    ``kappa |d tau / d q| < 1``. It ends when that simulation is where the plan expected it.
+
+    Args:
+        plan_under: Makes a plan under torques [N m], shape (n, k).
+        load: The load of a pose.
+        desired: Desired angles D [rad], shape (n, k).
+
+    Returns:
+        The plan, its prediction with the load at the predicted angles.
+
+    Raises:
+        InvalidInput: The load is not a finite array (n, k).
+        SolverFailed: The load does not settle.
+    """
+    torques, moved = _torques(load, desired), np.inf
+    for _ in range(OPTIONS.rounds):
+        made = plan_under(torques)
+        expected = made.predicted
+        made, torques = _at_simulated_angles(made, load)
+        moved = float(np.max(np.abs(made.predicted - expected)))
+        far = OPTIONS.moved_share * float(np.max(np.abs(made.predicted - desired)))
+        if moved <= max(OPTIONS.moved, far):
+            return made
+    raise _unsettled(f"{OPTIONS.rounds} plans", moved)
+
+
+def _at_simulated_angles(made: Made, load: LoadOfPose) -> tuple[Made, Array]:
+    """The plan under the load at its own simulated angles, and that load [N m], shape (n, k)."""
+    angles, moved, share = made.predicted, np.inf, 1.0
+    for _ in range(OPTIONS.rounds):
+        torques = _torques(load, angles)
+        made = made.under(torques)
+        before, moved = moved, float(np.max(np.abs(made.predicted - angles)))
+        if moved <= OPTIONS.simulated:
+            return made, torques
+        if moved > OPTIONS.slow * before:
+            share = max(share / 2.0, OPTIONS.least_share)
+        angles = angles + share * (made.predicted - angles)
+    raise _unsettled(f"{OPTIONS.rounds} simulations", moved)
+
+
+def _torques(load: LoadOfPose, angles: Array) -> Array:
+    """What a load of the pose answers [N m], shape (n, k), checked."""
+    answer = load(angles)
+    try:
+        torques = np.broadcast_to(as_reals(answer), angles.shape)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"load: the function answered {np.shape(answer)}, expected torques [N m] of shape "
+            f"{angles.shape}, that of the angles"
+        ) from error
+    if not np.all(np.isfinite(torques)):
+        raise InvalidInput("load: the function answered torques that are not finite")
+    return torques
+
+
+def _unsettled(after: str, moved: float) -> SolverFailed:
+    return SolverFailed(
+        "a load that depends on the pose",
+        f"the prediction still moves by {angle_text(moved)} after {after}",
+    )

@@ -1,0 +1,481 @@
+"""Requests while the robot moves: a receding horizon on the exact model.
+
+At every tick the next stretch of the desired path is known, and so are the requests that were
+already sent and still act. The plan of the tick before, shifted by one request, is improved by
+damped Gauss-Newton steps of the optimised inversion, on the model with rounded corners; the exact
+models, run, judge steps of several lengths, so a plan never becomes worse by a step. Then the first
+request of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
+iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J. Control Optim. 43,
+2005).
+
+Corners are rounded more the later a sample is: as time passes, each sample goes through what the
+offline search goes through in stages, from wide corners to sharp ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import Infeasible, InvalidInput, angle_text
+from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT, checked_limits
+from planner.inversion.closed_form import switching_time
+from planner.inversion.foot.arguments import range_of_each
+from planner.inversion.stream_arguments import (
+    Given,
+    Mask,
+    StepArguments,
+    checked_max_step,
+    checked_models,
+    checked_preview,
+)
+from planner.model.joint import JointModel
+from planner.model.sensitivity import request_ages_of_all
+from planner.model.symbolic import Runs
+from planner.trajectory import Array
+from planner.validation import is_one_of, shown
+
+OnBad = Literal["hold", "raise"]
+
+Status = Literal["planned", "unreachable", "held"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamOptions:
+    """What steers the search and the observer.
+
+    Attributes:
+        near, far: Radius of the corners at the first and the last sample [theta_0].
+        steps: Gauss-Newton steps at a tick, at most. With one, errors on recordings of an SO-101
+            are up to four times as large.
+        first_steps: The same at the first tick, from requests that hold the desired angles.
+        lengths: Shares of a step that are tried [-].
+        smoothing: Weight of the squared changes of the requests, relative to that of the errors.
+        crossing: What is added to it for each theta_0 of dead band: requests jump by two dead bands
+            to turn back. With a fifth of it they travel ten times as far along a held angle with
+            noise.
+        resting: Weight of the squared distances from the requests that hold the desired angles: it
+            brings saturated requests back.
+        exceeding: Weight of the squares by which planned changes exceed ``max_step``; what is sent
+            keeps it exactly.
+        damping: Least and largest weight of the Levenberg-Marquardt term, relative to the errors.
+        factor: By this the weight falls after a full step, and grows where no step is better.
+        observer_time: Time constant with which the predicted angle approaches the measured one [s].
+            On servos that are not the model a shorter one lowers the error, but at 0.02 the
+            requests begin to oscillate.
+        most_missed: Missed ticks that are simulated; after more of them the requests before are
+            taken to have been the last one.
+        worth: Share of the cost of any joint by which a step must lower it for another step to
+            follow. At a fifth of it, a tick takes an eighth longer along the paper's walk, and the
+            errors are the same.
+    """
+
+    near: float = 0.02
+    far: float = 0.5
+    steps: int = 2
+    first_steps: int = 12
+    lengths: tuple[float, ...] = (1.0, 0.4, 0.15)
+    smoothing: float = 1e-3
+    crossing: float = 0.03
+    resting: float = 1e-7
+    exceeding: float = 10.0
+    damping: tuple[float, float] = (3e-4, 1.0)
+    factor: float = 3.0
+    observer_time: float = 0.07
+    most_missed: int = 1000
+    worth: float = 0.1
+
+
+OPTIONS = StreamOptions()
+
+LEAST_COST = 1e-12
+"""Cost below which nothing is left to gain [rad^2]."""
+
+
+class Stream:
+    """Plans while the robot moves: each tick takes the next stretch of the path, gives requests.
+
+    The joints are planned together, each by itself; they share one period. All memory is allocated
+    here, and the work of a tick is bounded. What cannot be used never stops the loop:
+    the joints concerned hold their last request, and :attr:`status` and :attr:`problem` say so.
+
+    Args:
+        models: One joint, one model for each, or models by joint, as
+            :func:`planner.read_models` returns them.
+        preview: Rows of the desired path that are known at every tick: more than lag and
+            acceleration time take. 200 ms suffice for paths that the joints can follow.
+        limits: Smallest and largest request [rad], each a number or one for each joint.
+        max_step: Largest change from one request to the next [rad], a number or one for each joint.
+        on_bad: "hold", or "raise" to raise an error instead, before anything changes; the next step
+            then has ``missed=1``.
+
+    Attributes:
+        models: The joints.
+        names: Their names: the keys of ``models``, or joint_1 and so on.
+        period: Time between two ticks [s].
+        preview: Rows of the desired path that are used.
+
+    Raises:
+        InvalidInput: A model, ``preview``, ``limits``, ``max_step`` or ``on_bad`` is none, or the
+            models have different periods.
+        Infeasible: A lower limit is above the upper one.
+
+    Example:
+        >>> import numpy as np
+        >>> from planner import JointModel, simulate
+        >>> joint = JointModel.ers210a()
+        >>> path = 0.3 - 0.3 * np.cos(2 * np.pi * np.arange(200) / 100)[:, np.newaxis]  # [rad]
+        >>> stream = Stream(joint, preview=25, limits=(-1.0, 1.0), max_step=0.2)
+        >>> sent = [stream.step(path[k : k + 25])[0] for k in range(len(path))]
+        >>> angles = simulate(joint, sent, cyclic=False)
+        >>> bool(np.sqrt(np.mean((angles - path[:, 0]) ** 2)) < 0.01)
+        True
+        >>> stream.status
+        ('planned',)
+    """
+
+    def __init__(
+        self,
+        models: JointModel | Sequence[JointModel] | Mapping[str, JointModel],
+        *,
+        preview: int,
+        limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+        max_step: npt.ArrayLike | None = None,
+        on_bad: OnBad = "hold",
+    ) -> None:
+        self.names, self.models = checked_models(models)
+        self.period = self.models[0].period
+        self.preview = checked_preview(preview, self.period)
+        if not is_one_of(on_bad, get_args(OnBad)):
+            raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
+        self._raises = on_bad == "raise"
+        joints = len(self.models)
+        pair = (-math.inf, math.inf) if limits is None else limits
+        self._lower, self._upper = range_of_each(pair, joints, joints="joints")
+        for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
+            checked_limits((low, high), of=f"limits of {name}")
+        self._step = checked_max_step(max_step, joints)
+        self._arguments = StepArguments(self.names, self.models, self.preview)
+        self._lay_out()
+        self.reset()
+
+    def _lay_out(self) -> None:
+        """Allocate and compute what every tick uses."""
+        models, joints = self.models, len(self.models)
+        ages = request_ages_of_all(models)
+        # What happens before the first request acts is decided; beyond the preview the path stops.
+        self._waiting = np.minimum(np.arange(1, ages.youngest), self.preview - 1)
+        n = self._samples = max(self.preview - ages.youngest, ages.width)
+        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), self.preview - 1)
+        self._sent = np.zeros((joints, ages.oldest))  # the last one at the end
+        self._memory = ages.width - 1  # requests sent that still act after the first one planned
+        self._acting = slice(0, ages.width)  # those that act until now
+        radii = tuple(np.geomspace(OPTIONS.near, OPTIONS.far, n).tolist())
+        self._elapsed = Runs(models, ages, 1)
+        self._decided = Runs(models, ages, ages.youngest - 1) if ages.youngest > 1 else None
+        self._linear = Runs(models, ages, n, radii=radii)
+        self._trials = Runs(models, ages, n, plans=len(OPTIONS.lengths) + 2)
+        self._changes = np.eye(n) - np.eye(n, k=-1)  # from a plan, but for the last one sent
+        bands = np.array([[model.dead_band / model.theta_0] for model in models])
+        self._smoothing = OPTIONS.smoothing + OPTIONS.crossing * bands
+        self._constant = self._smoothing[:, :, np.newaxis] * (self._changes.T @ self._changes)
+        self._constant += OPTIONS.resting * np.eye(n)
+        self._diagonal, self._joints = np.arange(n), np.arange(joints)
+        self._least, self._most = self._lower[:, np.newaxis], self._upper[:, np.newaxis]
+        self._rate, self._rate_limited = self._step[:, np.newaxis], np.isfinite(self._step).any()
+
+        def each(name: str) -> Array:
+            return np.array([[getattr(model, name)] for model in models], dtype=np.float64)
+
+        self._offset, self._band, self._compliance = map(
+            each, ("offset", "dead_band", "compliance")
+        )
+        self._fastest = each("v_max_per_period")[:, 0]
+        self._per_slope = each("theta_0")[:, 0] / self._fastest
+        self._observer = 1.0 - math.exp(-self.period / OPTIONS.observer_time)
+        # Where on the horizon each request takes effect on average, for the inverses of lines.
+        effect = [[switching_time(model) / self.period - ages.youngest] for model in models]
+        at = np.clip(np.array(effect) + np.arange(n), 0.0, max(n - 1.0, 0.0))
+        self._at = np.clip(at.astype(np.intp), 0, max(n - 2, 0))
+        self._share = at - self._at
+        self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
+
+    def reset(self) -> None:
+        """Forget everything: the next step is a first one, with the joints at rest."""
+        self._angles: Array | None = None  # at the last tick
+        self._plan = np.zeros((len(self.models), self._samples))
+        self._damping = np.full(len(self.models), OPTIONS.damping[0])
+        self._status = self._all_planned
+        self._problem = ""
+
+    @property
+    def status(self) -> tuple[Status, ...]:
+        """Of each joint at the last tick: "planned", "unreachable" or "held".
+
+        "unreachable": a desired angle of the stretch is one where the limits do not let the joint
+        rest; the plan comes as close as they allow. "held": the last request was repeated, because
+        the desired angles or the load could not be used.
+        """
+        return self._status
+
+    @property
+    def problem(self) -> str:
+        """What was wrong at the last tick, on one line; empty where nothing was."""
+        return self._problem
+
+    @property
+    def angles(self) -> Array:
+        """Angles of the joints at the last tick, predicted and corrected [rad], shape (k,).
+
+        NaN before the first tick.
+        """
+        return np.full(len(self.models), math.nan) if self._angles is None else self._angles.copy()
+
+    def step(
+        self,
+        desired: npt.ArrayLike,
+        measured: npt.ArrayLike | None = None,
+        *,
+        load: npt.ArrayLike | None = None,
+        missed: int = 0,
+    ) -> Array:
+        """The requests to send now.
+
+        The first one holds the joints where they are: at the measured angles, else at row 0.
+
+        Args:
+            desired: The next stretch of the desired path [rad], shape (preview, k), or (preview,)
+                for one joint. Row 0 is where the joints should be now, when the requests are sent;
+                row j, j periods later. Of a shorter stretch the last row is held; rows beyond the
+                preview have no effect.
+            measured: Measured angles [rad], shape (k,), NaN where there is none. Their time is that
+                of this tick: read right before the requests are sent, in the order of the log from
+                which the model was identified. Leave out those that are older than a period.
+            load: Torque on the joints [N m]: a number, shape (k,), or rows like those of
+                ``desired``; row j acts in the period that ends in row j.
+            missed: Ticks without a step since the last one: the robot held its requests.
+
+        Returns:
+            Requests [rad], shape (k,), read-only: always within the limits, and within
+            ``max_step`` of the last ones. NaN, not to be sent, only where the first step has
+            neither measured nor desired angles to begin with.
+
+        Raises:
+            InvalidInput, Infeasible: With ``on_bad="raise"``: what cannot be
+                used, or a desired angle is beyond what the limits allow.
+        """
+        given = self._arguments.checked(desired, measured, load, missed)
+        self._problem, bad = given.problem, given.bad
+        if self._raises and given.problem:
+            raise InvalidInput(given.problem)
+        begins = self._angles is None
+        angles = given.rows[:, 0] if self._angles is None else self._angles
+        start = np.where(np.isnan(given.measured), angles, given.measured) if begins else angles
+        if begins and not np.isfinite(start).all():
+            self._say(np.ones_like(bad), bad)
+            requests = np.full(len(self.models), math.nan)
+            requests.setflags(write=False)
+            return requests
+        rows = np.where(bad[:, np.newaxis], start[:, np.newaxis], given.rows)
+        sags = self._offset + self._compliance * given.torques
+        beyond = self._beyond(rows, sags)
+        if begins:
+            held = np.clip(start - sags[:, 0], self._lower, self._upper)
+            self._angles, self._sent[:] = start, held[:, np.newaxis]
+        else:
+            self._elapse(given)
+        goal, sag = rows[:, self._rows], sags[:, self._rows]
+        plan = self._planned(goal, sag, given.torques, begins=begins)
+        last = self._sent[:, -1].copy()
+        requests = np.where(bad | begins, last, self._within(plan[:, 0], last))
+        plan[bad] = last[bad, np.newaxis]
+        plan[:, 0] = requests
+        self._plan = plan
+        self._remember(requests)
+        self._say(bad, beyond)
+        requests.setflags(write=False)
+        return requests
+
+    def _elapse(self, given: Given) -> None:
+        """Move on by the periods since the last step, and correct the angles by measured ones."""
+        elapsed, angles = self._elapsed, self._angles
+        assert angles is not None, "a first step has nothing to move on from"
+        if given.missed >= OPTIONS.most_missed:
+            self._sent[:] = self._sent[:, -1:]
+        for period in range(min(given.missed, OPTIONS.most_missed) + 1):
+            if period:
+                self._remember(self._sent[:, -1].copy())
+            elapsed.starts[:, 0] = angles
+            elapsed.requests[:, 0] = self._sent[:, self._acting]
+            elapsed.loads[:, 0] = given.torques[:, :1]
+            angles = elapsed.run()[:, 0, 0].copy()
+            self._plan[:, :-1] = self._plan[:, 1:]
+        error = given.measured - angles
+        error[np.isnan(error)] = 0.0
+        self._angles = angles + np.clip(self._observer * error, -self._fastest, self._fastest)
+
+    def _planned(self, goal: Array, sag: Array, torques: Array, *, begins: bool) -> Array:
+        """The plan for this tick, shape (k, samples)."""
+        start = self._angles
+        assert start is not None, "a step begins with an angle"
+        linear, trials = self._linear, self._trials
+        if self._decided is not None:
+            self._decided.starts[:, 0] = start
+            self._decided.requests[:, 0] = self._sent[:, self._acting.start + 1 :]
+            self._decided.loads[:, 0] = torques[:, self._waiting]
+            start = self._decided.run()[:, 0, -1]
+        linear.starts[:, 0] = start
+        linear.loads[:, 0] = torques[:, self._rows]
+        trials.starts[:] = start[:, np.newaxis]
+        trials.loads[:] = linear.loads
+        past = self._sent[:, self._sent.shape[1] - self._memory :]
+        linear.requests[:, 0, : self._memory] = past
+        trials.requests[:, :, : self._memory] = past[:, np.newaxis]
+        resting = goal - sag
+        if begins:
+            plan = self._admissible(resting)
+            plan[:, 0] = self._sent[:, -1]
+        else:
+            plan = self._plan
+            plan[:, -1] += goal[:, -1] - goal[:, -2] if goal.shape[1] > 1 else 0.0
+            plan = self._admissible(plan)
+        lines = self._admissible(self._line_inverses(goal, sag))
+        for _ in range(OPTIONS.first_steps if begins else OPTIONS.steps):
+            plan, gain = self._improved(plan, goal, resting, lines, begins=begins)
+            if gain < OPTIONS.worth and not begins:
+                break
+        return plan
+
+    def _improved(
+        self, plan: Array, goal: Array, resting: Array, lines: Array, *, begins: bool
+    ) -> tuple[Array, float]:
+        """The best of the plan, of shares of its Gauss-Newton step, and of the inverted lines.
+
+        And by which share the cost of any joint has fallen at most.
+        """
+        linear, trials, last = self._linear, self._trials, self._sent[:, -1:]
+        linear.requests[:, 0, self._memory :] = plan
+        angles, slopes = linear.linearise()
+        by_request = slopes.transpose(0, 2, 1)
+        changes = _changes(plan, last)
+        matrix = by_request @ slopes
+        matrix += self._constant
+        gradient = (by_request @ (angles - goal)[:, :, np.newaxis])[:, :, 0]
+        gradient += OPTIONS.resting * (plan - resting)
+        gradient += self._smoothing * (changes @ self._changes)
+        if self._rate_limited:
+            excess = changes - np.clip(changes, -self._rate, self._rate)
+            exceeding = OPTIONS.exceeding * (excess != 0.0)
+            matrix += self._changes.T @ (exceeding[:, :, np.newaxis] * self._changes)
+            gradient += OPTIONS.exceeding * (excess @ self._changes)
+        matrix[:, self._diagonal, self._diagonal] += self._damping[:, np.newaxis]
+        fixed = (plan <= self._least) & (gradient > 0.0) | (plan >= self._most) & (gradient < 0.0)
+        fixed[:, 0] |= begins
+        if fixed.any():
+            free = ~fixed
+            matrix *= free[:, :, np.newaxis] & free[:, np.newaxis]
+            matrix[:, self._diagonal, self._diagonal] += fixed
+            gradient *= free
+        step = np.linalg.solve(matrix, gradient[:, :, np.newaxis])[:, :, 0]
+        plans = trials.requests[:, :, self._memory :]
+        plans[:, 0], plans[:, 1] = plan, lines
+        for number, share in enumerate(OPTIONS.lengths, 2):
+            plans[:, number] = plan - share * step
+        np.clip(plans, self._least[:, np.newaxis], self._most[:, np.newaxis], out=plans)
+        if begins:
+            plans[:, :, 0] = last
+        costs = self._costs(plans, trials.run(), goal, resting)
+        best = costs.argmin(axis=1)
+        least, most = OPTIONS.damping
+        grown = np.where(best == 0, OPTIONS.factor, np.where(best == 2, 1.0 / OPTIONS.factor, 1.0))
+        self._damping = np.clip(self._damping * grown, least, most)
+        fallen = 1.0 - costs[self._joints, best] / np.maximum(costs[:, 0], LEAST_COST)
+        return plans[self._joints, best], float(fallen.max())
+
+    def _costs(self, plans: Array, angles: Array, goal: Array, resting: Array) -> Array:
+        """What plans and their exact angles cost, shape (k, plans)."""
+        changes = _changes(plans, self._sent[:, -1:, np.newaxis])
+        costs = _squares(angles - goal[:, np.newaxis])
+        costs += OPTIONS.resting * _squares(plans - resting[:, np.newaxis])
+        costs += self._smoothing * _squares(changes)
+        if self._rate_limited:
+            rate = self._rate[:, np.newaxis]
+            costs += OPTIONS.exceeding * _squares(changes - np.clip(changes, -rate, rate))
+        return costs
+
+    def _line_inverses(self, goal: Array, sag: Array) -> Array:
+        """Each sample's line inverted: angle and slope when a request takes effect, raised by C_m.
+
+        C_m as from rest: the error that calls for the slope, and the dead band.
+        """
+        if goal.shape[1] < 2:
+            return goal - sag
+        here = np.take_along_axis(goal, self._at, axis=1)
+        slopes = np.take_along_axis(goal, self._at + 1, axis=1) - here
+        slopes = np.clip(slopes, -self._fastest[:, np.newaxis], self._fastest[:, np.newaxis])
+        raised = slopes * self._per_slope[:, np.newaxis] + np.sign(slopes) * self._band
+        lines: Array = here + self._share * slopes + raised - sag
+        return lines
+
+    def _within(self, wanted: Array, last: Array) -> Array:
+        """The nearest requests within the limits and ``max_step`` of the last ones, exactly."""
+        change = np.clip(
+            self._admissible(wanted[:, np.newaxis])[:, 0] - last, -self._step, self._step
+        )
+        requests = last + change
+        rounded = np.abs(requests - last) > self._step  # by the last bit
+        requests = np.where(rounded, np.nextafter(requests, last), requests)
+        return np.clip(requests, self._lower, self._upper)
+
+    def _admissible(self, plan: Array) -> Array:
+        return np.clip(plan, self._least, self._most)
+
+    def _remember(self, requests: Array) -> None:
+        self._sent[:, :-1] = self._sent[:, 1:]
+        self._sent[:, -1] = requests
+
+    def _beyond(self, rows: Array, sags: Array) -> Mask:
+        """Joints with a desired angle where no request within the limits lets them rest."""
+        room = self._band + ON_THE_LIMIT + np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
+        above = rows - sags - room - self._most
+        below = self._least - (rows - sags) - room
+        far = np.maximum(above, below).max(axis=1)
+        beyond: Mask = far > 0.0
+        if beyond.any() and not self._problem:
+            worst = int(np.argmax(far))
+            self._problem = (
+                f"desired: {self.names[worst]} should go {angle_text(float(far[worst]))} "
+                "beyond the angles where the limits on its requests let it rest"
+            )
+            if self._raises:
+                raise Infeasible(self._problem)
+        return beyond
+
+    def _say(self, bad: Mask, beyond: Mask) -> None:
+        if bad.any() or beyond.any():
+            words: list[Status] = [
+                "held" if held else "unreachable" if far else "planned"
+                for held, far in zip(bad.tolist(), beyond.tolist(), strict=True)
+            ]
+            self._status = tuple(words)
+        else:
+            self._status = self._all_planned
+
+
+def _changes(plans: Array, last: Array) -> Array:
+    """From each request to the next, the first from the last one sent."""
+    changes = plans.copy()
+    changes[..., 1:] -= plans[..., :-1]
+    changes[..., :1] -= last
+    return changes
+
+
+def _squares(values: Array) -> Array:
+    """Sums of squares over the last axis."""
+    sums: Array = np.einsum("...i,...i->...", values, values)
+    return sums

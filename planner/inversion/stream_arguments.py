@@ -1,0 +1,176 @@
+"""Arguments of a stream: checked loudly where it is made, and without errors at every tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput
+from planner.model.joint import JointModel, checked_model
+from planner.trajectory import LARGEST, Array
+from planner.validation import as_reals, as_whole, shown
+
+Mask = npt.NDArray[np.bool_]
+
+MOST_PREVIEW = 1000
+"""Longest preview [rows]: time and memory of a tick grow with its square."""
+
+SAME_PERIOD = 1e-3
+"""Relative difference of two periods that are one: logs of one robot differ by so much."""
+
+
+class Given(NamedTuple):
+    """What a step was given, as far as it can be used."""
+
+    rows: Array  # desired angles [rad], (k, preview)
+    torques: Array  # [N m], (k, preview)
+    measured: Array  # [rad], (k,), NaN where there is none
+    missed: int
+    bad: Mask  # joints whose desired angles or load cannot be used, (k,)
+    problem: str
+
+
+class StepArguments:
+    """The arguments of every step: what can be used of them, and what is wrong with the rest."""
+
+    def __init__(self, names: Sequence[str], models: Sequence[JointModel], preview: int) -> None:
+        """Take the joints and the rows of a stretch."""
+        self._names, self._joints, self._preview = names, len(models), preview
+        self._feels_load = any(model.feels_load for model in models)
+        speeds = [(model.v_max, model.v_offset, model.speed_per_torque) for model in models]
+        self._stall_speed, self._faster, self._per_torque = np.array(speeds).T[:, :, np.newaxis]
+
+    def checked(self, desired: Any, measured: Any, load: Any, missed: Any) -> Given:
+        """What can be used of a step's arguments, and what is wrong with the first that cannot."""
+        joints = self._joints
+        problems: list[str] = []
+        rows = self._stretch(desired)
+        if rows is None:
+            problems.append(
+                f"desired: got {shown(desired)}, expected angles [rad] of shape "
+                f"({self._preview}, {joints})"
+            )
+            rows = np.full((joints, self._preview), math.nan)
+        bad: Mask = np.asarray(~(np.abs(rows) <= LARGEST).all(axis=1))
+        if bad.any() and not problems:
+            problems.append(
+                f"desired: {self._names[int(np.argmax(bad))]} has angles that are not finite"
+            )
+        torques = np.zeros((joints, self._preview))
+        if load is not None and self._feels_load:
+            torques, blocked = self._torques(load, problems)
+            bad |= blocked
+        angles = np.full(joints, math.nan)
+        if measured is not None:
+            try:
+                angles[:] = as_reals(measured)
+            except (TypeError, ValueError, OverflowError):
+                problems.append(
+                    f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
+                )
+            angles[~(np.abs(angles) <= LARGEST)] = math.nan
+        periods = as_whole(missed)
+        if periods is None or periods < 0:
+            problems.append(f"missed: got {shown(missed)}, expected a number of ticks")
+            periods = 0
+        return Given(rows, torques, angles, periods, bad, problems[0] if problems else "")
+
+    def _torques(self, load: Any, problems: list[str]) -> tuple[Array, Mask]:
+        """Torques [N m], shape (k, preview), and the joints that cannot move against theirs."""
+        joints, given = self._joints, load
+        try:
+            if np.shape(load) in ((), (joints,)):  # that does not change
+                given = np.broadcast_to(np.asarray(load), (1, joints))
+        except (ValueError, OverflowError):
+            given = None
+        torques = self._stretch(given)
+        if torques is None:
+            problems.append(f"load: got {shown(load)}, expected torques [N m], {joints} or rows")
+            return np.zeros((joints, self._preview)), np.ones(joints, dtype=np.bool_)
+        fastest = self._stall_speed - np.abs(self._faster + self._per_torque * torques)
+        blocked: Mask = np.min(fastest, axis=1) <= 0.0
+        if blocked.any():
+            name = self._names[int(np.argmax(blocked))]
+            problems.append(f"load: {name} cannot move against it; is it in N m?")
+            torques[blocked] = 0.0
+        return torques, blocked
+
+    def _stretch(self, values: Any) -> Array | None:
+        """Values of every joint over the preview, (k, preview), the last row held; None if none."""
+        joints = self._joints
+        try:
+            given: Any = np.asarray(values)
+        except (ValueError, OverflowError):  # such as rows of different lengths
+            return None
+        if given.dtype.kind not in "iuf" or given.size == 0:
+            return None
+        if given.ndim == 1 and joints == 1:
+            given = given[:, np.newaxis]
+        if given.ndim != 2 or given.shape[1] != joints:
+            return None
+        rows = np.empty((joints, self._preview))
+        count = min(len(given), self._preview)
+        rows[:, :count] = given[:count].T
+        rows[:, count:] = rows[:, count - 1 : count]
+        return rows
+
+
+def checked_models(
+    models: JointModel | Sequence[JointModel] | Mapping[str, JointModel],
+) -> tuple[tuple[str, ...], tuple[JointModel, ...]]:
+    """Names and models of the joints."""
+    names: list[str] = []
+    each: Any = models
+    if isinstance(models, Mapping):
+        names = [name for name in models if name]
+        each = [models[name] for name in names]
+    elif isinstance(models, JointModel):
+        each = [models]
+    try:
+        count = len(each)
+    except TypeError:
+        count = 0
+    if not count:
+        raise InvalidInput(
+            f"models: got {shown(models)}, expected a JointModel, several, or a dict by joint"
+        )
+    for each_model in each:
+        checked_model(each_model)
+    periods = [model.period for model in each]
+    if max(periods) > (1.0 + SAME_PERIOD) * min(periods):
+        raise InvalidInput(
+            f"models: their periods are from {min(periods):g} to {max(periods):g} s, expected one "
+            "period: JointModel.requested_every gives a model another one"
+        )
+    return tuple(names) or tuple(f"joint_{j + 1}" for j in range(count)), tuple(each)
+
+
+def checked_preview(preview: object, period: float) -> int:
+    """The rows of a stretch; the period [s] is for the message."""
+    rows = as_whole(preview)
+    if rows is None or not 1 <= rows <= MOST_PREVIEW:
+        raise InvalidInput(
+            f"preview: got {shown(preview)}, expected a number of rows from 1 to {MOST_PREVIEW}; "
+            f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
+        )
+    return rows
+
+
+def checked_max_step(max_step: npt.ArrayLike | None, joints: int) -> Array:
+    """Largest change of each joint's request [rad], (joints,), inf where there is no limit."""
+    if max_step is None:
+        return np.full(joints, math.inf)
+    try:
+        steps = np.broadcast_to(as_reals(max_step), joints).copy()
+    except (TypeError, ValueError, OverflowError):
+        steps = np.zeros(joints)
+    if not np.all(steps > 0.0):
+        raise InvalidInput(
+            f"max_step: got {shown(max_step)}, expected more than 0 rad, one number or one for "
+            f"each of the {joints} joints"
+        )
+    return steps

@@ -1,0 +1,134 @@
+"""The joints of a plan, in columns, and what they should do: one joint, or those of a foot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.inversion.error_norm import error_norm
+from planner.inversion.foot.invert import invert_foot
+from planner.inversion.foot.result import FootInversion
+from planner.inversion.optimal import invert_optimal
+from planner.inversion.result import Inversion
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.trajectory import Array
+from planner.validation import freeze
+
+
+class PlannedJoints(NamedTuple):
+    """What a plan is for, joints in columns, whatever its type.
+
+    Attributes:
+        plan: The plan.
+        models: Its joints.
+        loads: Torque on each [N m], (n,), or None.
+        starts: From rest: where each rests before [rad].
+    """
+
+    plan: Inversion | FootInversion
+    models: tuple[JointModel, ...]
+    loads: tuple[Array | None, ...]
+    starts: tuple[float | None, ...]
+
+    @classmethod
+    def of(cls, plan: Inversion | FootInversion) -> PlannedJoints:
+        """The task of a plan."""
+        if isinstance(plan, Inversion):
+            return cls(plan, (plan.model,), (plan.load,), (plan.start,))
+        count = len(plan.models)
+        starts = [None] * count if plan.start is None else plan.start.tolist()
+        return cls(plan, plan.models, plan.loads or (None,) * count, tuple(starts))
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the requests repeat."""
+        return self.plan.cyclic
+
+    @property
+    def period(self) -> float:
+        """Time between requests [s]."""
+        return self.models[0].period
+
+    def respond(self, requests: Array) -> Array:
+        """Angles of the models, without a disturbance [rad], (n, k)."""
+        columns = zip(self.models, requests.T, self.starts, self.loads, strict=True)
+        return np.column_stack(
+            [
+                simulate(model, column, cyclic=self.cyclic, start=start, load=load)
+                for model, column, start, load in columns
+            ]
+        )
+
+    def error(self, angles: Array) -> float:
+        """Error of angles (n, k) in the plan's norm: [rad], or [m] for a foot."""
+        plan = self.plan
+        if isinstance(plan, Inversion):
+            return error_norm(angles[:, 0] - plan.desired, plan.norm)
+        roots = np.sqrt(plan.weights / np.max(plan.weights))
+        away = (plan.leg.foot_positions(angles) - plan.wanted) * roots
+        return error_norm(np.linalg.norm(away, axis=1), plan.norm)
+
+    def size(self, deviations: Array) -> float:
+        """Error that independent deviations of the joints (k,) [rad] make, rms."""
+        plan = self.plan
+        if isinstance(plan, Inversion):
+            return float(deviations[0])
+        roots = np.sqrt(plan.weights / np.max(plan.weights))
+        jacobians = plan.leg.jacobians(plan.predicted) * roots[:, np.newaxis]
+        return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
+
+    def planned(self, disturbance: Array) -> Inversion | FootInversion:
+        """The requests for which the models and the disturbance (n, k) make the least error."""
+        plan = self.plan
+        if isinstance(plan, FootInversion):
+            made = invert_foot(
+                self.models,
+                plan.leg,
+                plan.wanted,
+                cyclic=plan.cyclic,
+                limits=plan.limits,
+                norm=plan.norm,
+                weights=plan.weights,
+                load=None if not plan.loads else _columns(plan.loads, len(disturbance)),
+                max_step=plan.max_step,
+                smoothness=plan.smoothness,
+                disturbance=disturbance,
+            )
+            return replace(made, load_of_pose=plan.load_of_pose)
+        (model,), column = self.models, disturbance[:, 0].copy()
+        freeze(column)
+        options: dict[str, Any] = {} if plan.solver is None else {"solver": plan.solver}
+        one = invert_optimal(
+            model,
+            _within_limits(plan.desired - column, plan, model),
+            cyclic=plan.cyclic,
+            limits=plan.limits,
+            norm=plan.norm,
+            start=plan.start,
+            tolerance=plan.tolerance,
+            load=plan.load,
+            max_step=plan.max_step,
+            smoothness=plan.smoothness,
+            **options,
+        )
+        return replace(
+            one, desired=plan.desired, disturbance=column, load_of_pose=plan.load_of_pose
+        )
+
+
+def _columns(loads: Sequence[Array | None], samples: int) -> Array:
+    return np.column_stack([np.zeros(samples) if load is None else load for load in loads])
+
+
+def _within_limits(desired: Array, plan: Inversion, model: JointModel) -> Array:
+    """The desired angles, shifted by a disturbance, where requests within the limits can hold."""
+    if plan.limits is None:
+        return desired
+    lower, upper = plan.limits
+    sag = model.sag(0.0 if plan.load is None else plan.load)
+    clipped: Array = np.clip(desired, lower + sag, upper + sag)
+    return clipped

@@ -1,0 +1,238 @@
+"""What an identified model was tested on, and what it then says of the error on the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidenceOptions:
+    """How errors to expect are found, and which motion is outside of what was tested.
+
+    Attributes:
+        window: Part of a log whose error and acceleration are one point of the fit [s]: several
+            times as long as a joint remembers. (Half and twice: as good.)
+        fewest: Such parts that the shortest log is cut into; they are then shorter.
+        rounds: Reweightings of the fit, so that relative errors count.
+        spare: A motion is outside where it exceeds what was tested by this factor.
+        spare_angle: It is also where it leaves the tested angles by more than this share of them.
+    """
+
+    window: float = 2.0
+    fewest: int = 8
+    rounds: int = 6
+    spare: float = 1.1
+    spare_angle: float = 0.1
+
+
+OPTIONS = EvidenceOptions()
+
+
+class Evidence(NamedTuple):
+    """How far off an identified model was, and on what it was tested.
+
+    Attributes:
+        error: Root mean square error on rows that were not fitted [rad].
+        speed: Fastest tested motion [rad/s]; infinite where that is not known.
+        load: Largest tested torque [N m]; 0 where none is known.
+        angles: Least and largest tested angle [rad]; infinite where they are not known.
+        by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
+            root mean square error of such motion [rad]; empty where that is not known. The last
+            pair is that of the most accelerated part of the logs.
+    """
+
+    error: float
+    speed: float = math.inf
+    load: float = 0.0
+    angles: tuple[float, float] = (-math.inf, math.inf)
+    by_acceleration: tuple[tuple[float, float], ...] = ()
+
+    def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
+        """Error of the model to expect of a motion [rad], rms, by its acceleration.
+
+        What the model leaves out of a servo are forces, which accelerate: (19) of ``docs/math.md``.
+        Without ``by_acceleration`` it is ``error``, whatever the motion.
+
+        Args:
+            angles: Angles by the model [rad], shape (n,).
+            period: Time between them [s].
+            cyclic: Whether the motion repeats.
+
+        Example:
+            >>> seen = Evidence(0.02, by_acceleration=((0.0, 0.001), (10.0, 0.006)))
+            >>> phase = 2 * np.pi * np.arange(100) / 100
+            >>> round(seen.error_of(0.2 * np.sin(phase), period=0.01, cyclic=True), 4)
+            0.0038
+        """
+        if not self.by_acceleration:
+            return self.error
+        size = _rms(_motion(angles, period, cyclic=cyclic).accelerations)
+        known, errors = np.transpose(self.by_acceleration)
+        beyond = max(size / known[-1], 1.0) if known[-1] > 0.0 else 1.0
+        return float(np.interp(size, known, errors)) * beyond
+
+    def exceeded(
+        self, angles: Array, *, period: float, cyclic: bool, load: Array | float = 0.0
+    ) -> tuple[str, ...]:
+        """In what a motion is outside of what was tested: "speed", "acceleration", "angle", "load".
+
+        Args:
+            angles: Angles of the joint [rad], shape (n,).
+            period: Time between them [s].
+            cyclic: Whether the motion repeats.
+            load: Torque on it [N m], shape (n,) or one number.
+
+        Example:
+            >>> seen = Evidence(0.02, speed=1.0, angles=(-0.5, 0.5))
+            >>> seen.exceeded(np.array([0.0, 0.7]), period=0.1, cyclic=False)
+            ('speed', 'angle')
+        """
+        motion = _motion(angles, period, cyclic=cyclic)
+        low, high = self.angles
+        spare = OPTIONS.spare_angle * (high - low) if math.isfinite(high - low) else 0.0
+        size = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
+        found = {
+            "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
+            "acceleration": _rms(motion.accelerations) > OPTIONS.spare * size,
+            "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
+            "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
+        }
+        return tuple(name for name, outside in found.items() if outside)
+
+    def scaled(self, factor: float) -> Evidence:
+        """The same of angles in a unit that is this many times as small."""
+        low, high = self.angles
+        pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
+        return Evidence(
+            factor * self.error,
+            factor * self.speed,
+            self.load,
+            (factor * low, factor * high),
+            pairs,
+        )
+
+
+class Expectation(NamedTuple):
+    """What to expect of a plan on the robot.
+
+    Attributes:
+        error: Root mean square error to expect [rad]; NaN where the model has no evidence.
+        untested: In what the motion is outside of what the model was tested on, see
+            :meth:`Evidence.exceeded`; the error may then be larger.
+    """
+
+    error: float
+    untested: tuple[str, ...]
+
+
+def expectation(
+    evidence: Evidence | None,
+    desired: Array,
+    predicted: Array,
+    *,
+    period: float,
+    cyclic: bool,
+    load: Array | None = None,
+) -> Expectation:
+    """The plan's own error and that of its model, as independent ones.
+
+    Args:
+        evidence: What the joint's model was tested on.
+        desired: Desired angles [rad], shape (n,).
+        predicted: Angles that the plan predicts [rad], shape (n,).
+        period: Time between them [s].
+        cyclic: Whether the plan repeats.
+        load: Torque on the joint [N m], shape (n,); None for none.
+    """
+    if evidence is None:
+        return Expectation(math.nan, ())
+    torque = 0.0 if load is None else load
+    error = evidence.error_of(predicted, period=period, cyclic=cyclic)
+    untested = evidence.exceeded(predicted, period=period, cyclic=cyclic, load=torque)
+    return Expectation(math.hypot(_rms(predicted - desired), error), untested)
+
+
+def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
+    """Which joints move in another way than their models were tested on; empty for none."""
+    found = [
+        f"{name} ({', '.join(each.untested)})"
+        for name, each in zip(names, expected, strict=True)
+        if each.untested
+    ]
+    if not found:
+        return ""
+    listed = ", ".join(found)
+    return f"outside what the models were tested on, so that errors may be larger: {listed}"
+
+
+class Run(NamedTuple):
+    """What a model makes of rows that follow one another."""
+
+    angles: Array  # by the model [rad], (n,)
+    errors: Array  # actual minus these [rad], (n,)
+    period: float  # [s]
+
+
+def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ...]:
+    """The two pairs of :class:`Evidence` between which the error lies on a straight line.
+
+    Each run is cut into parts; (19) of ``docs/math.md``, neither term below 0, is fitted to them by
+    least squares of the relative deviations, reweighted.
+
+    Args:
+        runs: Rows that follow one another, without gaps.
+
+    Returns:
+        Pairs for no acceleration and for the largest of a part; empty for less than two parts.
+    """
+    sizes, errors = np.reshape([part for run in runs for part in _parts(run)], (-1, 2)).T
+    if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
+        return ()
+    from scipy.optimize import nnls
+
+    basis = np.column_stack([np.ones_like(sizes), sizes])
+    weights = np.ones_like(sizes)
+    for _ in range(OPTIONS.rounds):
+        line, _ = nnls(basis * weights[:, np.newaxis], errors * weights)
+        told = basis @ line
+        weights = 1.0 / np.maximum(told, np.max(told) * np.sqrt(np.finfo(np.float64).eps))
+    largest = float(np.max(sizes))
+    return (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+
+
+class _Motion(NamedTuple):
+    speeds: Array
+    accelerations: Array
+
+
+def _motion(angles: Array, period: float, *, cyclic: bool) -> _Motion:
+    """Speeds and accelerations from one angle to the next [rad/s, rad/s^2]."""
+    ends = [angles[-1:], angles, angles[:1]] if cyclic else [angles]
+    speeds = np.diff(np.concatenate(ends)) / period
+    return _Motion(speeds, np.diff(speeds) / period)
+
+
+def _parts(run: Run) -> list[tuple[float, float]]:
+    """Acceleration and error of each part of a run, each rms; the parts overlap by half."""
+    count = len(run.angles) - 2
+    length = min(round(OPTIONS.window / run.period), count // OPTIONS.fewest)
+    if length < 2:
+        return []
+    accelerations = _motion(run.angles, run.period, cyclic=False).accelerations
+    parts = (slice(k, k + length) for k in range(0, count - length + 1, max(length // 2, 1)))
+    return [(_rms(accelerations[part]), _rms(run.errors[1:-1][part])) for part in parts]
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.4g}")
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -1,0 +1,407 @@
+"""A recording as a path: the signal to follow, the models of its joints, times of the requests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.files.table import nearest
+from planner.identification.log import Log, as_logs, pieces_of, unwrapped
+from planner.identification.resampling import glitches
+from planner.identification.timestamps import timing_of
+from planner.inversion.error_norm import error_norm
+from planner.inversion.foot.arguments import range_of_each
+from planner.model.joint import JointModel
+from planner.planning import Limits
+from planner.trajectory import MOST_SAMPLES, Array
+from planner.validation import as_number, freeze, is_one_of, shown
+
+Track = Literal["state", "action"]
+"""The recorded signal to follow: what the robot did, or what it was asked to do."""
+
+Models = JointModel | Mapping[str, JointModel]
+"""One model for all joints, or models by joint; "" is that of every other joint."""
+
+WHY: Mapping[Track, str] = {
+    "state": "the state, what the robot did: its errors of that day belong to the demonstration",
+    "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
+}
+"""Which signal is followed, and the reason."""
+
+GRIPPERS = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
+"""A joint whose name holds one of these words is a gripper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingOptions:
+    """How a recording becomes a path.
+
+    Attributes:
+        same_period: A model whose period differs from the recording's by at most this share keeps
+            its number of ticks in a period: identified clocks differ by 1e-4. Beyond it ticks are
+            divided anew.
+        whole_rate: A rate this close to a whole number [share] is that number: LeRobot writes times
+            in 32 bits, from which 30 Hz is read as 29.99999.
+        least_rows: Requests of a replay at least.
+    """
+
+    same_period: float = 0.01
+    whole_rate: float = 1e-4
+    least_rows: int = 3
+
+
+OPTIONS = RecordingOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """One joint of a recording as a path over the recording's time.
+
+    Attributes:
+        name: The joint.
+        unit: "rad", or "1" for shares of its range.
+        times: Times of the rows since the recording began [s], shape (n,).
+        followed: The signal to follow, shape (n,), in the unit.
+        requests: The recorded requests, shape (n,), in the unit.
+        angles: The recorded angles, shape (n,), in the unit.
+        load: Torque on the joint [N m], shape (n,); None where it is not known, or not felt.
+        model: The joint's model, one request a period; None where requests are sent as recorded.
+        reason: Why they are; "" where the joint is planned.
+        log: The log itself.
+    """
+
+    name: str
+    unit: str
+    times: Array
+    followed: Array
+    requests: Array
+    angles: Array
+    load: Array | None
+    model: JointModel | None
+    reason: str
+    log: Log
+
+    def at(self, moments: Array, values: Array) -> Array:
+        """A signal of the joint at moments of the recording, on straight lines between rows."""
+        return np.asarray(np.interp(moments, self.times, values))
+
+    @property
+    def recorded_error(self) -> float:
+        """Recorded angles minus recorded requests, rms [unit]."""
+        return error_norm(self.angles - self.requests, "rms")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedPath:
+    """A recording, ready to be replayed at any speed.
+
+    Attributes:
+        name: The recording, for messages.
+        track: The signal that is followed.
+        joints: Every joint.
+        period: Time between requests [s].
+        first: Where the replay begins [s of the recording].
+        last: Where it ends [s of the recording].
+        limits: Smallest and largest request by joint [unit], of those that have limits.
+        remarks: What the user should know about the recording.
+    """
+
+    name: str
+    track: Track
+    joints: tuple[Path, ...]
+    period: float
+    first: float
+    last: float
+    limits: Mapping[str, tuple[float, float]]
+    remarks: tuple[str, ...]
+
+    @property
+    def planned(self) -> tuple[Path, ...]:
+        """The joints whose requests are planned."""
+        return tuple(joint for joint in self.joints if joint.model is not None)
+
+    @property
+    def duration(self) -> float:
+        """How long the recorded part lasts [s]."""
+        return self.last - self.first
+
+    def moments(self, speed: float) -> Array:
+        """The moment of the recording [s] that belongs to each request at a constant speed."""
+        count = self.duration / (speed * self.period)
+        if count > MOST_SAMPLES:
+            raise InvalidInput(
+                f"speed: at {speed:g} the replay has {count:.3g} requests, expected at most "
+                f"{MOST_SAMPLES}; replay a part of it"
+            )
+        rows = math.floor(count + 1e-6) + 1
+        if rows < OPTIONS.least_rows:
+            raise InvalidInput(
+                f"{self.name}: at {speed:g} times the speed {rows} requests remain, expected at "
+                f"least {OPTIONS.least_rows}; choose a longer part, or a lower speed"
+            )
+        moments = self.first + speed * self.period * np.arange(rows)
+        return np.asarray(np.minimum(moments, self.last))
+
+    def loads(self, moments: Array) -> dict[str, Array]:
+        """Torque by joint [N m], of the planned joints that feel one."""
+        found = {}
+        for each in self.planned:
+            if each.load is not None:
+                found[each.name] = each.at(moments, each.load)
+        return found
+
+
+def recorded_path(
+    recording: Any,
+    models: Models,
+    *,
+    track: Track = "state",
+    joints: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    rate: float | None = None,
+    limits: Limits | None = None,
+) -> RecordedPath:
+    """A recording with the models of its joints, ready for any speed; see :func:`replay`."""
+    if not is_one_of(track, get_args(Track)):
+        raise InvalidInput(f"track: got {shown(track)}, expected 'state' or 'action'")
+    logs = as_logs(recording)
+    names = _names(logs)
+    every = {"": models} if isinstance(models, JointModel) else _by_joint(models)
+    if isinstance(joints, str) or not all(isinstance(name, str) for name in _items(joints)):
+        raise InvalidInput(f"joints: got {shown(joints)}, expected a list of names")
+    chosen = _planned(names, every, joints)
+    origin = min(float(log.times[0]) for log in logs)
+    first, last = _part(logs, origin, begin, end)
+    period = _period(logs, rate)
+    remarks: list[str] = []
+    paths = []
+    for name, log in zip(names, logs, strict=True):
+        model = every.get(name, every.get("")) if name in chosen else None
+        paths.append(
+            _path(
+                log,
+                name,
+                None if model is None else _requested_every(model, period),
+                track,
+                origin,
+                reason="" if model is not None else _reason(name, every),
+                remarks=remarks,
+            )
+        )
+    remarks += _remarks(logs, origin, first, last)
+    return RecordedPath(
+        name=logs[0].name,
+        track=track,
+        joints=tuple(paths),
+        period=period,
+        first=first,
+        last=last,
+        limits=_limits(paths, limits, names),
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def _by_joint(models: Any) -> dict[str, JointModel]:
+    """Models by joint, checked."""
+    known = isinstance(models, Mapping) and all(
+        isinstance(name, str) and isinstance(model, JointModel) for name, model in models.items()
+    )
+    if not known:
+        raise InvalidInput(
+            f"models: got {shown(models)}, expected a JointModel, or a dict of them by joint"
+        )
+    return dict(models)
+
+
+def _items(values: Any) -> Sequence[Any]:
+    """The items of a list or tuple; an item that is no text for anything else."""
+    return values if isinstance(values, list | tuple) else (None,)
+
+
+def recordings_of(logs: Sequence[Log]) -> tuple[tuple[Log, ...], ...]:
+    """Logs by recording, in their order: those of one episode, or of one file, belong together."""
+    by_source: dict[Any, list[Log]] = {}
+    for log in logs:
+        key = (log.written.path, log.written.episode) if log.written else log.name
+        by_source.setdefault(key, []).append(log)
+    return tuple(map(tuple, by_source.values()))
+
+
+def _names(logs: Sequence[Log]) -> tuple[str, ...]:
+    """The joints, all different."""
+    names = tuple(log.joint or "joint" for log in logs)
+    if len(set(names)) < len(names):
+        double = next(name for name in names if names.count(name) > 1)
+        raise InvalidInput(
+            f"recording: got {names.count(double)} logs of joint '{double}', expected the logs of "
+            "one recording, one for each joint; replay recordings one by one"
+        )
+    return names
+
+
+def _planned(
+    names: Sequence[str], models: Mapping[str, JointModel], joints: Sequence[str]
+) -> frozenset[str]:
+    """The joints to plan.
+
+    Raises:
+        InvalidInput: One of them is not there or has no model, or there is none.
+    """
+    for name in joints:
+        if name not in names:
+            raise InvalidInput(
+                f"joints: no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"
+            )
+        if name not in models and "" not in models:
+            raise InvalidInput(
+                f"joints: no model of '{name}'{nearest(name, list(models))}; models: "
+                + ", ".join(models)
+            )
+    with_model = [name for name in names if name in models or "" in models]
+    arms = [name for name in with_model if not is_gripper(name)]
+    chosen = frozenset(joints or arms or with_model)
+    if not chosen:
+        raise InvalidInput(
+            f"models: of {', '.join(models) or 'no joint'}, but the joints of the recording are "
+            f"{', '.join(names)}; rename the tables of the model file to them"
+        )
+    return chosen
+
+
+def is_gripper(name: str) -> bool:
+    """Whether a joint is a gripper by its name."""
+    return any(word in name.lower() for word in GRIPPERS)
+
+
+def _reason(name: str, models: Mapping[str, JointModel]) -> str:
+    if name not in models and "" not in models:
+        return "no model"
+    return "a gripper" if is_gripper(name) else "not chosen"
+
+
+def _part(
+    logs: Sequence[Log], origin: float, begin: float | None, end: float | None
+) -> tuple[float, float]:
+    """First and last moment to replay [s since the first row]: those that all logs have."""
+    first = max(float(log.times[0]) for log in logs) - origin
+    last = min(float(log.times[-1]) for log in logs) - origin
+    chosen = []
+    for what, value, default in (("begin", begin, first), ("end", end, last)):
+        moment = default if value is None else as_number(value)
+        if not first - 1e-9 <= moment <= last + 1e-9:
+            raise InvalidInput(
+                f"{what}: got {shown(value)} s, expected a moment of the recording, {first:g} to "
+                f"{last:g} s"
+            )
+        chosen.append(moment)
+    if not chosen[0] < chosen[1]:
+        raise InvalidInput(
+            f"begin, end: got {chosen[0]:g} and {chosen[1]:g} s, expected an end after the begin"
+        )
+    return chosen[0], chosen[1]
+
+
+def _period(logs: Sequence[Log], rate: float | None) -> float:
+    """Time between requests [s]."""
+    if rate is not None:
+        number = as_number(rate)
+        if not number > 0.0:
+            raise InvalidInput(f"rate: got {shown(rate)}, expected more than 0 requests a second")
+        return 1.0 / number
+    period = timing_of(logs, tick=None, hold=None).period
+    whole = round(1.0 / period)
+    near = whole >= 1 and abs(period * whole - 1.0) <= OPTIONS.whole_rate
+    return 1.0 / whole if near else period
+
+
+def _requested_every(model: JointModel, period: float) -> JointModel:
+    """The model with a request every period, in as many ticks where the period is about its own."""
+    if abs(model.period - period) <= OPTIONS.same_period * period:
+        return replace(model, tick=period / model.hold).with_evidence(model.evidence)
+    return model.requested_every(period)
+
+
+def _path(
+    log: Log,
+    name: str,
+    model: JointModel | None,
+    track: Track,
+    origin: float,
+    *,
+    reason: str,
+    remarks: list[str],
+) -> Path:
+    """A joint's signals over the time since the recording began."""
+    log, jumps = unwrapped(log)
+    if jumps:
+        remarks.append(f"{name}: the encoder started again {jumps} times; its angles go on")
+    times, angles = log.times - origin, log.angles
+    off = glitches(angles)
+    if off.any() and not off.all():
+        remarks.append(f"{name}: {int(off.sum())} angles that no joint takes are bridged")
+        angles = np.interp(times, times[~off], angles[~off])
+    freeze(times, angles)
+    feels = model is not None and model.feels_load and log.load is not None
+    return Path(
+        name=name,
+        unit=log.unit,
+        times=times,
+        followed=angles if track == "state" else log.requests,
+        requests=log.requests,
+        angles=angles,
+        load=log.load if feels else None,
+        model=model,
+        reason=reason,
+        log=log,
+    )
+
+
+def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
+    """Gaps in the part that is replayed, and rows without torque."""
+    found = []
+    for log in logs:
+        for before, after in pairwise(pieces_of(log)):
+            start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin
+            if start < last and stop > first:
+                found.append(
+                    f"a gap of {stop - start:.3g} s after {start:.3g} s is bridged by a straight "
+                    "line"
+                )
+    off = sum(int(np.count_nonzero(~log.torque_on)) for log in logs)
+    if off:
+        rows = sum(len(log.times) for log in logs)
+        found.append(
+            f"the torque is off in {off} of {rows} rows: the state is what a hand or gravity did"
+        )
+    return found
+
+
+def _limits(
+    paths: Sequence[Path], limits: Limits | None, names: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Limits by joint: those given, or of a share of a range the range itself."""
+    found = {}
+    for each in paths:
+        if each.unit == "1":
+            values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
+            found[each.name] = (float(np.min(values)), float(np.max(values)))
+    if isinstance(limits, Mapping):
+        if strange := [name for name in limits if name not in names]:
+            raise InvalidInput(
+                f"limits: no joint '{strange[0]}'{nearest(str(strange[0]), names)}; joints: "
+                + ", ".join(names)
+            )
+        found.update({name: (float(low), float(high)) for name, (low, high) in limits.items()})
+    elif limits is not None:
+        lower, upper = range_of_each(limits, len(names), joints="joints of the recording")
+        found.update(
+            dict(zip(names, zip(lower.tolist(), upper.tolist(), strict=True), strict=True))
+        )
+    return found

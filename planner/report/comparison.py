@@ -1,0 +1,464 @@
+"""The page about a comparison of closed form and optimised requests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from planner._version import __version__
+from planner.evaluation.checks import AGREES
+from planner.evaluation.cross_check import SECOND
+from planner.evaluation.differences import REASONS, Reason
+from planner.report.comparison_tables import (
+    REASON_WORDS,
+    SHOWN,
+    checks_table,
+    differences_table,
+    failure_words,
+    foot_table,
+    notes,
+    plans_table,
+    tolerance_reasons,
+)
+from planner.report.figure import (
+    Axis,
+    Figure,
+    Motion,
+    Movie,
+    Panel,
+    Span,
+    Timeline,
+    leg_sketches,
+    line,
+    near_limits,
+)
+from planner.report.matplotlib_figure import draw_grid
+from planner.report.page import (
+    Card,
+    LinkedFile,
+    Page,
+    Section,
+    heading,
+    models_table,
+    origin_lists,
+)
+from planner.report.style import (
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    FOOT_OPTIMAL,
+    INK,
+    MUTED,
+    OPTIMAL,
+    REQUESTED,
+    SURFACE,
+    Role,
+    variable,
+)
+from planner.report.table import percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+    from kinematics.leg import Leg
+    from planner.evaluation.cross_check import CrossCheck
+    from planner.evaluation.foot_comparison import FootComparison
+    from planner.evaluation.joint_comparison import JointComparison
+
+OUTSIDE = 1e-9
+"""A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""
+
+MOST_COLUMNS, COLUMN = 3, 3.6
+"""Joints side by side in the figure of all of them, and the width of each [inch]."""
+
+FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIMAL}
+"""The plans whose feet are drawn."""
+
+
+class Tint(NamedTuple):
+    """How the background of a reason looks; on paper a hatching distinguishes it."""
+
+    role: Role
+    opacity: float
+    hatch: str = ""
+
+
+TINTS: Mapping[Reason, Tint] = {
+    "saturated": Tint(REQUESTED, 0.22),
+    "limit": Tint(DIRECT, 0.26, "////"),
+    "corner": Tint(CLOSED_FORM, 0.2, "..."),
+    "after_end": Tint(MUTED, 0.25, "xxx"),
+    "free": Tint(SURFACE, 0.0),
+}
+
+
+def comparison_page(
+    check: CrossCheck,
+    *,
+    title: str = "",
+    leg: Leg | None = None,
+    origins: Sequence[tuple[str, str]] = (),
+    files: Sequence[LinkedFile] = (),
+    unreachable: int = 0,
+    notes: Sequence[str] = (),
+) -> str:
+    """The whole page: the verdict and the key figures first, where it comes from last.
+
+    Args:
+        check: The comparison.
+        title: What was planned for; the joints' names by default.
+        leg: The leg whose joints these are, in its order, if it is to be seen moving.
+        origins: What the plans were made from: pairs of what it is and which.
+        files: Files of the run to link to.
+        unreachable: How many samples were out of the leg's reach.
+        notes: What else should be known first.
+    """
+    from markupsafe import Markup
+
+    head, tail = verdict(check)
+    names = [joint.name for joint in check.joints]
+    foot = [foot_figure(check)] if check.foot is not None else []
+    plans = {
+        "check": check,
+        "plans": plans_table(check.joints),
+        "foot": None if check.foot is None else foot_table(check.foot),
+        "second": check.methods.count(SECOND),
+        "known": any(np.isfinite(each.plans["optimal"].expected.error) for each in check.joints),
+    }
+    differences = {
+        "reasons": [(TINTS[reason], share, REASON_WORDS[reason], REASONS[reason])
+                    for reason, share in shares(check).items()],
+        "colour": variable,
+        "shown": [*(joint_figure(check, joint, j) for j, joint in enumerate(check.joints)), *foot],
+        "table": differences_table(check.joints),
+    }  # fmt: skip
+    checks = {"table": checks_table(check.checks), "reasons": tolerance_reasons(check.checks)}
+    models = models_table(names, [joint.model for joint in check.joints])
+    return Page(
+        heading=f"Plans compared for the leg “{title}”"
+        if leg
+        else heading(title or ", ".join(names)),
+        eyebrow="request-planner compare · closed form and optimised requests",
+        verdict=Markup("<strong>{}</strong>. {}").format(head, tail.replace(" %", "\u00a0%")),
+        good=check.passed,
+        remarks=[*remarks(check, unreachable=unreachable), *notes],
+        cards=key_figures(check),
+        figure=leg_figure(check, check.foot, leg) if check.foot is not None and leg else None,
+        sections=[
+            Section("How good each plan is", PLANS, plans),
+            Section("Where the requests differ, and why", DIFFERENCES, differences),
+            Section("What was checked", CHECKS, checks),
+            Section("The models", "{{ table }}", {"table": models}),
+        ],
+        listings=origin_lists(origins, files),
+        footer=Markup(FOOTER),
+    ).html()
+
+
+PLANS = """
+{{ plans }}
+<p class="note">Errors of the angles that each plan predicts, against the desired ones. No requests
+  bring the
+  {{ check.norm }} error below the lower bounds; the gap is how far a plan is above the sharpest of
+    them.
+  {% if known %}On the robot, expect the error of the plan and of its model, by what the model was
+    tested on.
+  {% endif %}
+  {% if second %}The plans by IPOPT are a second opinion on the optimised ones: the same problem as
+    a nonlinear programme in CasADi.{% endif %}</p>
+{% if foot is not none %}
+{{ foot }}
+<p class="note">Distance of the foot from its desired position. The last plan is made for all
+  joints at once: single joints
+  may have larger errors, which compensate for one another. The lower bound is about requests
+    within the limits: a
+    plan beyond them
+  has no gap.</p>
+{% endif %}
+"""
+
+DIFFERENCES = """
+<p>Two plans that are equally good may have requests far apart. A request is judged where it acts,
+  a lag and half an
+  acceleration time after it is sent, by the first of these that holds.</p>
+<ul class="key">
+{% for tint, share, name, about in reasons %}
+  <li><span class="shade"><i style="background: {{ colour(tint.role) }}; opacity:
+    {{ tint.opacity }}"></i></span><span><b>{{ name }}</b>, {{ share | percent(0) }}</span>
+    <span class="note">{{ about }}</span></li>
+{% endfor %}
+</ul>
+{{ hints }}
+{{ figures(shown) }}
+{{ table }}
+<p class="note">The spans with the largest shares in the squared difference of a joint’s requests,
+  and how well either plan
+  tracks there.</p>
+"""
+
+CHECKS = """
+{{ table }}
+<p class="note">Of every claim the plan that is closest to breaking it; below zero there is room.
+  The simulation that the
+  angles are compared with shares no code with the model.</p>
+<ul class="reasons">
+{% for each in reasons %}
+  <li>{{ each.name }} [{{ each.unit }}]: {{ each.reason }}</li>
+{% endfor %}
+</ul>
+"""
+
+FOOTER = (
+    f"request-planner {__version__} compare. The closed form inverts each line by the rule of "
+    "Stronger &amp; Stone, <cite>A Model-Based Approach to Robot Joint Control</cite>, Section 4. "
+    "The choice of the lines, with knots refined by simulating the joint, is not the paper’s, nor "
+    "are the optimised requests and the bounds."
+)
+
+
+# What the comparison amounts to, in words.
+
+
+def verdict(check: CrossCheck) -> tuple[str, str]:
+    """The answer in a few words, and what it is worth."""
+    held = len(check.checks) - len(check.failures)
+    if check.passed:
+        head = f"The plans agree: all {held} checks hold"
+    else:
+        head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
+    methods = [(SHOWN, "closed form"), ("optimal", "optimised requests")]
+    methods += [(SECOND, "IPOPT through CasADi")] * (SECOND in check.methods)
+    gaps = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
+    said = f"Gaps above the lower bound: {gaps}."
+    reasons = shares(check)
+    if reasons:
+        most = max(reasons, key=lambda reason: reasons[reason])
+        apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
+        said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same"
+        share = percent(reasons[most], 0)
+        said += f": {share} of that, squared, has the reason “{REASON_WORDS[most]}”."
+    return head, said
+
+
+def shares(check: CrossCheck) -> dict[Reason, float]:
+    """The reasons' shares in the squared difference of all joints' requests, those that occur."""
+    squared = [joint.differences[SHOWN].rms ** 2 for joint in check.joints]
+    if not sum(squared) > 0.0:
+        return {}
+    found: dict[Reason, float] = {}
+    for joint, part in zip(check.joints, squared, strict=True):
+        for reason, share in joint.differences[SHOWN].shares.items():
+            found[reason] = found.get(reason, 0.0) + share * part / sum(squared)
+    return found
+
+
+def above_bound(check: CrossCheck, method: str) -> str:
+    """The joints' gaps, from the smallest to the largest; errors where a lower bound is zero."""
+    gaps = [joint.gap(method) for joint in check.joints]
+    if math.isinf(max(gaps)):
+        error = max(joint.plans[method].error for joint in check.joints if not joint.bound)
+        return f"error {math.degrees(error):.1g} degrees, bound 0"
+    least, most = percent(min(gaps)), percent(max(gaps))
+    return least if least == most else f"{least.removesuffix(' %')} – {most}"
+
+
+def key_figures(check: CrossCheck) -> list[Card]:
+    """Agreement, gaps, and the foot."""
+    norm = check.norm
+    agreement = max(each.value for each in check.checks if each.name == AGREES)
+    cards = [
+        Card(
+            f"{len(check.checks) - len(check.failures)} of {len(check.checks)}",
+            "",
+            "checks hold; the predicted angles are at most "
+            f"{agreement:.1g} rad from an independent simulation",
+        )
+    ]
+    gaps = [(SHOWN, "closed form, the paper’s rule, knots refined"), ("optimal", "optimised")]
+    gaps += [(SECOND, "optimised by IPOPT through CasADi")] * (SECOND in check.methods)
+    for method, words in gaps:
+        cards.append(
+            Card(
+                above_bound(check, method),
+                "",
+                f"above the lower bound on the {norm} error: {words}",
+            )
+        )
+    if check.foot is not None:
+        before, after = (
+            100.0 * check.foot.plans[method].error(norm) for method in ("optimal", "foot_optimal")
+        )
+        gap = check.foot.gap("foot_optimal")
+        proved = "" if gap is None else f": {percent(gap)} above the lower bound"
+        words = f"the foot’s {norm} error, joints planned one by one and all at once for it{proved}"
+        return [*cards, Card(f"{before:.2f} → {after:.2f}", "cm", words)]
+    worst = max(check.joints, key=lambda joint: joint.plans["optimal"].error)
+    error, bound = math.degrees(worst.plans["optimal"].error), math.degrees(worst.bound)
+    words = (
+        f"the largest error of a joint when optimised, {worst.name}; lower bound {bound:.3g} deg"
+    )
+    return [*cards, Card(f"{error:.3g}", f"deg {norm}", words)]
+
+
+def remarks(check: CrossCheck, *, unreachable: int = 0) -> list[str]:
+    """What somebody who relies on these plans should know first."""
+    said = [f"{failure_words(each)}." for each in check.failures]
+    if unreachable:
+        said.append(
+            f"{unreachable} of {len(check.joints[0].desired)} samples were out of reach; the "
+            "distances are to the path that the leg can reach."
+        )
+    beyond = []
+    for joint in check.joints:
+        limits, requests = joint.plans["optimal"].limits, joint.plans[SHOWN].requests
+        if limits is None:
+            continue
+        excess = float(np.max(np.maximum(limits[0] - requests, requests - limits[1])))
+        if excess > OUTSIDE:
+            beyond.append(f"{joint.name} by {math.degrees(excess):.3g} degrees")
+    if beyond:
+        said.append(
+            f"The closed form knows no limits: it requests more than they allow of "
+            f"{', '.join(beyond)}. A robot that clips its requests would track less well than this."
+        )
+    return said + [f"{note[0].upper()}{note[1:]}." for note in notes(check.joints)]
+
+
+# The figures.
+
+
+def comparison_figure(check: CrossCheck) -> Picture:
+    """Every joint, with its errors and bound in its title, and the foot where there is one."""
+    parts = []
+    for j, joint in enumerate(check.joints):
+        closed_form, optimal = (
+            math.degrees(joint.plans[method].error) for method in (SHOWN, "optimal")
+        )
+        errors = f"{check.norm} {closed_form:.2f}° → {optimal:.2f}°"
+        title = f"{heading(joint.name)}: {errors}, bound {math.degrees(joint.bound):.2f}°"
+        parts.append(replace(joint_figure(check, joint, j), title=title))
+    if check.foot is not None:
+        rms = " → ".join(
+            f"{100.0 * check.foot.plans[method].outcome.distance.rms:.2f}" for method in FOOT_ROLES
+        )
+        parts.append(replace(foot_figure(check), title=f"Foot: rms {rms} cm"))
+    columns = min(len(check.joints), MOST_COLUMNS)
+    return draw_grid(parts, columns=columns, width=COLUMN if columns > 1 else 1.33 * COLUMN)
+
+
+def joint_figure(check: CrossCheck, joint: JointComparison, j: int) -> Figure:
+    """A joint: its angles, its requests, and how far these differ, over shades that say why."""
+    timeline = _timeline(check)
+    closed_form, optimal = joint.plans[SHOWN], joint.plans["optimal"]
+    desired, *angles = (
+        timeline.curve(np.degrees(values), role)
+        for values, role in (
+            (joint.desired, DESIRED),
+            (closed_form.predicted, CLOSED_FORM),
+            (optimal.predicted, OPTIMAL),
+        )
+    )
+    requests = [
+        timeline.curve(np.degrees(plan.requests), role)
+        for plan, role in ((closed_form, CLOSED_FORM), (optimal, OPTIMAL))
+    ]
+    difference = timeline.curve(
+        np.degrees(closed_form.requests - optimal.requests),
+        INK._replace(label="difference", width=1.3),
+        notes=_reasons(joint),
+    )
+    end = timeline.axis.range[1] if timeline.axis.range else 0.0
+    limits = None
+    if optimal.limits is not None:
+        limits = (math.degrees(optimal.limits[0]), math.degrees(optimal.limits[1]))
+    spans = _spans(joint, timeline)
+    return timeline.figure(
+        f"joint_{j}",
+        [
+            Panel(Axis("angle", "deg"), (desired, *angles), "predicted"),
+            Panel(Axis("request", "deg"), (*near_limits(limits, requests[1], end=end), *requests),
+                  "requested", spans=spans),
+            Panel(Axis("difference", "deg"), (line((0.0, end), (0.0, 0.0)), difference),
+                  "requests, closed form − optimised", spans=spans, height=0.8),
+        ],
+        (
+            heading(joint.name),
+            "Above: the joint's angle as desired, and under either plan. In the middle: its "
+            "requests. Below: how far the requests differ; the shades say why.",
+        ),
+        clock=True,
+    )  # fmt: skip
+
+
+def _reasons(joint: JointComparison) -> list[str]:
+    """Why each request differs."""
+    samples = len(joint.desired)
+    found = [""] * samples
+    for each in joint.differences[SHOWN].intervals:
+        for k in range(each.start, each.start + each.samples):
+            found[k % samples] = REASON_WORDS[each.reason]
+    return found
+
+
+def _spans(joint: JointComparison, timeline: Timeline) -> tuple[Span, ...]:
+    """The shades; one that goes on at the beginning of the cycle is cut in two."""
+    spans = []
+    for each in joint.differences[SHOWN].intervals:
+        tint = TINTS[each.reason]
+        for before in (0, timeline.samples):
+            start = max(each.start - 0.5 - before, 0.0)
+            end = min(each.start - 0.5 - before + each.samples, float(timeline.last))
+            if tint.opacity and start < end:
+                step = timeline.step
+                spans.append(Span(step * start, step * end, tint.role, tint.opacity,
+                                  legend=REASON_WORDS[each.reason], hatch=tint.hatch))  # fmt: skip
+    return tuple(spans)
+
+
+def foot_figure(check: CrossCheck) -> Figure:
+    """How far the foot is from its desired position, under the plans."""
+    assert check.foot is not None, "only a leg has a foot"
+    timeline = _timeline(check)
+    curves = [
+        timeline.curve(100.0 * check.foot.plans[method].outcome.distances, role)
+        for method, role in FOOT_ROLES.items()
+    ]
+    return timeline.figure(
+        "foot_distances",
+        [Panel(Axis("distance", "cm", from_zero=True), tuple(curves), height=1.8)],
+        (
+            "The foot’s error over time",
+            "Distance of the foot from its desired position at the same moment.",
+        ),
+        clock=True,
+    )
+
+
+def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
+    """The leg as desired, and under the plans; on paper the paths of its foot."""
+    joints = np.column_stack([joint.desired for joint in check.joints])
+    desired = leg.joint_positions(joints)
+    draw = _timeline(check).path
+    motions, paths = [Motion(DESIRED, desired)], [draw(foot.desired, DESIRED)]
+    for method, role in FOOT_ROLES.items():
+        plan = foot.plans[method]
+        motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.outcome.distances))
+        paths.append(draw(plan.outcome.positions, role))
+    return Figure(
+        "leg",
+        "The leg under the plans",
+        "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
+        "the foot from its path. On paper: the paths of the foot from the side.",
+        Axis(f"x in the frame {leg.base}", "cm"),
+        (Panel(Axis("z", "cm"), (*leg_sketches(desired[:1], 0), *paths), height=2.2),),
+        equal=True,
+        movie=Movie(tuple(motions), check.period, check.cyclic),
+    )
+
+
+def _timeline(check: CrossCheck) -> Timeline:
+    return Timeline(check.period, len(check.joints[0].desired), check.cyclic)

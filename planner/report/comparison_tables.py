@@ -1,0 +1,186 @@
+"""The tables of a comparison, for the terminal and for the page alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from operator import attrgetter
+
+import numpy as np
+
+from planner.evaluation.checks import Check
+from planner.evaluation.cross_check import CrossCheck
+from planner.evaluation.differences import Reason
+from planner.evaluation.foot_comparison import FootComparison
+from planner.evaluation.joint_comparison import METHODS, JointComparison
+from planner.model.evidence import untested_words
+from planner.report.table import NOTHING, Column, Row, Table, number, percent
+
+SHOWN = "closed_form_paper"
+"""The closed form whose differences are listed and drawn; JSON has those of both rules."""
+
+WORTH_A_ROW = 0.01
+"""Share in the squared difference from which on an interval is listed."""
+
+MOST_ROWS = 10
+"""Intervals listed per joint, those with the largest shares."""
+
+REASON_WORDS: Mapping[Reason, str] = {
+    "saturated": "joint at top speed",
+    "limit": "request at a limit",
+    "corner": "corner of the lines",
+    "after_end": "after the end",
+    "free": "none of these",
+}
+"""What the reasons are called, in tables and figures."""
+
+BETTER_WORDS = {"closed_form": "closed form", "optimal": "optimised", "neither": "neither"}
+
+
+def comparison_text(check: CrossCheck) -> str:
+    """Everything that a terminal should show."""
+    tables = [plans_table(check.joints)]
+    if check.foot is not None:
+        tables.append(foot_table(check.foot))
+    tables.append(differences_table(check.joints))
+    reasons = [
+        f"  {each.unit}, {each.name}: {each.reason}" for each in tolerance_reasons(check.checks)
+    ]
+    checks = "\n".join([checks_table(check.checks).text(), "tolerances:", *reasons])
+    said = [f"note: {note}" for note in notes(check.joints)]
+    return "\n\n".join([*(table.text() for table in tables), checks, *said])
+
+
+def verdict_line(check: CrossCheck) -> str:
+    """How many checks hold, and which do not."""
+    held = f"{len(check.checks) - len(check.failures)} of {len(check.checks)} checks hold"
+    if check.passed:
+        return f"passed: {held}"
+    return f"failed: {held}; {failure_words(check.failures[0])}"
+
+
+def failure_words(failed: Check) -> str:
+    """A check that does not hold."""
+    plan = f", {failed.plan}" if failed.plan else ""
+    return (
+        f"{failed.subject}{plan}: {failed.name}: got {failed.value:.3g} {failed.unit}, "
+        f"tolerance {failed.tolerance:.2g} {failed.unit}"
+    )
+
+
+def plans_table(joints: Sequence[JointComparison]) -> Table:
+    """How good each plan is, and the lower bounds on its error."""
+    rows = []
+    known = any(math.isfinite(joint.plans["optimal"].expected.error) for joint in joints)
+    for joint in joints:
+        for method, plan in joint.plans.items():
+            apart = np.degrees(plan.requests - joint.plans["optimal"].requests)
+            most = int(np.argmax(np.abs(apart)))
+            differs = (NOTHING,) * 3
+            if method != "optimal":
+                rms = math.sqrt(float(np.mean(apart**2)))
+                differs = (f"{rms:.2f}", f"{abs(apart[most]):.2f}", f"{most}")
+            errors = (f"{math.degrees(plan.rms):.3f}", f"{math.degrees(plan.max_error):.3f}")
+            expected = math.degrees(plan.expected.error)
+            robot = (NOTHING if math.isnan(expected) else f"{expected:.3f}",) * known
+            row = (*errors, *robot, percent(joint.gap(method)), *differs)
+            rows.append(Row(METHODS[method], row, joint.name))
+        column = 0 if joint.plans["optimal"].norm == "rms" else 1
+        for level, bound in joint.bounds.items():
+            unsolved = joint.certificates[level].solver_gap
+            which = f"{level}, solver gap {percent(unsolved)}" if unsolved else level
+            cells = _only(f"{math.degrees(bound):.3f}", column, 6 + known)
+            rows.append(Row(f"lower bound ({which})", cells, joint.name, "bound"))
+    titles = (
+        *("rms [deg]", "max [deg]", *["on the robot [deg]"] * known, "gap"),
+        *("requests differ: rms [deg]", "most [deg]", "at"),
+    )
+    return Table("joint, plan", _columns(titles), tuple(rows), label="Plans")
+
+
+def foot_table(foot: FootComparison) -> Table:
+    """Where the plans bring the foot."""
+    rows = []
+    for method, plan in foot.plans.items():
+        gap, distance = foot.gap(method), plan.outcome.distance
+        differs = [NOTHING] * 2
+        if method != "foot_optimal":
+            differs = [number(math.degrees(apart)) for apart in foot.differences[method]]
+        errors = (f"{100.0 * distance.rms:.3f}", f"{100.0 * distance.max:.3f}")
+        cells = (*errors, NOTHING if gap is None else percent(gap), *differs)
+        rows.append(Row(METHODS[method], cells, "foot"))
+    if foot.bound is not None:
+        cells = _only(f"{100.0 * foot.bound:.3f}", 0 if foot.norm == "rms" else 1, 5)
+        rows.append(Row("lower bound within the limits", cells, "foot", "bound"))
+    titles = ("rms [cm]", "max [cm]", "gap", "requests differ: rms [deg]", "most [deg]")
+    return Table("foot, plan", _columns(titles), tuple(rows), label="Foot")
+
+
+def differences_table(joints: Sequence[JointComparison]) -> Table:
+    """Where the requests differ, and why."""
+    rows = []
+    for joint in joints:
+        intervals = joint.differences[SHOWN].intervals
+        largest = sorted(intervals, key=attrgetter("share"), reverse=True)[:MOST_ROWS]
+        for interval in intervals:
+            if interval not in largest or interval.share < WORTH_A_ROW:
+                continue
+            cells = (
+                REASON_WORDS[interval.reason],
+                f"{100.0 * interval.share:.0f} %",
+                f"{math.degrees(interval.closed_form_rms):.3f}",
+                f"{math.degrees(interval.optimal_rms):.3f}",
+                BETTER_WORDS[interval.better],
+            )
+            rows.append(Row(f"requests {interval.start} to {interval.end}", cells, joint.name))
+    titles = ("why they differ", "share", "rms [deg]", "optimised", "tracks better")
+    about = f"{METHODS[SHOWN]}, and optimised"
+    return Table(about, _columns(titles, words=1), tuple(rows), label="Differences")
+
+
+def checks_table(checks: Sequence[Check]) -> Table:
+    """One row per claim: the plan that is closest to breaking it, or every one that does."""
+    claims: dict[tuple[str, str], list[Check]] = {}
+    for each in checks:
+        claims.setdefault((each.name, each.unit), []).append(each)
+    rows = []
+    for same in claims.values():
+        worst = max(same, key=lambda each: each.value - each.tolerance)
+        for each in [each for each in same if not each.passed] or [worst]:
+            where = ", ".join(part for part in (each.subject, each.plan) if part)
+            where = "nowhere, but for rounding" if each.is_rounding else where
+            tolerance = f"{each.tolerance:.1e} {each.unit}"
+            holds = "yes" if each.passed else "NO"
+            cells = (f"{each.value:.1e}", tolerance, holds, where)
+            rows.append(Row(each.name, cells, kind="" if each.passed else "broken"))
+    columns = (*_columns(("worst", "tolerance", "holds")), Column("where", words=True))
+    return Table("check", columns, tuple(rows), label="Checks")
+
+
+def tolerance_reasons(checks: Sequence[Check]) -> list[Check]:
+    """One check for every reason of a tolerance."""
+    return list({each.reason: each for each in checks}.values())
+
+
+def notes(joints: Sequence[JointComparison]) -> Iterator[str]:
+    """What must be known of single plans."""
+    names = [joint.name for joint in joints]
+    if words := untested_words(names, [joint.plans["optimal"].expected for joint in joints]):
+        yield words
+    for joint in joints:
+        for method, answer in joint.answers.items():
+            if answer.elsewhere > 0.0:
+                yield (
+                    f"{joint.name}, {METHODS[method]}: every request saturates the joint, "
+                    "which so keeps whatever angle it starts with; another steady cycle is "
+                    f"{math.degrees(answer.elsewhere):.2f} deg away"
+                )
+
+
+def _columns(titles: Sequence[str], *, words: int = 0) -> tuple[Column, ...]:
+    return tuple(Column(title, words=number < words) for number, title in enumerate(titles))
+
+
+def _only(cell: str, column: int, columns: int) -> tuple[str, ...]:
+    """A row with one cell."""
+    return tuple(cell if number == column else "" for number in range(columns))

@@ -1,0 +1,439 @@
+"""A figure, described once: what Matplotlib draws on paper and Plotly on a screen.
+
+A figure is a column of panels over one horizontal axis. A panel holds curves, spans and words; a
+curve is a role, which gives its looks, and two arrays, which both renderers draw as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from planner.report.style import GRID, LIMIT, MUTED, Role
+from planner.trajectory import Array
+
+MOST_MILLISECONDS = 5000.0
+"""Longer motions are shown in seconds [ms]."""
+
+MARGIN = 0.06
+"""Room beside the values of an axis, as a share of what they span."""
+
+NEAR = 0.6
+"""A limit is drawn within this share of the requests' range beyond them: one far away would press
+the curves into a line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line, or marks, through points.
+
+    Attributes:
+        role: What it stands for, with its looks.
+        x: Horizontal values in the unit of the figure's axis, shape (n,).
+        y: Vertical values in the unit of the panel's axis, shape (n,); NaN leaves a gap.
+        label: Its name in legends; the role's own by default. Equal names are hidden together.
+        legend: Whether legends have it; a line for reference is not in them.
+        marks: Draw marks instead of a line: rings or dots.
+        opacity: Of dots.
+        held: Whether each value holds until the next.
+        hidden: Whether only a screen shows it, and only on demand.
+        notes: Words that a screen adds to each value under the pointer, n of them or none.
+    """
+
+    role: Role
+    x: Array
+    y: Array
+    label: str = ""
+    legend: bool = True
+    marks: Literal["", "rings", "dots"] = ""
+    opacity: float = 1.0
+    held: bool = False
+    hidden: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What legends call it."""
+        return self.label or self.role.label
+
+
+@dataclass(frozen=True)
+class Span:
+    """A shaded part of one axis of a panel.
+
+    Attributes:
+        start: Its beginning, in the unit of the axis.
+        end: Its end, likewise.
+        role: Whose colour it has.
+        opacity: How much of that colour.
+        along: The axis.
+        words: What it is, written at its upper end.
+        words_side: At which end of a horizontal span they stand.
+        legend: What the legend on paper calls it.
+        hatch: Pattern on paper, which distinguishes spans without colours.
+    """
+
+    start: float
+    end: float
+    role: Role
+    opacity: float
+    along: Literal["x", "y"] = "x"
+    words: str = ""
+    words_side: Literal["left", "right"] = "right"
+    legend: str = ""
+    hatch: str = ""
+
+
+@dataclass(frozen=True)
+class Words:
+    """Words in a panel; ``v_max`` is written with its index.
+
+    Attributes:
+        text: The words.
+        x: Where they stand, in the unit of the axis.
+        y: Likewise.
+        across: Which side of them is at x.
+        upward: Which side of them is at y.
+        bold: Whether they are a heading.
+    """
+
+    text: str
+    x: float
+    y: float
+    across: Literal["left", "center", "right"] = "center"
+    upward: Literal["top", "middle", "bottom"] = "middle"
+    bold: bool = False
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One side of a panel.
+
+    Attributes:
+        title: The quantity; its unit is added.
+        unit: Unit of the values; "" where the axis has names.
+        range: Least and largest value shown; chosen by the curves where it is None.
+        names: Words at some values, instead of numbers.
+        decimals: Of a value under the pointer.
+        from_zero: Whether zero is at the bottom.
+        least: Smallest extent that is shown, so that rounding does not look like a motion.
+        note: What follows the title and its unit.
+    """
+
+    title: str
+    unit: str = ""
+    range: tuple[float, float] | None = None
+    names: Mapping[float, str] | None = None
+    decimals: int = 2
+    from_zero: bool = False
+    least: float = 0.0
+    note: str = ""
+
+    @property
+    def words(self) -> str:
+        """The title with the unit."""
+        return (f"{self.title} [{self.unit}]" if self.unit else self.title) + self.note
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves of one quantity.
+
+    Attributes:
+        y: The vertical axis.
+        curves: The curves; later ones lie over earlier ones.
+        title: What it is about, such as the name of a joint.
+        spans: Shades behind the curves.
+        words: Words between them.
+        height: Height beside that of a usual panel.
+    """
+
+    y: Axis
+    curves: tuple[Curve, ...]
+    title: str = ""
+    spans: tuple[Span, ...] = ()
+    words: tuple[Words, ...] = ()
+    height: float = 1.0
+
+    @property
+    def y_range(self) -> tuple[float, float] | None:
+        """Ends of the vertical axis, where they are not left to the renderer."""
+        if self.y.range is not None or not self.y.least:
+            return self.y.range
+        low, high = around([curve.y for curve in self.curves], margin=0.0)
+        if high - low >= self.y.least:
+            return None
+        middle = 0.5 * (low + high)
+        return middle - 0.5 * self.y.least, middle + 0.5 * self.y.least
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How a leg moves.
+
+    Attributes:
+        role: What it stands for, with its looks.
+        points: Where its joints and, last, its foot are [m], shape (n, joints + 1, 3).
+        distances: How far the foot is from where it should be [m], shape (n,), or None.
+        hidden: Whether it is drawn only on demand.
+    """
+
+    role: Role
+    points: Array
+    distances: Array | None = None
+    hidden: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Movie:
+    """A moving leg, which takes the place of the figure on a screen.
+
+    Attributes:
+        motions: The motions, each of n samples; later ones lie over earlier ones.
+        period: Time between samples [s].
+        cyclic: Whether they repeat.
+        ground: Height of the ground [m], if there is one.
+    """
+
+    motions: tuple[Motion, ...]
+    period: float
+    cyclic: bool
+    ground: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Numbers of joints over time, which take the place of the figure on a screen.
+
+    Attributes:
+        joints: The joints.
+        units: The unit of each.
+        kinds: What is known of them: values by name, shape (n,) or None for each joint.
+        period: Time between samples [s].
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    kinds: Mapping[str, Sequence[Array | None]]
+    period: float
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A column of panels over one axis.
+
+    Attributes:
+        name: Name of its files, and its identifier on a page.
+        title: What it is about, in a few words.
+        caption: What to see in it.
+        x: The horizontal axis.
+        panels: The panels, from the top.
+        over_time: Whether that axis is time.
+        equal: Whether a unit is as long along both axes.
+        clock: How many units of the axis a second is, where the figure follows the moving leg of
+            its page and is zoomed in time with the others that do; or None.
+        views: Parts of the axis that a button of that name brings into view.
+        movie: What a screen shows in its place.
+        moments: The same, where there are numbers to show and no leg.
+        live: Whether a screen shows more than the figure on paper.
+        kind: How a page places it: "" or "wide", or "close", which a wide one replaces.
+    """
+
+    name: str
+    title: str
+    caption: str
+    x: Axis
+    panels: tuple[Panel, ...]
+    over_time: bool = False
+    equal: bool = False
+    clock: float | None = None
+    views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    movie: Movie | None = None
+    moments: Moments | None = None
+    live: bool = True
+    kind: str = ""
+
+    @property
+    def description(self) -> str:
+        """What it shows, for those who cannot see it: its axes, panels and curves."""
+        curves = [curve for panel in self.panels for curve in panel.curves if curve.legend]
+        parts = {
+            "axes": [*(panel.y.words for panel in self.panels), self.x.words],
+            "panels": [panel.title for panel in self.panels],
+            "curves": [curve.name for curve in curves if not curve.hidden],
+        }
+        said = [
+            f"{kind}: {', '.join(dict.fromkeys(filter(None, names)))}"
+            for kind, names in parts.items()
+            if any(names)
+        ]
+        return f"{self.title}. {'; '.join(said)}"
+
+    @property
+    def x_range(self) -> tuple[float, float]:
+        """Ends of the horizontal axis."""
+        if self.x.range is not None:
+            return self.x.range
+        values = [curve.x for panel in self.panels for curve in panel.curves]
+        return around(values, margin=0.0 if self.over_time else MARGIN)
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """The samples of a motion on an axis of time.
+
+    Attributes:
+        period: Time between samples [s].
+        samples: Number of samples.
+        cyclic: Whether the last is followed by the first.
+    """
+
+    period: float
+    samples: int
+    cyclic: bool = True
+
+    @property
+    def unit(self) -> str:
+        """Milliseconds, or seconds for a long motion."""
+        return "ms" if 1000.0 * self.period * self.samples <= MOST_MILLISECONDS else "s"
+
+    @property
+    def per_second(self) -> float:
+        """Units of the axis in a second."""
+        return 1000.0 if self.unit == "ms" else 1.0
+
+    @property
+    def step(self) -> float:
+        """Units of the axis from a sample to the next."""
+        return self.period * self.per_second
+
+    @property
+    def last(self) -> int:
+        """The sample at the end of the axis."""
+        return self.samples if self.cyclic else self.samples - 1
+
+    @property
+    def axis(self) -> Axis:
+        """The axis of time."""
+        return Axis(
+            "time",
+            self.unit,
+            (0.0, self.step * self.last),
+            decimals=_decimals(self.step),
+            note="; it repeats" if self.cyclic else "",
+        )
+
+    def curve(
+        self, values: Array, role: Role, label: str = "", *, held: bool = False,
+        hidden: bool = False, notes: Sequence[str] = (),
+    ) -> Curve:  # fmt: skip
+        """A value per sample, shape (n,); of a cycle up to where it begins again."""
+        again = self.cyclic
+        drawn = np.append(values, values[0]) if again else values
+        times = self.step * np.arange(float(len(drawn)))
+        all_notes = (*notes, *notes[:1]) if again else tuple(notes)
+        return Curve(role, times, drawn, label, held=held, hidden=hidden, notes=all_notes)
+
+    def degrees(
+        self, angles: Array, role: Role, label: str = "", *, held: bool = False,
+        hidden: bool = False,
+    ) -> Curve:  # fmt: skip
+        """An angle per sample [rad], drawn in degrees."""
+        return self.curve(np.degrees(angles), role, label, held=held, hidden=hidden)
+
+    def cycles(self, values: Array, role: Role, label: str = "", *, hidden: bool = False) -> Curve:
+        """Every cycle of some values, shape (cycles, n), with gaps between them."""
+        each = [self.curve(row, role) for row in values]
+        return Curve(role, joined(one.x for one in each), joined(one.y for one in each), label,
+                     hidden=hidden)  # fmt: skip
+
+    def path(self, positions: Array, role: Role, across: int = 0) -> Curve:
+        """A path of the foot [m], shape (n, 3), in centimetres, with the time at its points.
+
+        ``across`` is the coordinate that is horizontal; z is upward.
+        """
+        seen = 100.0 * (np.vstack([positions, positions[:1]]) if self.cyclic else positions)
+        times = tuple(f"{self.step * k:g} {self.unit}" for k in range(len(seen)))
+        return Curve(role, seen[:, across], seen[:, 2], notes=times)
+
+    def figure(
+        self,
+        name: str,
+        panels: Sequence[Panel],
+        words: tuple[str, str],
+        *,
+        clock: bool = False,
+    ) -> Figure:
+        """Panels over time.
+
+        Args:
+            name: The figure's name.
+            panels: Its panels.
+            words: Title and caption.
+            clock: Whether it follows the moving leg of its page.
+        """
+        return Figure(
+            name, *words, self.axis, tuple(panels), over_time=True,
+            clock=self.per_second if clock else None,
+        )  # fmt: skip
+
+
+def around(values: Iterable[Array], *, margin: float = MARGIN) -> tuple[float, float]:
+    """The ends of an axis on which all values lie, with room on both sides."""
+    known = [each[np.isfinite(each)] for each in values]
+    every = np.concatenate([*known, np.empty(0)])
+    if not len(every):
+        return -1.0, 1.0
+    low, high = float(every.min()), float(every.max())
+    room = margin * (high - low)
+    return low - room, high + room
+
+
+def joined(parts: Iterable[Array]) -> Array:
+    """Several curves as one, with gaps between them."""
+    return np.concatenate([np.append(part, np.nan) for part in parts])[:-1]
+
+
+def line(x: Sequence[float], y: Sequence[float], role: Role = MUTED) -> Curve:
+    """A line for reference, which no legend has."""
+    return Curve(replace_width(role, 0.9), np.asarray(x, float), np.asarray(y, float), legend=False)
+
+
+def replace_width(role: Role, width: float) -> Role:
+    """The role in another width."""
+    return role._replace(width=width)
+
+
+def near_limits(
+    limits: tuple[float, float] | None, requests: Curve, *, end: float
+) -> tuple[Curve, ...]:
+    """The limits of requests, in their unit, that are near enough to be drawn.
+
+    Args:
+        limits: Smallest and largest request, or None.
+        requests: The requests.
+        end: End of the axis of time.
+    """
+    low, high = around([requests.y], margin=NEAR)
+    return tuple(
+        Curve(LIMIT, np.array([0.0, end]), np.full(2, limit))
+        for limit in limits or ()
+        if low <= limit <= high
+    )
+
+
+def leg_sketches(poses: Array, across: int) -> list[Curve]:
+    """A leg's links at some moments [m], shape (poses, joints + 1, 3); the first stands out."""
+    sketches = []
+    for number, points in enumerate(100.0 * poses):
+        looks = replace_width(GRID, 2.5 if number else 9.0)
+        sketches.append(Curve(looks, points[:, across], points[:, 2], "leg", legend=False))
+    return sketches[::-1]
+
+
+def _decimals(step: float) -> int:
+    """Decimals of a time that distinguish samples, three at most."""
+    return next((many for many in range(3) if abs(round(step, many) - step) < 1e-9), 3)

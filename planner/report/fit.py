@@ -1,0 +1,95 @@
+"""The figure of a fit: its lines, those at the top speed, and what other numbers of lines give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
+from planner.report.matplotlib_figure import draw_grid
+from planner.report.page import heading
+from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, MUTED
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Picture
+
+    from planner.approximation.fit import Choices, PiecewiseLinearFit
+
+COLUMN = 4.2
+"""Width of a column [inch]."""
+
+AT_TOP_SPEED = 0.999
+"""A line at this share of the top speed, or more, is at the top speed."""
+
+FLAT = 0.05
+"""Least height of a figure of errors, relative to the lower bound: less is no difference."""
+
+LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
+FAST = DIRECT._replace(label="at the top speed", width=2.0)
+BOUND = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
+
+
+def fits_figure(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Picture:
+    """Every joint's samples and lines, with error against number of lines beside them."""
+    parts = []
+    for name, fit in fits.items():
+        parts += [fit_figure(name, fit), choices_figure(choices[name], fit)]
+    return draw_grid(parts, columns=2, width=COLUMN)
+
+
+def fit_figure(name: str, fit: PiecewiseLinearFit) -> Figure:
+    """A joint's samples, and the lines through them."""
+    timeline = Timeline(fit.tick, fit.samples, fit.cyclic)
+    step, last = timeline.step, timeline.last
+    # The curve from the first sample to the last, cut at every knot inside.
+    inside = fit.knots[(fit.knots > 0) & (fit.knots < last)]
+    cuts = np.unique(np.concatenate([[0.0], inside, [last]]))
+    heights = np.degrees(fit(cuts))
+    shares = np.abs(fit.slope_at(0.5 * (cuts[:-1] + cuts[1:]))) / fit.v_max
+    fast = np.flatnonzero(shares >= AT_TOP_SPEED)
+    curves = [
+        timeline.degrees(fit.desired, DESIRED),
+        Curve(LINES, step * cuts, heights),
+    ]
+    if len(fast):
+        pairs = np.stack([fast, fast + 1], axis=1)
+        curves.append(Curve(FAST, step * joined(cuts[pairs]), joined(heights[pairs])))
+    knots = np.mod(fit.knots, fit.samples) if fit.cyclic else fit.knots
+    curves.append(Curve(INK, step * knots, np.degrees(fit.values), "knots", marks="rings"))
+    return timeline.figure(
+        "fit",
+        [Panel(Axis("angle", "deg"), tuple(curves), height=1.3)],
+        (
+            f"{heading(name)}: {fit.segments} lines, rms {np.degrees(fit.rms):.2f}°",
+            "The samples, and the lines through them.",
+        ),
+    )
+
+
+def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
+    """Error against number of lines, its lower bound, and the automatic choice."""
+    numbers, errors = np.array(choices.segments, float), np.degrees(choices.rms)
+    bound = float(np.degrees(choices.floor))
+    top = float(np.max(errors, initial=bound))
+    room = max(top - bound, FLAT * bound, 1e-9)
+    low, high = max(0.0, bound - 0.25 * room), bound + 1.1 * room
+    ends = np.array([numbers.min(), numbers.max()])
+    curves = [
+        line((fit.segments, fit.segments), (low, high), MUTED),
+        Curve(BOUND, ends, np.full(2, bound)),
+        Curve(INK._replace(width=1.2), numbers, errors, "rms error"),
+        Curve(INK, numbers, errors, "numbers of lines", legend=False, marks="dots"),
+    ]
+    if choices.automatic in choices.segments:
+        at = choices.segments.index(choices.automatic)
+        curves.append(Curve(APPROXIMATION, numbers[[at]], errors[[at]], "automatic", marks="rings"))
+    return Figure(
+        "choices",
+        "Other numbers of lines",
+        "The error of each number of lines; no lines within the top speed have less than the lower "
+        "bound.",
+        Axis("number of lines", names={each: f"{each:.0f}" for each in numbers}),
+        (Panel(Axis("rms error", "deg", (low, high)), tuple(curves), height=1.3),),
+    )

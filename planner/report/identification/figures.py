@@ -1,0 +1,350 @@
+"""The figures of an identification: f from data, intervals, errors, and every log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.identification.result import Identification, LogFit, SpeedPoints, speed_against_error
+from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line, replace_width
+from planner.report.identification.words import (
+    NAMES,
+    errors,
+    estimate,
+    parameters,
+    unit_of,
+    units_of,
+)
+from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, REQUESTED, Role
+from planner.report.table import signed
+from planner.trajectory import Array
+
+MOST_POINTS = 1500
+"""Points of each kind of a cloud that are drawn, evenly chosen: enough to see a shape, and a light
+page."""
+
+BINS = 10_000
+"""Parts of a log, of which each is drawn by its least and its largest value; a log of twice as many
+rows, over three minutes at 100 Hz, is drawn row by row."""
+
+CLOSE_UP = 3.0
+"""Length of the part that is drawn by itself [s]: some ten answers of a hobby servo."""
+
+DOWNWEIGHTED = 0.5
+"""Rows whose weight is below this are marked as outliers."""
+
+MEASURED = INK._replace(label="measured", width=1.2)
+FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
+UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4, dashes="-")
+BAR = 9.0
+"""Width of a bar [pt]."""
+
+SHORT = {"theta_0": "θ₀", "gain": "v_max / θ₀"}
+"""What long names are beside a strip."""
+
+SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+"""Where the numbers below a strip stand."""
+
+
+class Cloud(NamedTuple):
+    """The points of all logs, the largest error that is shown [rad], and the speed [rad/s]."""
+
+    points: SpeedPoints
+    reach: float
+    highest: float
+
+
+def cloud_of(found: Identification) -> Cloud:
+    """All points of an identification, and the part of the plane that nearly all of them are in."""
+    model = found.model
+    clouds = [speed_against_error(model, fit) for fit in found.fits]
+    points = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
+    reach = 2.0 * model.theta_0
+    if len(points.errors):
+        most = 1.1 * float(np.quantile(np.abs(points.errors), 0.99))
+        beyond = max(1.3 * model.theta_0, min(most, 5.0 * model.theta_0))
+        reach = max(most, 1e-9) if most < model.theta_0 else beyond
+    shown = np.abs(points.speeds[np.abs(points.errors) <= reach])
+    most = float(np.quantile(shown, 0.995)) if len(shown) else 0.0
+    return Cloud(points, reach, 1.15 * max(float(model.speed(reach)), most))
+
+
+def cloud_figure(found: Identification, prefix: str = "") -> Figure:
+    """The paper's Figure 5 from data: speed against error, with the identified f over it."""
+    model, units = found.model, units_of(found)
+    points, reach, highest = cloud_of(found)
+    factor = units.factor
+    finite = np.isfinite(points.errors) & np.isfinite(points.speeds)
+    curves = [line((-factor * reach, factor * reach), (0, 0)), line((0, 0), (-factor * highest,
+              factor * highest))]  # fmt: skip
+    for chosen, role, opacity, name in (
+        (finite & points.apart, MUTED, 0.3, "window across a corner of f"),
+        (finite & ~points.apart, INK, 0.6, "measured"),
+    ):
+        some = np.flatnonzero(chosen)
+        some = some[:: max(1, math.ceil(len(some) / MOST_POINTS))]
+        if len(some):
+            x, y = factor * points.errors[some], factor * points.speeds[some]
+            curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
+    far = max(reach, float(np.max(np.abs(points.errors[finite]), initial=0.0)))
+    corner = min(model.theta_0, far)
+    ends = np.array([-far, -corner, corner, far])
+    speeds = factor * model.speed(ends)
+    words: tuple[Words, ...] = ()
+    if found.saturates and model.theta_0 <= reach:
+        corner, top = factor * model.theta_0, factor * model.v_max
+        curves.append(line((corner, corner), (0.0, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
+        words = (
+            Words("θ₀", corner, 0.0, upward="top"),
+            Words("v_max", -factor * reach, top, across="left"),
+        )
+    curves.append(Curve(replace_width(CLOSED_FORM, 2.4), factor * ends, speeds, "f, identified"))
+    age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)
+    unbounded = "" if found.saturates else " Its level ends are a guess: no data is there."
+    return Figure(
+        f"{prefix}speed",
+        "Figure 5 from data: the function f",
+        "One dot per interval between two rows: upwards the change of the measured angle over the "
+        f"interval by its duration, to the right the mean of the requests {age:.0f} to "
+        f"{oldest:.0f} ms old, plus the static sag, minus the angle. Dots of a window that lies "
+        "on both sides of a corner of f are pale: they may lie off the line. The line is f with "
+        f"the identified v_max and θ₀; it was not fitted to these dots.{unbounded}",
+        Axis("request minus angle", units.angle, (-factor * reach, factor * reach), decimals=3),
+        (
+            Panel(
+                Axis("speed", units.speed, (-factor * highest, factor * highest)),
+                tuple(curves),
+                words=words,
+                height=2.2,
+            ),
+        ),
+    )
+
+
+def intervals_figure(found: Identification, prefix: str = "") -> Figure:
+    """Every estimate and its 95 % interval, on a scale from nothing to twice the estimate."""
+    curves, words, names = list[Curve](), list[Words](), dict[float, str]()
+    for k, row in enumerate(parameters(found)):
+        value, interval = estimate(found, row.name)
+        factor, unit = unit_of(found, row.name)
+        least, most = _strip(found, row.name, value)
+        marks = (least, 0.5 * (least + most), most)
+        low, high, estimated, *ends = (
+            100.0 * (each - least) / (most - least)
+            for each in (*np.clip(interval, least, most), value, *marks)
+        )
+        role = CLOSED_FORM if row.known else DIRECT
+        label = "95 % interval" if row.known else "interval without an end"
+        y = float(k)
+        curves += [
+            _stroke(GRID, (0, 100), (y, y), BAR, "", legend=False),
+            _stroke(role, (low, high), (y, y), BAR, label),
+            _stroke(INK, (estimated, estimated), (y - 0.22, y + 0.22), 2.0, "estimate"),
+        ]
+        words += [
+            Words(signed(f"{factor * mark:.3g}"), end, y + 0.18, across, "top")
+            for mark, end, across in zip(marks, ends, SIDES, strict=True)
+        ]
+        names[y] = f"{SHORT.get(row.name, NAMES[row.name])} [{unit}]"
+    return Figure(
+        f"{prefix}intervals",
+        "The parameters and their 95 % intervals",
+        "Every strip runs from zero to twice the estimate, that of a short lag to the time between "
+        "requests, and that of the static sag as far to either side; the short upright line is the "
+        "estimate, the bar its interval, which may go on beyond the strip.",
+        Axis("", range=(-1.0, 101.0), names={}),
+        (
+            Panel(
+                Axis("", range=(len(names) - 0.3, -0.5), names=names),
+                tuple(curves),
+                words=tuple(words),
+                height=0.4 * len(names),
+            ),
+        ),
+        live=False,
+    )
+
+
+def _strip(found: Identification, name: str, value: float) -> tuple[float, float]:
+    """The ends of a parameter's strip: those of the lag in milliseconds that matter."""
+    model = found.model
+    if name == "offset":
+        most = max(0.25 * model.theta_0, 1.5 * abs(value))
+        return -most, most
+    if name == "lag":
+        return 0.0, max(2.0 * value, model.period)
+    if name == "v_offset":
+        return -model.v_max, model.v_max
+    return 0.0, 2.0 * value if value else 1.0
+
+
+def alternatives_figure(found: Identification, prefix: str = "") -> Figure:
+    """How far off each description is, on all rows and on those held out."""
+    units, entries = units_of(found), errors(found)
+    curves, words = list[Curve](), list[Words]()
+    for k, error in enumerate(entries):
+        y, rms, unseen = float(k), units.factor * error.rms, units.factor * error.telling
+        role = MUTED if error.name else CLOSED_FORM
+        curves.append(_stroke(role, (0.0, rms), (y, y), 1.5 * BAR, "all rows"))
+        if error.held_out is not None:
+            curves.append(
+                _stroke(OPTIMAL, (unseen, unseen), (y - 0.34, y + 0.34), 2.6, "rows held out")
+            )
+        words.append(Words(f"{unseen:.3g}", max(rms, unseen), y, "left"))
+    most = max(units.factor * max(error.rms, error.telling) for error in entries)
+    return Figure(
+        f"{prefix}alternatives",
+        "Error of each description",
+        "Rms error of four descriptions of the same rows: that the joint is where the request is, "
+        "that it is there later, that it follows a first-order lag, and the joint model. The "
+        "number is the error on rows held out, where there are any.",
+        Axis("rms error", units.angle, (0.0, 1.15 * most or 1.0)),
+        (
+            Panel(
+                Axis("", range=(len(entries) - 0.5, -0.5),
+                     names={float(k): error.words for k, error in enumerate(entries)}),
+                tuple(curves),
+                words=tuple(words),
+                height=0.3 * len(entries),
+            ),
+        ),
+        live=False,
+    )  # fmt: skip
+
+
+def _stroke(
+    role: Role, x: Sequence[float], y: Sequence[float], width: float, label: str,
+    *, legend: bool = True,
+) -> Curve:  # fmt: skip
+    """A bar, or a mark across one."""
+    looks = role._replace(width=width, dashes="-")
+    return Curve(looks, np.asarray(x, float), np.asarray(y, float), label, legend=legend)
+
+
+def log_figures(found: Identification, fit: LogFit, prefix: str) -> list[Figure]:
+    """A log: on paper the part to look at closely, and the whole, into which a screen zooms."""
+    units, noise, log = units_of(found), found.noise, fit.log
+    times = log.times - log.times[0]
+    close = close_up(fit)
+    held = fit.held_out.any()
+    unseen = "; where the model is green, it was fitted without these rows" if held else ""
+    shaded = " The shaded part was held out." if held else ""
+    level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
+    below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
+    whole = Figure(
+        f"{prefix}whole",
+        "The whole log",
+        f"Requests, measured angles and prediction over all of it. {below}; outliers are rows that "
+        "the robust fit counted by less than half. There is no prediction where the torque was off "
+        f"or the requests before are not known.{shaded}",
+        Axis("time", "s", (0.0, float(times[-1])), decimals=3),
+        _log_panels(found, fit, np.arange(len(times))),
+        over_time=True,
+        views={
+            "whole log": (0.0, float(times[-1])),
+            "close-up": (float(times[close[0]]), float(times[close[-1]])),
+        },
+        kind="wide",
+    )
+    detail = replace(
+        whole,
+        name=f"{prefix}close_up",
+        title="Close up",
+        caption=f"The {CLOSE_UP:g} seconds in which the joint is farthest from its requests"
+        f"{unseen}. {below}.",
+        x=Axis("time", "s", (float(times[close[0]]), float(times[close[-1]])), decimals=3),
+        panels=_log_panels(found, fit, close),
+        kind="close",
+        live=False,
+    )
+    return [detail, whole]
+
+
+def _log_panels(
+    found: Identification, fit: LogFit, rows: npt.NDArray[np.intp]
+) -> tuple[Panel, Panel]:
+    """Some rows of a log: requests, angles and prediction, and below them the residuals."""
+    units, log = units_of(found), fit.log
+    times = (log.times - log.times[0])[rows]
+    requests, angles = units.factor * log.requests[rows], units.factor * log.angles[rows]
+    predicted = units.factor * prediction(fit)[rows]
+    held_out, residuals = fit.held_out[rows], angles - predicted
+    above = [
+        _log_curve(replace_width(REQUESTED, 1.1), times, requests, held=True),
+        _log_curve(MEASURED, times, angles),
+        _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
+        _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
+    ]
+    outliers = np.flatnonzero(fit.used[rows] & (fit.weights[rows] < DOWNWEIGHTED))
+    below = [
+        _log_curve(INK._replace(label="residual", width=0.9), times, residuals),
+        Curve(DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
+    ]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
+    shades = [
+        Span(float(times[start]), float(times[end - 1]), GRID, 0.45, legend="held out")
+        for start, end in zip(edges[::2], edges[1::2], strict=True)
+        if end - start < len(rows)
+    ]
+    band = 2.0 * units.factor * found.noise
+    noise = [Span(-band, band, CLOSED_FORM, 0.16, "y", legend="± 2 noise")]
+    quantity = "angle" if units.si else "position"
+    return (
+        Panel(Axis(quantity, units.angle), _drawn(above), spans=tuple(shades), height=1.9),
+        Panel(
+            Axis("residual", units.angle),
+            _drawn(below),
+            "measured − predicted",
+            spans=(*shades, *(noise if math.isfinite(band) else [])),
+        ),
+    )
+
+
+def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
+    """The rows of the seconds to look at closely, of those held out if there are any."""
+    log = fit.log
+    rows = fit.held_out & fit.used if (fit.held_out & fit.used).any() else fit.used
+    error = np.where(rows, (log.requests - log.angles) ** 2, 0.0)
+    summed = np.concatenate([[0.0], np.cumsum(error)])
+    ends = np.searchsorted(log.times, log.times + CLOSE_UP, side="right")
+    whole = log.times + CLOSE_UP <= log.times[np.flatnonzero(rows)[-1]]
+    found = summed[ends] - summed[:-1]
+    start = int(np.argmax(np.where(whole, found, -1.0))) if whole.any() else 0
+    return np.arange(start, ends[start])
+
+
+def prediction(fit: LogFit) -> Array:
+    """The prediction of each row [rad], by a model that had not seen it where there is one."""
+    return np.where(fit.held_out, fit.held_out_predicted, fit.predicted)
+
+
+def thinned(times: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Array]:
+    """A curve for drawing: of every part the least and the largest value, NaN where it has none."""
+    if len(values) <= 2 * bins:
+        return times, values
+    chosen = []
+    for rows in np.array_split(np.arange(len(values)), bins):
+        finite = rows[np.isfinite(values[rows])]
+        if not len(finite):
+            chosen.append(rows[:1])
+            continue
+        ends = (finite[np.argmin(values[finite])], finite[np.argmax(values[finite])])
+        chosen.append(np.unique(ends))
+    kept = np.concatenate(chosen)
+    return times[kept], values[kept]
+
+
+def _log_curve(role: Role, times: Array, values: Array, *, held: bool = False) -> Curve:
+    """A curve without the rows before its first and after its last value."""
+    finite = np.flatnonzero(np.isfinite(values))
+    span = slice(finite[0], finite[-1] + 1) if len(finite) else slice(0)
+    return Curve(role, *thinned(times[span], values[span]), held=held)
+
+
+def _drawn(curves: Sequence[Curve]) -> tuple[Curve, ...]:
+    return tuple(curve for curve in curves if len(curve.y))

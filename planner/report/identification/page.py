@@ -1,0 +1,293 @@
+"""The page about identified joints: what holds first, where it comes from last."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from planner._version import __version__
+from planner.identification.result import Identification, speed_against_error
+from planner.report.identification.figures import (
+    alternatives_figure,
+    cloud_figure,
+    intervals_figure,
+    log_figures,
+)
+from planner.report.identification.words import (
+    NAMES,
+    errors,
+    errors_table,
+    known,
+    of_several,
+    parameters,
+    parameters_table,
+    telling_error,
+    units_of,
+    verdict,
+)
+from planner.report.page import (
+    Card,
+    LinkedFile,
+    Page,
+    Section,
+    heading,
+    origin_lists,
+    parameters_of,
+)
+from planner.report.table import NOTHING, Column, Row, Table, percent
+
+
+class Joint(NamedTuple):
+    """What the page says about one joint: its name, its identifier, and what was identified."""
+
+    name: str
+    anchor: str
+    found: Identification
+    prefix: str
+
+
+def identification_page(
+    identifications: Mapping[str, Identification], *, files: Sequence[LinkedFile] = ()
+) -> str:
+    """The whole page.
+
+    Args:
+        identifications: By joint; "" for one without a name.
+        files: Files of the run to link to.
+    """
+    from markupsafe import Markup
+
+    several = len(identifications) > 1
+    joints = [
+        Joint(name, re.sub(r"\W+", "-", f"{prefix}{name or 'joint'}"), found, prefix)
+        for k, (name, found) in enumerate(identifications.items(), 1)
+        for prefix in [f"joint{k}_" if several else ""]
+    ]
+    first = joints[0]
+    page = Page(
+        heading=heading(first.name or "a joint")
+        + (", identified" if first.found.accepted else ", not identified"),
+        eyebrow=f"request-planner identify · {len(first.found.fits)} "
+        f"log{'s' * (len(first.found.fits) > 1)}",
+        verdict=_verdict(first.found),
+        sections=_sections(first),
+        footer=Markup(FOOTER),
+        good=first.found.accepted,
+        remarks=first.found.warnings,
+        cards=cards(first.found),
+        figure=None if several else cloud_figure(first.found, first.prefix),
+        listings=origin_lists((), files),
+    )
+    if several:
+        said = of_several([joint.found for joint in joints])
+        page = replace(
+            page,
+            heading=f"{len(joints)} joints, identified",
+            eyebrow="request-planner identify",
+            verdict=Markup(
+                f"<strong>{said[0].upper()}{said[1:]}</strong>: what is "
+                "known of each, and what it adds, follows joint by joint."
+            ),
+            good=all(joint.found.accepted for joint in joints),
+            remarks=(),
+            cards=(),
+            sections=[
+                Section("", OVERVIEW, {"joints": joints, "table": joints_table(joints),
+                                       "where": telling_error(first.found)[1]}),
+                *(section for joint in joints for section in (_head(joint), *_sections(joint))),
+            ],
+        )  # fmt: skip
+    return page.html()
+
+
+OVERVIEW = """
+{{ table }}
+<p class="note">The error is that {{ where }}. In detail:
+{% for joint in joints %}
+<a href="#{{ joint.anchor }}">{{ joint.name or "unnamed" }}</a>{{ ", " if not loop.last else "." }}
+{% endfor %}</p>
+"""
+
+HEAD = """
+<h2 class="joint" id="{{ joint.anchor }}">{{ heading(joint.name or "unnamed") }}</h2>
+<div class="hero">
+<div><p class="verdict{{ "" if joint.found.accepted else " no" }}">{{ verdict }}</p>
+{% if joint.found.warnings %}
+<ul class="warnings" aria-label="Warnings">
+{% for warning in joint.found.warnings %}<li>{{ warning }}</li>{% endfor %}
+</ul>
+{% endif %}
+</div>
+{{ show(cloud) }}
+</div>
+{% include "cards.html" %}
+"""
+
+KNOWN = """
+<div class="facts">
+<div>
+{{ table }}
+<p class="note">The intervals hold if the model does; its residuals are below.
+{% if share == 0.0 %}The joint never was at its top speed for a whole window: of v<sub>max</sub> and
+  θ<sub>0</sub> this log shows little more than the ratio.
+{% else %}The joint was at its top speed in {{ share | percent(1) }} of the measured intervals,
+  their whole window
+  through: there v<sub>max</sub> is read off, and below it the ratio to θ<sub>0</sub>.
+{% endif %}</p>
+</div>
+{{ show(intervals) }}
+</div>
+"""
+
+ADDS = """
+<div class="facts">
+<div>
+{{ table }}
+<p class="note">Held out: the second part of every log, predicted by a model that was fitted to the
+  first part only.
+  The joint moves about its mean by {{ signal }} (standard deviation).</p>
+</div>
+{{ show(alternatives) }}
+</div>
+"""
+
+LOGS = """
+{{ hints }}
+{% for name, error, shown in logs %}
+<h3 class="log">{{ name | breakable }} <small class="note">{{ error }} rms</small></h3>
+{{ figures(shown) }}
+{% endfor %}
+"""
+
+ORIGIN = """
+{{ table }}
+<p class="note">The model, as <code>plan --model</code> reads it:</p>
+<pre>{% for name in names %}
+{{ name }} = {{ model | attr(name) }}
+{% endfor %}</pre>
+"""
+
+FOOTER = (
+    f"request-planner {__version__} identify. The model is that of Stronger &amp; Stone, <cite>A "
+    "Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3, with lag and "
+    "acceleration time of any length."
+)
+
+
+def _head(joint: Joint) -> Section:
+    """The beginning of a joint's part of the page."""
+    return Section("", HEAD, {
+        "joint": joint,
+        "heading": heading,
+        "verdict": _verdict(joint.found),
+        "cloud": cloud_figure(joint.found, joint.prefix),
+        "cards": cards(joint.found),
+    })  # fmt: skip
+
+
+def _sections(joint: Joint) -> list[Section]:
+    """What is known of a joint, what the model adds, its logs, and where it comes from."""
+    found, prefix = joint.found, joint.prefix
+    logs = [
+        (fit.log.name, _angle(found, fit.rms), log_figures(found, fit, f"{prefix}log{k}_"))
+        for k, fit in enumerate(found.fits, 1)
+    ]
+    return [
+        Section("What is known, and how well", KNOWN, {
+            "table": parameters_table(found, NAMES, notes=True),
+            "share": saturated(found),
+            "intervals": intervals_figure(found, prefix),
+        }),
+        Section("What the model adds", ADDS, {
+            "table": errors_table(found),
+            "signal": _angle(found, found.signal),
+            "alternatives": alternatives_figure(found, prefix),
+        }),
+        Section("Log by log", LOGS, {"logs": logs}),
+        Section("Where it comes from", ORIGIN, {
+            "table": logs_table(found),
+            "names": parameters_of([asdict(found.model)]),
+            "model": found.model,
+        }),
+    ]  # fmt: skip
+
+
+def _verdict(found: Identification) -> str:
+    """The verdict, what it is worth, and what is known."""
+    from markupsafe import Markup
+
+    said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
+    head, tail = said.split(":", 1)
+    start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
+    return start + f"{tail}. {known(found)}"
+
+
+def _angle(found: Identification, radians: float | None) -> str:
+    """An angle in the unit of the page."""
+    units = units_of(found)
+    return NOTHING if radians is None else f"{units.factor * radians:.3g} {units.angle}"
+
+
+def cards(found: Identification) -> list[Card]:
+    """The key figures."""
+    error, where = telling_error(found)
+    number, _, unit = _angle(found, error).partition(" ")
+    short = {row.name: row.short for row in parameters(found)}
+    return [
+        Card(number, unit, f"rms error {where}; noise: {_angle(found, found.noise)}"),
+        Card(short["v_max"], "",
+             f"top speed; reached in {percent(saturated(found), 1)} of the measured intervals"),
+        Card(short["lag"], "",
+             f"lag, and then an acceleration time of {short['acceleration_time']}"),
+        Card(short["theta_0"], "",
+             f"error that calls for top speed; below, {short['gain']} of speed per error"),
+    ]  # fmt: skip
+
+
+def saturated(found: Identification) -> float:
+    """Share of the measured intervals that were wholly at the top speed."""
+    clouds = [speed_against_error(found.model, fit) for fit in found.fits]
+    intervals = sum(len(cloud.errors) for cloud in clouds)
+    return sum(int(np.sum(cloud.saturated)) for cloud in clouds) / max(1, intervals)
+
+
+def joints_table(joints: Sequence[Joint]) -> Table:
+    """Every joint in a row."""
+    rows = []
+    for joint in joints:
+        found = joint.found
+        delay = [error.telling for error in errors(found) if error.name == "delay"]
+        shown = (telling_error(found)[0], *delay) if delay else (telling_error(found)[0], None)
+        cells = (found.verdict if found.accepted else "does not fit",
+                 *(row.short for row in parameters(found) if row.name != "offset"),
+                 *(_angle(found, error) for error in shown))  # fmt: skip
+        kind = "" if found.accepted else "broken"
+        rows.append(Row(joint.name or "unnamed", cells, kind=kind))
+    titles = ("model", "top speed", "θ₀", "v_max/θ₀", "lag", "acceleration time",
+              "rms error", "best delay")  # fmt: skip
+    return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
+
+
+def logs_table(found: Identification) -> Table:
+    """Every log: its rows, its length, and how it was read."""
+    rows = tuple(
+        Row(
+            fit.log.name,
+            (
+                f"{fit.used.sum()} of {len(fit.used)}",
+                f"{fit.log.times[-1] - fit.log.times[0]:.1f}",
+                f"{1.0 / fit.log.period:.1f} Hz",
+                "; ".join(fit.log.notes),
+            ),
+        )
+        for fit in found.fits
+    )
+    columns = (
+        *map(Column, ("rows used", "seconds", "rate")),
+        Column("how it was read", words=True),
+    )
+    return Table("log", columns, rows, label="Logs")

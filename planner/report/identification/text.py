@@ -1,0 +1,206 @@
+"""An identification for the terminal and for the comments of its model file; a test signal too."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from planner._version import __version__
+from planner.identification.excitation import Excitation
+from planner.identification.result import Identification, Interval
+from planner.report.identification.words import (
+    SYMBOLS,
+    Parameter,
+    errors,
+    errors_table,
+    of_several,
+    parameters,
+    parameters_table,
+    units_of,
+    verdict,
+)
+from planner.report.table import NOTHING, text_table
+
+WIDTH = 96
+"""Of the lines [characters]."""
+
+SI = {
+    "v_max": "rad/s",
+    "theta_0": "rad",
+    "lag": "s",
+    "acceleration_time": "s",
+    "offset": "rad",
+    "dead_band": "rad",
+    "v_offset": "rad/s",
+    "compliance": "rad/(N m)",
+    "speed_per_torque": "rad/(s N m)",
+    "tick": "s",
+    "hold": "ticks",
+}
+"""Units of the keys of a model file."""
+
+
+HEADERS = {
+    "v_max": "v_max",
+    "theta_0": "theta_0",
+    "gain": "v_max/theta_0",
+    "acceleration_time": "acc. time",
+    "offset": "sag",
+}
+"""What a column of the table of several joints is called, where the key's words do not do."""
+
+
+def identification_text(identifications: Mapping[str, Identification]) -> str:
+    """What was found, the verdict first.
+
+    Args:
+        identifications: By joint; "" for one without a name. Several share a table.
+    """
+    if len(identifications) > 1:
+        return _several(identifications)
+    ((joint, identification),) = identifications.items()
+    head = f"{joint}: " if joint else ""
+    lines = [
+        head + verdict(identification),
+        parameters_table(identification, SYMBOLS).text(),
+        "",
+        errors_table(identification).text(),
+        *(f"warning: {warning}" for warning in identification.warnings),
+    ]
+    return "\n".join(lines)
+
+
+def _several(identifications: Mapping[str, Identification]) -> str:
+    found = {
+        joint: {row.name: row.short for row in parameters(each)}
+        for joint, each in identifications.items()
+    }
+    names = list(dict.fromkeys(name for values in found.values() for name in values))
+    rows = []
+    for joint, each in identifications.items():
+        holds = each.verdict if each.accepted else "DOES NOT FIT"
+        values = [found[joint].get(name, NOTHING) for name in names]
+        rows.append([joint, holds, *values, *_errors(each)])
+    header = ["joint", "model", *(HEADERS.get(name, name.replace("_", " ")) for name in names)]
+    lines = [
+        of_several(list(identifications.values())),
+        text_table([*header, "rms", "held out", "best delay"], rows),
+    ]
+    for joint, each in identifications.items():
+        lines += [f"{joint}: warning: {warning}" for warning in each.warnings]
+    return "\n".join(lines)
+
+
+def _errors(identification: Identification) -> list[str]:
+    """The model's errors, and that of the best delay."""
+    units = units_of(identification)
+    delays = [error.telling for error in errors(identification) if error.name == "delay"]
+    found = (identification.rms, identification.held_out_rms, delays[0] if delays else None)
+    return [NOTHING if e is None else f"{units.factor * e:.3g} {units.angle}" for e in found]
+
+
+def excitation_text(made: Excitation, expected: Identification, *, model: str) -> str:
+    """What a test signal would determine first, then how, then in numbers.
+
+    Args:
+        made: The signal.
+        expected: The identification of the expected joint from its answer.
+        model: What the expected joint is called.
+    """
+    found = parameters(expected)
+    heights = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
+    rows = [
+        [
+            SYMBOLS[row.name],
+            row.value,
+            row.interval,
+            "no" if not row.known else "roughly" if row.rough else "yes",
+            row.judgement,
+        ]
+        for row in found
+    ]
+    seconds = len(made.requests) * made.period
+    return "\n".join(
+        [
+            f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {_determined(found)}",
+            f"begins and ends at {math.degrees(made.centre):.4g} deg; the largest jump is "
+            f"{math.degrees(made.largest_jump):.4g} deg"
+            + (f"; step tests of {heights} deg" if heights else ""),
+            *textwrap.wrap(made.meaning, WIDTH),
+            f"expected of a joint like {model}:",
+            text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
+            _friction(expected),
+            *(f"identify would warn: {warning}" for warning in expected.warnings),
+        ]
+    )
+
+
+def _friction(expected: Identification) -> str:
+    """What a test signal would determine of dry friction, in a sentence."""
+    units = units_of(expected)
+    for term in expected.terms:
+        if term.name != "dead_band":
+            continue
+        if math.isinf(term.interval.upper):
+            return "dry friction: would not distinguish a dead band from a static sag"
+        half = term.interval.upper - expected.model.dead_band
+        accuracy = f"{units.factor * half:.2g} {units.angle}"
+        return f"dry friction: would determine the dead band to ± {accuracy}"
+    return "dry friction: would not be determined"
+
+
+def _determined(found: Sequence[Parameter]) -> str:
+    missing = [SYMBOLS[row.name] for row in found if not row.known]
+    rough = [SYMBOLS[row.name] for row in found if row.known and row.rough]
+    statements = [
+        f"{how} {', '.join(names)}"
+        for how, names in (("would not determine", missing), ("only roughly", rough))
+        if names
+    ]
+    return "; ".join(statements) if statements else "would determine every parameter"
+
+
+def remarks() -> tuple[str, ...]:
+    """The top of a model file; no date, so that the same logs give the same file."""
+    return (f"Identified by request-planner {__version__}; the intervals hold with 95 %.",)
+
+
+def model_comments(identifications: Mapping[str, Identification]) -> dict[str, dict[str, str]]:
+    """The comments on every joint's model: on its keys, and under "" those above them."""
+    return {joint: _comments(each) for joint, each in identifications.items()}
+
+
+def _comments(identification: Identification) -> dict[str, str]:
+    share = identification.unit != "rad"
+    above = [verdict(identification)]
+    if share:
+        above.append("Angles are shares of the joint's range, not radians:")
+        above.append("plan with columns <joint>_range (0 to 1) or <joint>_percent.")
+    above += [f"Warning: {warning}" for warning in identification.warnings]
+    for fit in identification.fits:
+        used = int(np.sum(fit.used))
+        above.append(f"From {fit.log.name}: {used} of {len(fit.used)} rows.")
+    units = {key: unit.replace("rad", "1") if share else unit for key, unit in SI.items()}
+    return {
+        "": "\n".join(above),
+        **{
+            key: f"[{unit}]" + _interval(identification.intervals.get(key))
+            for key, unit in units.items()
+        },
+    }
+
+
+def _interval(interval: Interval | None) -> str:
+    if interval is None:
+        return ""
+    if interval.bounded:
+        return f", {interval.lower:.5g} to {interval.upper:.5g}"
+    ends = [
+        f"at {word} {end:.5g}"
+        for word, end in (("least", interval.lower), ("most", interval.upper))
+        if np.isfinite(end)
+    ]
+    return f", {ends[0]}" if ends else ", not determined"

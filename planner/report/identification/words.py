@@ -1,0 +1,380 @@
+"""An identification in numbers and words: parameters, errors, verdict; for terminal and page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from planner.identification.result import Identification, Interval
+from planner.report.table import NOTHING, Column, Row, Table
+
+NAMES = {
+    "v_max": "top speed",
+    "theta_0": "error that calls for top speed",
+    "gain": "speed per error below that",
+    "lag": "lag",
+    "acceleration_time": "acceleration time",
+    "offset": "static sag",
+    "dead_band": "dry friction: error that does not move it",
+    "v_offset": "top speed up, less v_max",
+    "compliance": "sag per torque",
+    "speed_per_torque": "top speed per torque",
+}
+"""What the parameters are called in words, in the order of tables."""
+
+SYMBOLS = {
+    "v_max": "top speed v_max",
+    "theta_0": "threshold theta_0",
+    "gain": "v_max / theta_0",
+    "lag": "lag",
+    "acceleration_time": "acceleration time",
+    "offset": "static sag",
+    "dead_band": "dead band",
+    "v_offset": "v_offset",
+    "compliance": "compliance",
+    "speed_per_torque": "speed_per_torque",
+}
+"""The same on a terminal."""
+
+ALTERNATIVES = {
+    "raw": "the request itself",
+    "delay": "best pure delay",
+    "first_order": "delay and first-order lag",
+}
+"""What the simpler descriptions are called in words."""
+
+COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first-order lag"}
+"""Those that the verdict compares with."""
+
+MODEL = "the joint model"
+
+ROUGH = 0.2
+"""Beyond this part of the estimate the half width of an interval is called rough; the lag is held
+against itself and the acceleration time, the static sag against theta_0."""
+
+HARDLY = 10.0
+"""Beyond this many times the estimate its half width says nothing any more."""
+
+
+class Units(NamedTuple):
+    """The units of a report; inside, angles are in radians.
+
+    Attributes:
+        factor: What one radian is.
+        angle: Its unit.
+        speed: Unit of speeds.
+        si: Whether it is worth telling in SI too: not for shares of a range.
+    """
+
+    factor: float
+    angle: str
+    speed: str
+    si: bool
+
+
+class Parameter(NamedTuple):
+    """One row of the table of parameters, ready to be printed.
+
+    Attributes:
+        name: As in the model's file; ``gain`` for v_max / theta_0.
+        words: What it is.
+        value: The estimate, with its unit.
+        interval: The 95 % interval in the same unit.
+        si: Both in SI.
+        judgement: How well it is known.
+        known: Whether it is bounded on both sides.
+        rough: Whether it is not, or only within a wide interval.
+    """
+
+    name: str
+    words: str
+    value: str
+    interval: str
+    si: str
+    judgement: str
+    known: bool
+    rough: bool
+
+    @property
+    def short(self) -> str:
+        """The value, or what is known of it."""
+        if self.known:
+            return self.value
+        unit = self.value.partition(" ")[2]
+        return "?" if self.interval == "unknown" else f"{self.interval} {unit}"
+
+
+class Error(NamedTuple):
+    """How far off one description of the joint is.
+
+    Attributes:
+        name: The description; "" for the joint model.
+        words: What it is called.
+        detail: Its parameters, as far as it has any worth telling.
+        rms: Error over all rows [rad].
+        held_out: Error on the rows held out [rad]; None where there are none.
+    """
+
+    name: str
+    words: str
+    detail: str
+    rms: float
+    held_out: float | None
+
+    @property
+    def telling(self) -> float:
+        """The error on rows held out, where there are any [rad]."""
+        return self.rms if self.held_out is None else self.held_out
+
+
+def units_of(identification: Identification) -> Units:
+    """Degrees for angles; percent for shares of a range."""
+    if identification.unit == "rad":
+        return Units(math.degrees(1.0), "deg", "deg/s", True)
+    return Units(100.0, "% of range", "%/s", False)
+
+
+def unit_of(identification: Identification, name: str) -> tuple[float, str]:
+    """What one SI unit of a parameter is in the unit in which it is shown, and that unit."""
+    units = units_of(identification)
+    return {
+        "v_max": (units.factor, units.speed),
+        "gain": (1.0, "1/s"),
+        "lag": (1e3, "ms"),
+        "acceleration_time": (1e3, "ms"),
+        "v_offset": (units.factor, units.speed),
+        "compliance": (units.factor, f"{units.angle}/(N m)"),
+        "speed_per_torque": (units.factor, f"{units.speed}/(N m)"),
+    }.get(name, (units.factor, units.angle))
+
+
+def parameters(identification: Identification) -> list[Parameter]:
+    """Every parameter with its interval, in the order of :data:`NAMES`."""
+    units = units_of(identification)
+    inside = {"v_max": "rad/s", "theta_0": "rad", "offset": "rad", "dead_band": "rad"}
+    rows = []
+    for name, words in NAMES.items():
+        if name != "gain" and name not in identification.intervals:
+            continue
+        factor, unit = unit_of(identification, name)
+        value, interval = estimate(identification, name)
+        scaled = Interval(factor * interval.lower, factor * interval.upper)
+        si = ""
+        if units.si and name in inside:
+            si = f"{figure(value, interval)} {inside[name]}, {between(interval)}"
+        rows.append(
+            Parameter(
+                name=name,
+                words=words,
+                value=f"{figure(factor * value, scaled)} {unit}",
+                interval=between(scaled),
+                si=si,
+                judgement=judgement(identification, name, factor, unit),
+                known=interval.bounded,
+                rough=is_rough(identification, name),
+            )
+        )
+    return rows
+
+
+def parameters_table(
+    identification: Identification, names: Mapping[str, str], *, notes: bool = False
+) -> Table:
+    """The parameters under these names; SI as notes, or in a column."""
+    column = units_of(identification).si and not notes
+    titles = ("value", "95 % interval", *(("in SI",) if column else ()))
+    rows = []
+    for row in parameters(identification):
+        cells = [row.value, row.interval, *((row.si or NOTHING,) if column else ())]
+        if notes and row.si:
+            cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si.split(", ", 1), strict=True)]
+        kind = "" if row.known else "unknown"
+        rows.append(Row(names[row.name], (*cells, row.judgement), kind=kind))
+    columns = (*map(Column, titles), Column("known", words=True))
+    return Table("parameter", columns, tuple(rows), label="Parameters")
+
+
+def estimate(identification: Identification, name: str) -> tuple[float, Interval]:
+    """A parameter, ``gain`` among them, and its interval, in SI."""
+    if name == "gain":
+        return identification.gain, identification.gain_interval
+    return getattr(identification.model, name), identification.intervals[name]
+
+
+def judgement(identification: Identification, name: str, factor: float, unit: str) -> str:
+    """How well a parameter is known, in words.
+
+    Args:
+        identification: What was found.
+        name: The parameter.
+        factor: What one of its SI unit is in ``unit``.
+        unit: The unit to write it in.
+    """
+    value, interval = estimate(identification, name)
+    lower, upper = (math.isfinite(end) for end in interval)
+    if not lower and not upper:
+        return "not determined"
+    if not lower or not upper:
+        return f"only bounded from {'below' if lower else 'above'}"
+    half = 0.5 * (interval.upper - interval.lower)
+    only = "only " if is_rough(identification, name) else ""
+    if name in ("lag", "offset", "v_offset"):  # may be 0, which no percentage is of
+        return f"{only}± {two_figures(factor * half)} {unit}"
+    if half > HARDLY * abs(value):
+        return "hardly at all"
+    return f"{only}± {percent_of(half, value)}"
+
+
+def is_rough(identification: Identification, name: str) -> bool:
+    """Whether an interval is wide, beside the parameter or what it adds to."""
+    value, interval = estimate(identification, name)
+    model = identification.model
+    beside = {
+        "lag": model.lag + model.acceleration_time,
+        "offset": model.theta_0,
+        "v_offset": model.v_max,
+    }
+    scale = beside.get(name, value)
+    return not 0.5 * (interval.upper - interval.lower) <= ROUGH * abs(scale)
+
+
+def errors(identification: Identification) -> list[Error]:
+    """The errors of the simpler descriptions, and of the joint model at the end."""
+    made = []
+    for other in identification.alternatives:
+        times = [
+            f"{1e3 * other.parameters[name]:.0f} ms"
+            for name in ("delay", "time_constant")
+            if name in other.parameters
+        ]
+        words = ALTERNATIVES.get(other.name, other.name)
+        detail = " + ".join(times)
+        made.append(Error(other.name, words, detail, other.rms, other.held_out_rms))
+    made.append(Error("", MODEL, "", identification.rms, identification.held_out_rms))
+    return made
+
+
+def errors_table(identification: Identification) -> Table:
+    """The errors of every description."""
+    units = units_of(identification)
+    rows = tuple(
+        Row(
+            f"{error.words}\n{error.detail}" if error.detail else error.words,
+            (
+                f"{units.factor * error.rms:.3g}",
+                NOTHING if error.held_out is None else f"{units.factor * error.held_out:.3g}",
+            ),
+            kind="" if error.name else "model",
+        )
+        for error in errors(identification)
+    )
+    columns = (Column("all rows"), Column("held out"))
+    return Table(f"rms error [{units.angle}]", columns, rows, label="Errors")
+
+
+def verdict(identification: Identification) -> str:
+    """Whether the model holds, and what it adds, in one sentence."""
+    units = units_of(identification)
+    error, where = telling_error(identification)
+    sentence = f"{units.factor * error:.3g} {units.angle} rms {where}"
+    others = {each.name: each.telling for each in errors(identification)}
+    compared = []
+    if others.get("raw", 0.0) > 0.0:
+        compared.append(f"{percent_of(error, others['raw'])} of the raw error")
+    compared += [
+        f"{compared_with(error, others[name])} {words}"
+        for name, words in COMPARED.items()
+        if name in others
+    ]
+    tail = f": {', '.join([sentence, *compared])}"
+    words = {"holds": "the model holds", "usable": "the model is usable, but not exact"}
+    said = words.get(identification.verdict, "") if identification.accepted else ""
+    return (said or "THE MODEL DOES NOT FIT") + tail
+
+
+def of_several(identifications: Sequence[Identification]) -> str:
+    """For how many joints the model holds, and for how many it is usable, in a sentence."""
+    verdicts = [each.verdict if each.accepted else "refused" for each in identifications]
+    usable = verdicts.count("usable")
+    more = f", and is usable, but not exact, for {usable} more" if usable else ""
+    return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
+
+
+def known(identification: Identification) -> str:
+    """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
+    if not identification.accepted:
+        return "Its parameters say little about the joint."
+    rows = parameters(identification)
+    missing = {row.name: row.words for row in rows if not row.known}
+    rough = ", ".join(row.words for row in rows if row.known and row.rough)
+    if set(missing) == {"v_max", "theta_0"}:
+        sentence = (
+            "The logs do not reach the top speed: they determine v_max / theta_0, but neither "
+        )
+        sentence += "of the two alone"
+    elif missing:
+        sentence = f"The logs do not determine: {', '.join(missing.values())}"
+    elif not rough:
+        return "The logs determine every parameter."
+    else:
+        return f"The logs determine every parameter, but some only roughly: {rough}."
+    return f"{sentence}; only roughly known: {rough}." if rough else f"{sentence}."
+
+
+def telling_error(identification: Identification) -> tuple[float, str]:
+    """The error on rows held out, where there are any [rad], and on which rows it was measured."""
+    if identification.held_out_rms is not None:
+        return identification.held_out_rms, "on rows held out"
+    return identification.rms, "on the rows it was fitted to"
+
+
+def compared_with(error: float, other: float) -> str:
+    """How an error compares with another one, as in "2.5 times closer than"."""
+    if error <= 0.0:
+        return "infinitely closer than"
+    if other <= 0.0:
+        return "infinitely farther off than"
+    ratio = other / error
+    if ratio >= 1.05:
+        return f"{ratio:.{1 if ratio < 10 else 0}f} times closer than"
+    return "no closer than" if ratio > 0.95 else f"{1.0 / ratio:.1f} times farther off than"
+
+
+def figure(value: float, interval: Interval) -> str:
+    """A number with as many decimals as its interval deserves."""
+    text = f"{value:.{_decimals(value, interval)}f}"
+    return text.replace("-", "−") if float(text) else text.lstrip("-")
+
+
+def between(interval: Interval) -> str:
+    """An interval in words."""
+    lower, upper = (math.isfinite(end) for end in interval)
+    if lower and upper:
+        return f"{figure(interval.lower, interval)} to {figure(interval.upper, interval)}"
+    if lower:
+        return f"at least {figure(interval.lower, interval)}"
+    return f"at most {figure(interval.upper, interval)}" if upper else "unknown"
+
+
+def _decimals(value: float, interval: Interval) -> int:
+    """Two figures of the interval's half width, or more where else nothing of the number is left.
+
+    Where the interval is infinite, three figures of the number.
+    """
+    own = 2 - math.floor(math.log10(abs(value))) if value else 1
+    half = 0.5 * (interval.upper - interval.lower)
+    if math.isfinite(half) and half > 0.0:
+        of_half = 1 - math.floor(math.log10(half))
+        own = max(of_half, min(own - 1, of_half + 2))
+    return min(6, max(0, own))
+
+
+def percent_of(part: float, whole: float) -> str:
+    """A part of a whole in percent."""
+    return f"{two_figures(100.0 * part / abs(whole))} %" if whole else "∞ %"
+
+
+def two_figures(number: float) -> str:
+    """A positive number with two figures, or all that stand before the point."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"

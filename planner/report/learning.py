@@ -1,0 +1,255 @@
+"""The page about learning: the error of each executed trial, and what the next requests change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner._version import __version__
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
+from planner.report.page import Card, LinkedFile, Page, Section, heading, origin_lists
+from planner.report.style import (
+    APPROXIMATION,
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    INK,
+    OPTIMAL,
+    REQUESTED,
+)
+from planner.report.table import NOTHING, Column, Row, Table
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array
+
+BOUND = APPROXIMATION._replace(label="lower bound of the model", dashes=(0, (5, 2)))
+EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")
+BEFORE = DIRECT._replace(label="requests executed", width=1.2)
+AFTER = REQUESTED._replace(label="next requests")
+NEXT = OPTIMAL._replace(label="predicted next")
+
+TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
+"""The section on the trials: a joint's errors stand beside the heading, those of others here."""
+
+NOTHING_LEFT = 5e-4
+"""Errors below this are shown as 0 [deg, cm]: rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """The errors of what learns, a joint or a foot.
+
+    Attributes:
+        name: The joint, or "foot".
+        unit: Of the errors: deg, percent or cm.
+        errors: Error of the mean cycle of each trial, shape (trials,).
+        cycles: Measured cycles of each trial.
+        predicted: Error that the model predicts of the next requests.
+        bound: Lower bound of the model on the error; NaN where there is none.
+        noise: Standard deviation of one cycle about the mean of many.
+        gain: Share of the disturbance last found that the next requests make up for.
+        best: The trial that the next requests are made from.
+        stopped: Why learning has ended; empty while it goes on.
+        remarks: What was done with the measurements.
+    """
+
+    name: str
+    unit: str
+    errors: Array
+    cycles: tuple[int, ...]
+    predicted: float
+    bound: float
+    noise: float
+    gain: float
+    best: int
+    stopped: str
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LearningOutcome:
+    """What the page is about; angles [rad], shape (n, k).
+
+    Attributes:
+        names: The joints.
+        period: Time between requests [s].
+        cyclic: Whether they repeat.
+        desired: What the joints should do.
+        executed: The requests of the last trial.
+        measured: Mean of its measured cycles.
+        requests: The next requests.
+        predicted: What the model and the disturbance predict of them.
+        disturbance: What was learnt: measured less modelled angles.
+        progress: The errors of each joint, or of the foot.
+    """
+
+    names: tuple[str, ...]
+    period: float
+    cyclic: bool
+    desired: Array
+    executed: Array
+    measured: Array
+    requests: Array
+    predicted: Array
+    disturbance: Array
+    progress: tuple[Progress, ...]
+
+
+def learning_page(
+    outcome: LearningOutcome,
+    *,
+    title: str,
+    origins: Sequence[tuple[str, str]] = (),
+    files: Sequence[LinkedFile] = (),
+) -> str:
+    """The whole page.
+
+    Args:
+        outcome: What was learnt.
+        title: What was learnt for.
+        origins: What it was made from: pairs of what it is and which.
+        files: Files to link to.
+    """
+    from markupsafe import Markup
+
+    ended = all(each.stopped for each in outcome.progress)
+    head = (
+        "Learning has ended" if ended else f"{len(outcome.progress[0].errors)} trials learnt from"
+    )
+    joints = [joint_figure(outcome, j) for j in range(len(outcome.names))]
+    first = _worst(outcome.progress)
+    others = [each for each in outcome.progress if each is not first]
+    more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(others)]
+    remarks = [f"{each.name}: {text}" for each in outcome.progress for text in each.remarks]
+    remarks += [f"{each.name}: {each.stopped}" for each in outcome.progress if each.stopped]
+    return Page(
+        heading=heading(title),
+        eyebrow="request-planner refine",
+        verdict=Markup("<strong>{}</strong>: {}.").format(head, _verdict(outcome.progress)),
+        remarks=remarks,
+        cards=_cards(outcome.progress),
+        figure=errors_figure(first),
+        sections=[
+            Section("The trials", TRIALS, {"table": trials_table(outcome.progress), "more": more}),
+            Section("The joints", "{{ figures(joints) }}", {"joints": joints}),
+        ],
+        listings=origin_lists(origins, files),
+        footer=Markup(
+            f"request-planner {__version__} refine. The model is that of Stronger &amp; Stone, "
+            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
+        ),
+    ).html()
+
+
+def errors_figure(progress: Progress, name: str = "learning") -> Figure:
+    """The error of each trial, with what cannot be learnt."""
+    count = len(progress.errors)
+    ends = np.array([0.8, count + 1.2])
+    curves = [
+        Curve(OPTIMAL._replace(label="error", dashes="-"), _numbers(count), progress.errors),
+        Curve(INK, _numbers(count), progress.errors, "trials", legend=False, marks="dots"),
+    ]
+    if not math.isnan(progress.bound):
+        curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
+    if not math.isnan(progress.predicted) and not progress.stopped:
+        at = np.array([count + 1.0])
+        curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
+    top = 1.1 * max(float(np.max(progress.errors)), progress.noise)
+    return Figure(
+        name,
+        f"{heading(progress.name)}: the error of each trial",
+        "No requests have less error than the lower bound of the model. A ring is what the model "
+        "predicts of the next requests.",
+        Axis(
+            "trial",
+            names={float(number): str(number) for number in range(1, count + 2)},
+            range=(0.8, count + 1.2),
+        ),
+        (Panel(Axis("rms error", progress.unit, (0.0, top), decimals=3), tuple(curves)),),
+    )
+
+
+def _numbers(count: int) -> Array:
+    return np.arange(1.0, count + 1.0)
+
+
+def joint_figure(outcome: LearningOutcome, j: int) -> Figure:
+    """A joint's angles, its requests before and after, and what was learnt of it."""
+    timeline = Timeline(outcome.period, len(outcome.desired), outcome.cyclic)
+    degrees = timeline.degrees
+    angles = (
+        degrees(outcome.desired[:, j], DESIRED),
+        degrees(outcome.measured[:, j], EXECUTED),
+        degrees(outcome.predicted[:, j], NEXT),
+        degrees(outcome.executed[:, j], BEFORE, held=True),
+        degrees(outcome.requests[:, j], AFTER, held=True),
+    )
+    missed = (
+        degrees(outcome.measured[:, j] - outcome.desired[:, j], EXECUTED, "error, measured"),
+        degrees(outcome.disturbance[:, j], OPTIMAL, "learnt: measured less modelled"),
+    )
+    name = outcome.names[j]
+    return timeline.figure(
+        f"learning_joint_{j + 1}",
+        [
+            Panel(Axis("angle", "deg"), angles, height=1.4),
+            Panel(Axis("difference", "deg", least=0.05), missed),
+        ],
+        (heading(name), "Angles and requests; below, the error and the part of it that repeats."),
+    )
+
+
+def trials_table(progress: Sequence[Progress]) -> Table:
+    """The errors of all trials."""
+    most = max(len(each.errors) for each in progress)
+    rows = []
+    for number in range(most):
+        cells = []
+        for each in progress:
+            there = number < len(each.errors)
+            note = "\nbest" if there and number == each.best else ""
+            cells.append(f"{_short(each.errors[number], 4)}{note}" if there else NOTHING)
+        rows.append(Row(str(number + 1), tuple(cells)))
+    for about, values in (
+        ("predicted next", [each.predicted for each in progress]),
+        ("lower bound", [each.bound for each in progress]),
+        ("noise of a cycle", [each.noise for each in progress]),
+    ):
+        texts = tuple(NOTHING if math.isnan(value) else _short(value, 4) for value in values)
+        rows.append(Row(about, texts, kind="bound" if about == "lower bound" else ""))
+    columns = tuple(Column(f"{each.name} [{each.unit}]") for each in progress)
+    return Table("trial", columns, tuple(rows), label="Errors of the trials, rms")
+
+
+def _verdict(progress: Sequence[Progress]) -> str:
+    """From the first trial to the best."""
+    return ", ".join(
+        f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
+        for each in progress
+    )
+
+
+def _worst(progress: Sequence[Progress]) -> Progress:
+    """What has the largest error left."""
+    return max(progress, key=lambda each: float(np.min(each.errors)))
+
+
+def _short(value: float, digits: int = 3) -> str:
+    return f"{value:.{digits}g}" if value >= NOTHING_LEFT else "0"
+
+
+def _cards(progress: Sequence[Progress]) -> list[Card]:
+    """First, best and floor of what has the largest error left."""
+    shown = _worst(progress)
+    cards = [
+        Card(_short(shown.errors[0]), shown.unit, f"rms error of the first trial, {shown.name}"),
+        Card(_short(np.min(shown.errors)), shown.unit, "of the best trial"),
+    ]
+    if not math.isnan(shown.bound):
+        cards.append(Card(_short(shown.bound), shown.unit, "lower bound of the model"))
+    cards.append(Card(_short(shown.noise), shown.unit, "noise of one cycle"))
+    return cards

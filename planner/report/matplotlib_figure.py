@@ -1,0 +1,260 @@
+"""Figures on paper: drawn by Matplotlib, in one of the page's colours each, as the same bytes."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
+from planner.report.style import INK, ROLES, SETTINGS, SURFACE, WIDTH, applied
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Picture
+    from matplotlib.figure import FigureBase
+
+RESOLUTION = 200
+"""Of PNG files [dots per inch]."""
+
+ROW = 1.5
+"""Height of a panel of height 1 [inch]."""
+
+BELOW, LEGEND, HEADING = 0.45, 0.22, 0.2
+"""Room for the axis below, for a row of the legend and for a panel's heading [inch]."""
+
+ENTRY = 0.56
+"""Width of the line before an entry of the legend, and of the blank behind it [inch]."""
+
+AWAY = 4
+"""Distance of words from their place [pt]."""
+
+CORNER = re.compile(r"v_max")
+"""Words that are written with an index."""
+
+
+def draw(figure: Figure) -> Picture:
+    """The figure as Matplotlib draws it."""
+    from matplotlib.figure import Figure as Picture
+
+    with applied():
+        picture = Picture(figsize=(WIDTH, height_of(figure)), layout="constrained")
+        _draw_into(picture, figure)
+    return picture
+
+
+def draw_grid(figures: Sequence[Figure], *, columns: int, width: float) -> Picture:
+    """Several figures as one, from left to right and then below, under their titles.
+
+    Args:
+        figures: The figures.
+        columns: How many are side by side.
+        width: Width of each [inch].
+    """
+    from matplotlib.figure import Figure as Picture
+
+    rows = [figures[k : k + columns] for k in range(0, len(figures), columns)]
+    heights = [max(map(height_of, row)) + HEADING for row in rows]
+    with applied():
+        size = (width * len(rows[0]), sum(heights))
+        picture = Picture(figsize=size, layout="constrained")
+        parts = picture.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
+        for part, row in zip(parts[:, 0], rows, strict=True):
+            places = part.subfigures(1, len(row), squeeze=False)[0]
+            for place, figure in zip(places, row, strict=True):
+                _draw_into(place, figure, width=size[0] / len(row), title=figure.title)
+    return picture
+
+
+def height_of(figure: Figure, width: float = WIDTH) -> float:
+    """Height of a figure [inch]."""
+    headings = HEADING * sum(bool(panel.title) for panel in figure.panels)
+    entries = LEGEND * -(-len(_names(figure)) // _columns(_names(figure), width))
+    return ROW * sum(panel.height for panel in figure.panels) + BELOW + headings + entries
+
+
+def to_svg(picture: Picture) -> str:
+    """The picture as an SVG file, text as text, without a date."""
+    stream = io.StringIO()
+    with applied():
+        picture.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
+
+
+def to_png(picture: Picture) -> bytes:
+    """The picture as a PNG file."""
+    stream = io.BytesIO()
+    with applied():
+        picture.savefig(stream, format="png", dpi=RESOLUTION, metadata={"Software": None})
+    return stream.getvalue()
+
+
+def to_inline_svg(figure: Figure) -> str:
+    """The figure as an element of an HTML page, in the page's colours, light or dark."""
+    from markupsafe import escape
+
+    svg = to_svg(draw(figure))
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{figure.name}-", svg)
+    for variable, role in ROLES.items():
+        svg = re.sub(role.light, f"var(--{variable})", svg, flags=re.IGNORECASE)
+    opening = re.match(r"<svg[^>]*>", svg)
+    assert opening is not None, "an SVG file begins with its element"
+    box = re.search(r'viewBox="[^"]*"', opening[0])
+    assert box is not None, "matplotlib states the size of a picture"
+    start = f'<svg role="img" aria-label="{escape(figure.description)}" {box[0]}'
+    start += ' xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
+    return start + svg[opening.end() :]
+
+
+def _draw_into(
+    picture: FigureBase, figure: Figure, *, width: float = WIDTH, title: str = ""
+) -> None:
+    """Draw panels, and the legend below a title."""
+    heights = [panel.height for panel in figure.panels]
+    rows = picture.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
+    for axes, panel in zip(rows[:, 0], figure.panels, strict=True):
+        _draw_panel(axes, panel)
+        _set_ranges(axes, panel, figure)
+    _set_axis(rows[-1, 0].xaxis, figure.x)
+    picture.align_ylabels(list(rows[:, 0]))
+    entries = _names(figure)
+    if entries:
+        drawn = _handles(rows[:, 0])
+        handles = [drawn[name] for name in entries]
+        picture.legend(
+            handles,
+            entries,
+            loc="outside upper left",
+            ncols=_columns(entries, width),
+            title=title or None,
+            alignment="left",
+            title_fontproperties={"weight": "bold", "size": 9.5},
+        )
+
+
+def _draw_panel(axes: Axes, panel: Panel) -> None:
+    for span in panel.spans:
+        _draw_span(axes, span)
+    for order, curve in enumerate(curve for curve in panel.curves if not curve.hidden):
+        axes.plot(curve.x, curve.y, zorder=3.0 + 0.01 * order, **_looks(curve))
+    for words in panel.words:
+        _write(axes, words)
+    axes.set_title(panel.title)
+    _set_axis(axes.yaxis, panel.y)
+
+
+def _looks(curve: Curve) -> dict[str, Any]:
+    """Arguments for ``plot``."""
+    role = curve.role
+    looks: dict[str, Any] = {"color": role.light, "label": curve.name}
+    if not curve.marks:
+        held = "steps-post" if curve.held else "default"
+        looks |= {"linewidth": role.width, "linestyle": role.dashes, "drawstyle": held}
+        return looks | ({"solid_capstyle": "butt"} if role.width > 5.0 else {})
+    looks |= {"linestyle": "", "marker": "o"}
+    if curve.marks == "rings":
+        return looks | {"ms": 5.0, "mfc": "none", "mew": 1.3, "clip_on": False}
+    faint = curve.opacity < 1.0
+    return looks | {"ms": 2.3 if faint else 5.0, "mew": 0.0, "alpha": curve.opacity}
+
+
+def _draw_span(axes: Axes, span: Span) -> None:
+    looks: dict[str, Any] = {"facecolor": (span.role.light, span.opacity), "linewidth": 0.0}
+    if span.hatch:
+        looks |= {"hatch": span.hatch, "edgecolor": SURFACE.light}
+    label = span.legend or "_"
+    shade = axes.axvspan if span.along == "x" else axes.axhspan
+    shade(span.start, span.end, zorder=0.5, label=label, **looks)
+    if span.words:
+        left = span.words_side == "left"
+        place = (span.start if left else span.end, 0.98)
+        axes.annotate(
+            span.words, place, xycoords=("data", "axes fraction"), textcoords="offset points",
+            xytext=(-AWAY if left else AWAY, 0), ha="right" if left else "left", va="top",
+            fontsize=8.5, color=INK.light,
+        )  # fmt: skip
+
+
+def _write(axes: Axes, words: Words) -> None:
+    away = {"left": AWAY, "right": -AWAY, "bottom": AWAY, "top": -AWAY}
+    axes.annotate(
+        _indexed(words.text),
+        (words.x, words.y),
+        xytext=(away.get(words.across, 0), away.get(words.upward, 0)),
+        textcoords="offset points",
+        ha=words.across,
+        va={"middle": "center"}.get(words.upward, words.upward),
+        fontsize=8.5,
+        fontweight="bold" if words.bold else "normal",
+        color=INK.light,
+        zorder=6.0,
+    )
+
+
+def _indexed(words: str) -> str:
+    """Words with v_max as a symbol."""
+    return CORNER.sub(r"$v_\\mathrm{max}$", words)
+
+
+def _set_axis(axis: Any, described: Axis) -> None:
+    """The words of an axis: its title, and names where it has them."""
+    axis.set_label_text(described.words)
+    if described.names is not None:
+        words = [_indexed(name) for name in described.names.values()]
+        axis.set_ticks(list(described.names), labels=words)
+        axis.set_tick_params(length=0)
+        axis.grid(visible=False)
+
+
+def _set_ranges(axes: Axes, panel: Panel, figure: Figure) -> None:
+    if figure.equal:
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(MARGIN)
+        return
+    axes.margins(y=0.09)
+    axes.set_xlim(*figure.x_range)
+    if panel.y_range is not None:
+        axes.set_ylim(*panel.y_range)
+    elif panel.y.from_zero:
+        axes.set_ylim(bottom=0.0)
+
+
+def _names(figure: Figure) -> list[str]:
+    """The entries of the legend: each name once, in the order in which they are drawn."""
+    curves = [curve for panel in figure.panels for curve in panel.curves]
+    names = [curve.name for curve in curves if curve.legend and not curve.hidden]
+    spans = [span.legend for panel in figure.panels for span in panel.spans if span.legend]
+    return list(dict.fromkeys([*names, *spans]))
+
+
+def _handles(rows: Any) -> dict[str, Any]:
+    """What stands before the legend's entries."""
+    found: dict[str, Any] = {}
+    for axes in rows:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(name, handle)
+    return found
+
+
+def _columns(names: Sequence[str], width: float) -> int:
+    """Columns of the legend that fit into a figure of this width."""
+    widths = [_width(name) + ENTRY for name in names]
+    for columns in range(len(names), 1, -1):
+        rows = -(-len(names) // columns)
+        if sum(max(widths[k : k + rows]) for k in range(0, len(names), rows)) <= width:
+            return columns
+    return 1
+
+
+@cache
+def _width(words: str) -> float:
+    """Width of words in the legend [inch]."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    font = FontProperties(family="DejaVu Sans", size=SETTINGS["legend.fontsize"])
+    return float(TextPath((0.0, 0.0), words, prop=font).get_extents().width) / 72.0

@@ -1,0 +1,435 @@
+"""The figures of the paper's experiment, in its order, and some beyond it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from planner.evaluation.paper import STEP_AMPLITUDES
+from planner.report.figure import (
+    Axis,
+    Curve,
+    Figure,
+    Motion,
+    Movie,
+    Panel,
+    Span,
+    Timeline,
+    Words,
+    around,
+    joined,
+    leg_sketches,
+    line,
+)
+from planner.report.paper.agreement import agreement_figure
+from planner.report.style import (
+    APPROXIMATION,
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    FOOT_OPTIMAL,
+    GRID,
+    MUTED,
+    OPTIMAL,
+    PLAIN,
+    REQUESTED,
+    SHIFT,
+    Role,
+)
+
+if TYPE_CHECKING:
+    from planner.evaluation.outcome import JointOutcome, PlannedWalk, Reproduction
+    from planner.trajectory import Array
+
+ROLES = {
+    "direct": DIRECT,
+    "shift": SHIFT,
+    "closed_form_plain": PLAIN,
+    "optimal": OPTIMAL,
+    "foot_optimal": FOOT_OPTIMAL,
+}
+"""The methods that are drawn, in order; the closed form with knots refined is not the paper's."""
+
+HIDDEN = ("shift", "optimal")
+"""Methods that are hidden at first: in space they are the direct method's path, and nearly the
+closed form's."""
+
+FEATURED = ("figure8_foot_paths", "joints_by_method")
+"""The figures after the key figures: the moving leg and its joints."""
+
+SKETCHED = 22
+"""Sample at which the leg is drawn on paper: in the middle of the time on the ground."""
+
+TIED = 8
+"""Every so many samples, desired and actual positions are joined by a line."""
+
+FINE = 20
+"""Points of a piecewise linear curve per sample: its knots lie between samples."""
+
+SHADE = 0.16
+"""Opacity of the shades of lag and acceleration time."""
+
+ACROSS, UPWARD = Axis("forward of the hip, x", "cm"), Axis("above the hip, z", "cm")
+
+Curves = Callable[["JointOutcome"], Sequence[Curve]]
+"""What is drawn of a joint."""
+
+
+def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
+    """Every figure, in the order of the paper's."""
+    steps = zip(
+        (3, 4),
+        STEP_AMPLITUDES,
+        (
+            "From rest to top speed: lag, acceleration time, plateau.",
+            "From top speed to top speed the other way: twice the change of speed in the same "
+            "acceleration time, where a limit on the acceleration would take twice as long.",
+        ),
+        strict=True,
+    )
+    few = _distance_panel(reproduction, hidden=HIDDEN)
+    return (
+        direct_foot_figure(reproduction),
+        _joints(reproduction, "figure2_joints_direct"),
+        *(_step_test(reproduction, *each) for each in steps),
+        _speed(reproduction),
+        _joints(reproduction, "figure6_approximation", more=_lines(reproduction)),
+        _joints(reproduction, "figure7_trajectories"),
+        _foot_paths(reproduction),
+        _joints(reproduction, "joints_by_method", few),
+        _foot_distances(reproduction),
+        _joints(reproduction, "optimised_trajectories"),
+        _joints(reproduction, "foot_optimised_trajectories"),
+        agreement_figure(reproduction),
+    )
+
+
+# The foot.
+
+
+def direct_foot_figure(reproduction: Reproduction) -> Figure:
+    """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
+    desired, actual = reproduction.walk.desired_foot, reproduction.foot["direct"].positions
+    pairs = 100.0 * np.stack([desired[::TIED], actual[::TIED]], axis=1)
+    ties = GRID._replace(label="the same instants", width=1.2)
+    draw = timeline_of(reproduction).path
+    curves = (
+        Curve(ties, joined(pairs[:, :, 0]), joined(pairs[:, :, 2])),
+        draw(desired, DESIRED),
+        draw(actual, DIRECT),
+    )
+    return Figure(
+        "figure1_foot_direct",
+        "Figure 1: the foot, desired and actual",
+        "Request the desired angles as they are, and the foot lags: it cuts the swing short. Thin "
+        "lines join the two paths at the same instants.",
+        ACROSS,
+        (Panel(UPWARD, curves, height=1.8),),
+        equal=True,
+    )
+
+
+def _foot_paths(reproduction: Reproduction) -> Figure:
+    """Figure 8."""
+    paths = [
+        timeline_of(reproduction).path(reproduction.foot[method].positions, role)
+        for method, role in ROLES.items()
+        if method not in HIDDEN
+    ]
+    return foot_paths_figure(
+        "figure8_foot_paths",
+        (
+            "Figure 8: the foot under the methods",
+            "The desired path, what the direct method makes of it, the closed form as in the "
+            "paper, and requests optimised for the foot; on paper with the leg in the middle of "
+            "its time on the ground. The best time shift runs along the direct method's path, "
+            "only earlier; requests optimised joint by joint run nearly along the closed form's.",
+        ),
+        reproduction,
+        paths,
+        reproduction.legs,
+    )
+
+
+def foot_paths_figure(
+    name: str,
+    words: tuple[str, str],
+    planned: PlannedWalk,
+    paths: Sequence[Curve],
+    legs: Mapping[str, Array],
+) -> Figure:
+    """The foot's paths, with the leg at one instant; on a screen the leg moves.
+
+    Args:
+        name: The figure's name.
+        words: Title and caption.
+        planned: The walk.
+        paths: The paths under the methods.
+        legs: Joints and foot under each method [m], each of shape (n, joints + 1, 3).
+    """
+    foot, pose = planned.walk.desired_foot, planned.legs["desired"][SKETCHED]
+    ground = float(foot[:, 2].min())
+    ends = around([100.0 * foot[:, 0]])
+    joints = 100.0 * np.stack([pose[0], planned.knee[SKETCHED]])
+    panel = Panel(
+        UPWARD,
+        (
+            line(ends, (100.0 * ground,) * 2),
+            *leg_sketches(pose[None], 0),
+            timeline_of(planned).path(foot, DESIRED),
+            *paths,
+        ),
+        words=(
+            Words("hip", joints[0, 0], joints[0, 2], across="left", upward="bottom"),
+            Words("knee", joints[1, 0], joints[1, 2], across="right", upward="bottom"),
+            Words("ground", ends[1], 100.0 * ground, across="right", upward="top"),
+        ),
+        height=2.5,
+    )
+    motions = [Motion(DESIRED, planned.legs["desired"])]
+    for method, role in ROLES.items():
+        distances = np.linalg.norm(legs[method][:, -1] - foot, axis=1)
+        motions.append(Motion(role, legs[method], distances, hidden=method in HIDDEN))
+    movie = Movie(tuple(motions), planned.models[0].period, cyclic=True, ground=ground)
+    return Figure(name, *words, ACROSS, (panel,), equal=True, movie=movie)
+
+
+def _foot_distances(reproduction: Reproduction) -> Figure:
+    panel = _distance_panel(reproduction)
+    return timeline_of(reproduction).figure(
+        "foot_distances",
+        [Panel(panel.y, panel.curves, height=1.8)],
+        (
+            "The foot's error over time",
+            "Distance of the foot from its desired position at each instant. Where the swing is "
+            "faster than the joints can be, no method follows it.",
+        ),
+    )
+
+
+def _distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -> Panel:
+    """The foot's distances, those of some methods hidden at first."""
+    timeline = timeline_of(reproduction)
+    curves = [
+        timeline.curve(100.0 * reproduction.foot[method].distances, role, hidden=method in hidden)
+        for method, role in ROLES.items()
+    ]
+    axis = Axis("distance", "cm", from_zero=True)
+    return Panel(axis, tuple(curves), "foot, from its desired path")
+
+
+# The joints.
+
+
+def timeline_of(planned: PlannedWalk) -> Timeline:
+    """The samples of a step of the walk."""
+    return Timeline(planned.models[0].period, len(planned.walk.desired))
+
+
+def joints_figure(
+    planned: PlannedWalk,
+    name: str,
+    words: tuple[str, str],
+    curves: Curves,
+    *more: Panel,
+    clock: bool = False,
+) -> Figure:
+    """A panel per joint over one step of the walk.
+
+    Args:
+        planned: The walk.
+        name: The figure's name.
+        words: Title and caption.
+        curves: What is drawn of a joint.
+        more: Panels below.
+        clock: Whether it follows the moving leg of its page.
+    """
+    panels = [
+        Panel(Axis("angle", "deg"), tuple(curves(joint)), joint.name) for joint in planned.joints
+    ]
+    return timeline_of(planned).figure(name, [*panels, *more], words, clock=clock)
+
+
+class Drawn(NamedTuple):
+    """A curve of a joint: its values as an attribute of the joint's outcome, and its looks."""
+
+    values: str
+    role: Role
+    label: str = ""
+    hidden: bool = False
+
+
+JOINTS: Mapping[str, tuple[tuple[str, str], tuple[Drawn, ...]]] = {
+    "figure2_joints_direct": (
+        (
+            "Figure 2: the joints under the direct method",
+            "Every joint starts late and then moves at its top speed at most. The paper shows the "
+            "rotator.",
+        ),
+        (Drawn("desired", DESIRED, "requested = desired"), Drawn("direct", DIRECT, "actual")),
+    ),
+    "figure6_approximation": (
+        (
+            "Figure 6: piecewise linear approximations",
+            "Six lines per joint, none steeper than the top speed, with knots chosen "
+            "automatically; in the paper they were drawn by hand. Where the desired angles are "
+            "faster than the joint, the lines must leave them.",
+        ),
+        (Drawn("desired", DESIRED),),
+    ),
+    "figure7_trajectories": (
+        (
+            "Figure 7: the four trajectories of the paper's method",
+            "The requests run ahead of the approximation, the joint stays approximately on it. "
+            "They know no limits: where the joint has some, a robot would clip them.",
+        ),
+        (
+            Drawn("desired", DESIRED),
+            Drawn("closed_form_plain.requests", REQUESTED),
+            Drawn("closed_form_plain.approximation.angles", APPROXIMATION),
+            Drawn("closed_form_plain.predicted", CLOSED_FORM, "actual"),
+        ),
+    ),
+    "joints_by_method": (
+        (
+            "The joints under the methods",
+            "What the joints do while the foot goes as in Figure 8.",
+        ),
+        (
+            Drawn("desired", DESIRED),
+            Drawn("direct", DIRECT),
+            Drawn("closed_form_plain.predicted", PLAIN),
+            Drawn("optimal.predicted", OPTIMAL, hidden=True),
+            Drawn("foot_optimal", FOOT_OPTIMAL),
+            Drawn("foot_requests", REQUESTED, "requests, foot-optimised", hidden=True),
+        ),
+    ),
+    "optimised_trajectories": (
+        (
+            "Beyond the paper: optimised requests",
+            "Found on the full nonlinear model, inside the joint's limits, and within a fraction "
+            "of a percent of the lower bound.",
+        ),
+        (
+            Drawn("desired", DESIRED),
+            Drawn("optimal.requests", REQUESTED),
+            Drawn("optimal.predicted", OPTIMAL, "actual"),
+        ),
+    ),
+    "foot_optimised_trajectories": (
+        (
+            "Beyond the paper: requests for the foot",
+            "All joints are planned at once for the foot: single joints have larger errors, "
+            "which compensate for one another.",
+        ),
+        (
+            Drawn("desired", DESIRED),
+            Drawn("foot_requests", REQUESTED),
+            Drawn("foot_optimal", FOOT_OPTIMAL, "actual"),
+        ),
+    ),
+}
+"""The figures of the joints by name: title and caption, and what is drawn."""
+
+
+def _joints(
+    reproduction: Reproduction, name: str, *panels: Panel, more: Curves = lambda _: ()
+) -> Figure:
+    """One of :data:`JOINTS`, with more panels below, and more curves of each joint."""
+    words, drawn = JOINTS[name]
+    draw = timeline_of(reproduction).degrees
+
+    def curves(joint: JointOutcome) -> list[Curve]:
+        return [
+            *(draw(attrgetter(each.values)(joint), each.role, each.label, hidden=each.hidden)
+              for each in drawn),
+            *more(joint),
+        ]  # fmt: skip
+
+    return joints_figure(reproduction, name, words, curves, *panels, clock=bool(panels))
+
+
+def _lines(reproduction: Reproduction) -> Curves:
+    """The piecewise linear approximation of a joint with its knots."""
+    timeline = timeline_of(reproduction)
+
+    def curves(joint: JointOutcome) -> list[Curve]:
+        fit = joint.closed_form_plain.approximation
+        assert fit is not None, "a closed form has an approximation"
+        fine = np.linspace(0.0, fit.samples, FINE * fit.samples + 1)
+        knots = np.mod(fit.knots, fit.samples)
+        order = np.argsort(knots)
+        values = np.degrees(fit.values)[order]
+        return [
+            Curve(APPROXIMATION, timeline.step * fine, np.degrees(fit(fine))),
+            Curve(APPROXIMATION, timeline.step * knots[order], values, "knots", marks="rings"),
+        ]
+
+    return curves
+
+
+# The model.
+
+
+def _step_test(reproduction: Reproduction, number: int, amplitude: float, caption: str) -> Figure:
+    """Figures 3 and 4: the answer to a step test, its lag and its acceleration time shaded."""
+    response = reproduction.steps[amplitude]
+    timeline = Timeline(reproduction.model.period, len(response.angles))
+    begun = response.step + response.lag
+    full = begun + response.acceleration
+    start, middle, end = (timeline.step * sample for sample in (response.step, begun, full))
+    speed = math.degrees(response.v_max) * reproduction.model.period
+    panel = Panel(
+        Axis("angle", "deg", (-0.12 * amplitude, 1.24 * amplitude)),
+        (
+            timeline.degrees(response.requests, REQUESTED, held=True),
+            timeline.degrees(response.angles, CLOSED_FORM, "actual"),
+        ),
+        f"top speed {speed:.3g} deg per tick",
+        spans=(
+            Span(start, middle, MUTED, SHADE, words=f"lag {response.lag} ticks", words_side="left"),
+            Span(middle, end, CLOSED_FORM, SHADE,
+                 words=f"acceleration time {response.acceleration} ticks"),
+        ),
+        height=1.6,
+    )  # fmt: skip
+    words = (f"Figure {number}: step test, {amplitude:g} degrees", caption)
+    return timeline.figure(f"figure{number}_step_{amplitude:g}", [panel], words)
+
+
+def _speed(reproduction: Reproduction) -> Figure:
+    """Figure 5."""
+    model = reproduction.model
+    theta_0, v_max = math.degrees(model.theta_0), math.degrees(model.v_max_per_tick)
+    errors = np.linspace(-2.2, 2.2, 89) * theta_0
+    speeds = model.tick * np.degrees(model.speed(np.radians(errors)))
+    far, high = float(errors[-1]), 1.35 * v_max
+    dotted = MUTED._replace(dashes=(0, (1.0, 1.5)))
+    panel = Panel(
+        Axis("f(x)", "deg per tick", (-high, high)),
+        (
+            line((-far, far), (0.0, 0.0)),
+            line((0.0, 0.0), (-high, high)),
+            line((theta_0, theta_0), (0.0, v_max), dotted),
+            line((-theta_0, -theta_0), (0.0, -v_max), dotted),
+            Curve(CLOSED_FORM, errors, speeds, "f"),
+        ),
+        words=(
+            Words("θ₀", theta_0, 0.0, upward="top"),
+            Words("−θ₀", -theta_0, 0.0, upward="bottom"),
+            Words("v_max", 1.6 * theta_0, v_max, upward="bottom"),
+            Words("−v_max", -1.6 * theta_0, -v_max, upward="top"),
+        ),
+        height=1.7,
+    )
+    return Figure(
+        "figure5_speed",
+        "Figure 5: the function f",
+        "The speed that an error calls for: proportional up to θ₀, top speed beyond.",
+        Axis("request minus angle, x", "deg", (-far, far)),
+        (panel,),
+    )

@@ -1,0 +1,303 @@
+"""The figures of the paper's experiment on the virtual robot, every cycle of it drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.evaluation.outcome import approximation
+from planner.evaluation.paper import published_foot
+from planner.model.response import simulate
+from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, replace_width
+from planner.report.paper.agreement import dumb_bells
+from planner.report.paper.figures import (
+    HIDDEN,
+    ROLES,
+    foot_paths_figure,
+    joints_figure,
+)
+from planner.report.paper.tables import METHODS
+from planner.report.style import (
+    APPROXIMATION,
+    CLOSED_FORM,
+    DESIRED,
+    DIRECT,
+    FOOT_OPTIMAL,
+    INK,
+    MUTED,
+    PLAIN,
+    REQUESTED,
+    Role,
+)
+
+if TYPE_CHECKING:
+    from planner.evaluation.outcome import JointOutcome
+    from planner.evaluation.virtual_outcome import VirtualOutcome
+
+VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
+"""The figures after the key figures: the moving leg and its joints."""
+
+PATHS = {"direct": DIRECT, "closed_form_plain": PLAIN, "foot_optimal": FOOT_OPTIMAL}
+"""The methods whose foot paths are drawn, each over all its cycles."""
+
+THIN = 0.7
+"""Width of a line that is one of many cycles [pt]."""
+
+PREDICTED = Role("predicted", INK.light, INK.dark, width=1.1, dashes=(0, (1, 1.6)))
+
+
+def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
+    """Every figure, in the order of the paper's."""
+    return (
+        _foot_paths(outcome),
+        _step_tests(outcome),
+        _joints_direct(outcome),
+        _trajectories(outcome),
+        _foot_optimised(outcome),
+        _joints_by_method(outcome),
+        _foot_distances(outcome),
+        _planned_and_executed(outcome),
+        _learning(outcome),
+    )
+
+
+def _timeline(outcome: VirtualOutcome) -> Timeline:
+    return Timeline(outcome.constants.request_period, len(outcome.planned.walk.desired))
+
+
+def _foot_paths(outcome: VirtualOutcome) -> Figure:
+    """Figure 8: the path of the foot in every cycle; on a screen the first of them walks."""
+    paths = []
+    for method, role in PATHS.items():
+        each = [_timeline(outcome).path(path, role) for path in outcome.foot_paths[method]]
+        x, y = joined(one.x for one in each), joined(one.y for one in each)
+        paths.append(Curve(replace_width(role, THIN), x, y))
+    return foot_paths_figure(
+        "foot_paths",
+        (
+            "The foot, every cycle (the paper's Figure 8)",
+            "What the robot's foot does in each recorded cycle under three methods; the cycles "
+            "nearly cover one another. On a screen the leg walks the first of them.",
+        ),
+        outcome.planned,
+        paths,
+        {method: outcome.legs[method][0] for method in ROLES},
+    )
+
+
+def _step_tests(outcome: VirtualOutcome) -> Figure:
+    """Figures 3 and 4: the sensors' records of each step test's last cycle, and the model's."""
+    timeline, last = _timeline(outcome), slice(-len(outcome.planned.walk.desired), None)
+    once = Timeline(timeline.period, timeline.samples, cyclic=False)
+    panels = []
+    for found, joint in zip(outcome.identifications, outcome.planned.joints, strict=True):
+        measured, predicted = [], []
+        for fit in found.fits:
+            middle = float(np.mean(fit.log.requests[last]))
+            measured.append(once.degrees(fit.log.angles[last] - middle, INK))
+            predicted.append(once.degrees(fit.predicted[last] - middle, CLOSED_FORM))
+        times = joined(curve.x for curve in measured)
+        angles, model = (joined(curve.y for curve in each) for each in (measured, predicted))
+        curves = (
+            Curve(replace_width(CLOSED_FORM, 1.4), times, model, "identified model"),
+            Curve(INK, times, angles, "measured by the sensor", marks="dots", opacity=0.55),
+        )
+        panels.append(Panel(Axis("angle", "deg"), curves, joint.name))
+        rest = Curve(replace_width(MUTED, 0.9), times, angles - model, "residual")
+        title = f"{joint.name}, residual, {np.degrees(found.rms):.2f} deg rms"
+        panels.append(Panel(Axis("residual", "deg"), (rest,), title, height=0.6))
+    return once.figure(
+        "step_tests",
+        panels,
+        (
+            "The step tests (Figures 3 and 4)",
+            "Dots: what each joint's sensor recorded in the last cycle of each test, around the "
+            "middle of the joint's range in the walk. Lines: the one model that was identified "
+            "from all of them. Below, what it leaves unexplained.",
+        ),
+    )
+
+
+def _joints_direct(outcome: VirtualOutcome) -> Figure:
+    """Figure 2: the joints under the direct method, and what the models had predicted."""
+    draw, run = _timeline(outcome).degrees, outcome.runs["direct"]
+
+    def curves(joint: JointOutcome) -> list[Curve]:
+        j = _index(outcome, joint)
+        predicted = simulate(outcome.planned.models[j], run.requests[:, j])
+        return [
+            draw(joint.desired, DESIRED, "requested = desired"),
+            _walked(outcome, "direct", joint, DIRECT, f"actual, {len(run.angles)} cycles"),
+            draw(predicted, PREDICTED),
+        ]
+
+    words = (
+        "The direct method (Figure 2), predicted before it was seen",
+        "The models come from step tests alone; this walk is new to them. Dotted: what they "
+        "predict.",
+    )
+    return joints_figure(outcome.planned, "joints_direct", words, curves)
+
+
+def _trajectories(outcome: VirtualOutcome) -> Figure:
+    """Figure 7: desired, approximation, requests, and the angles of every cycle."""
+    draw = _timeline(outcome).degrees
+    return joints_figure(
+        outcome.planned,
+        "trajectories",
+        (
+            "The four trajectories of the paper's method (Figure 7)",
+            "How close the actual angles stay to the approximation is the paper's measure of the "
+            "model's fidelity. Requests beyond a joint's limits are cut off by the robot.",
+        ),
+        lambda joint: [
+            draw(joint.desired, DESIRED),
+            draw(joint.closed_form_plain.requests, REQUESTED),
+            draw(approximation(joint.closed_form_plain), APPROXIMATION),
+            _walked(outcome, "closed_form_plain", joint, PLAIN, "actual"),
+        ],
+    )
+
+
+def _foot_optimised(outcome: VirtualOutcome) -> Figure:
+    draw, requests = _timeline(outcome).degrees, outcome.runs["foot_optimal"].requests
+    return joints_figure(
+        outcome.planned,
+        "foot_optimised_trajectories",
+        (
+            "The joints under requests for the foot",
+            "Dotted: what the plan predicted. Single joints leave their desired angles to bring "
+            "the foot closer, as planned.",
+        ),
+        lambda joint: [
+            draw(joint.desired, DESIRED),
+            draw(requests[:, _index(outcome, joint)], REQUESTED),
+            _walked(outcome, "foot_optimal", joint, FOOT_OPTIMAL, "actual"),
+            draw(joint.foot_optimal, PREDICTED),
+        ],
+    )
+
+
+def _joints_by_method(outcome: VirtualOutcome) -> Figure:
+    draw = _timeline(outcome).degrees
+    return joints_figure(
+        outcome.planned,
+        "joints_by_method",
+        (
+            "The joints under the methods, every cycle",
+            "What the joints do while the foot goes along its paths.",
+        ),
+        lambda joint: [
+            draw(joint.desired, DESIRED),
+            *(
+                _walked(outcome, method, joint, role, hidden=method == "optimal")
+                for method, role in ROLES.items()
+                if method != "shift"
+            ),
+        ],
+        _distance_panel(outcome, hidden=HIDDEN),
+        clock=True,
+    )
+
+
+def _foot_distances(outcome: VirtualOutcome) -> Figure:
+    panel = _distance_panel(outcome)
+    return _timeline(outcome).figure(
+        "foot_distances",
+        [Panel(panel.y, panel.curves, height=1.8)],
+        (
+            "The foot's error over time, every cycle",
+            "Distance of the foot from its desired position at each instant. Where the swing is "
+            "faster than the joints can be, no method follows it.",
+        ),
+    )
+
+
+def _distance_panel(outcome: VirtualOutcome, *, hidden: Sequence[str] = ()) -> Panel:
+    """The foot's distances in every cycle, those of some methods hidden at first."""
+    desired, timeline = outcome.planned.walk.desired_foot, _timeline(outcome)
+    curves = []
+    for method, role in ROLES.items():
+        distances = np.linalg.norm(outcome.foot_paths[method] - desired, axis=2)
+        looks = replace_width(role, THIN)
+        curves.append(timeline.cycles(100.0 * distances, looks, hidden=method in hidden))
+    axis = Axis("distance", "cm", from_zero=True)
+    return Panel(axis, tuple(curves), "foot, from its desired path")
+
+
+def _planned_and_executed(outcome: VirtualOutcome) -> Figure:
+    """The foot's accuracy by method: as planned, as executed, and on the paper's robot."""
+    executed, planned = outcome.foot_table, outcome.planned.foot_table
+    names = [label.split(":")[0] for label in METHODS.values()]
+    paper = [published_foot(method) for method in METHODS]
+    known = [row for row, each in enumerate(paper) if each is not None]
+    figures = np.array([each.L2.mean for each in paper if each is not None])
+    published_names = tuple(names[row] for row in known)
+    return dumb_bells(
+        "promises",
+        (
+            "Planned and executed",
+            "From what each plan predicted to what the robot made of it: the shorter the line, the "
+            "better the model.",
+        ),
+        Axis("foot error, L₂", "cm"),
+        rows=dict(enumerate(names)),
+        places=range(len(names)),
+        ends=(
+            Curve(CLOSED_FORM, np.array([planned[method].rms for method in METHODS]), np.empty(0),
+                  "planned"),
+            Curve(CLOSED_FORM, np.array([executed[method].mean.rms for method in METHODS]),
+                  np.empty(0), "executed"),
+        ),
+        notes=tuple(names),
+        more=[
+            Curve(INK, figures, np.array(known, float), "the paper's robot", marks="rings",
+                  notes=published_names)
+        ],
+        link="loss",
+    )  # fmt: skip
+
+
+def _walked(
+    outcome: VirtualOutcome, method: str, joint: JointOutcome, role: Role, label: str = "",
+    *, hidden: bool = False,
+) -> Curve:  # fmt: skip
+    """A joint's angles in every cycle under a method."""
+    angles = np.degrees(outcome.runs[method].angles[:, :, _index(outcome, joint)])
+    return _timeline(outcome).cycles(angles, replace_width(role, THIN), label, hidden=hidden)
+
+
+def _index(outcome: VirtualOutcome, joint: JointOutcome) -> int:
+    return outcome.planned.walk.joint_names.index(joint.name)
+
+
+def _learning(outcome: VirtualOutcome) -> Figure:
+    """The foot's error in each trial of learning, and the lower bound of the models."""
+    errors = np.array([each.mean.rms for each in outcome.learnt_foot])
+    trials = np.arange(1.0, len(errors) + 1.0)
+    ends = np.array([0.8, len(errors) + 0.2])
+    bound = 100.0 * outcome.planned.foot_plan.lower_bound
+    deviations = np.array([each.deviation.rms for each in outcome.learnt_foot])
+    low, high = min(bound, float(np.min(errors - deviations))), float(np.max(errors + deviations))
+    room = 0.2 * (high - low)
+    curves = (
+        Curve(APPROXIMATION._replace(label="lower bound of the models"), ends, np.full(2, bound)),
+        Curve(FOOT_OPTIMAL._replace(label="mean of the cycles"), trials, errors),
+        Curve(INK, trials, errors, "trials", legend=False, marks="dots"),
+    )
+    return Figure(
+        "learning",
+        "Ten trials of learning",
+        "The foot's error from the foot-optimised plan on, each next trial with requests that are "
+        "refined by what the sensors measured (the axis does not begin at zero).",
+        Axis("trial", names={trial: f"{trial:.0f}" for trial in trials}, range=(0.8, ends[1])),
+        (
+            Panel(
+                Axis("rms distance", "cm", (low - room, high + room), decimals=3),
+                curves,
+                "foot, from its desired path",
+            ),
+        ),
+    )

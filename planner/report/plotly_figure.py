@@ -1,0 +1,322 @@
+"""Figures on a screen, in Plotly's terms: plain dictionaries that the page's scripts draw.
+
+Nothing of Plotly's Python package is needed to make them. Colours are written as the page's own,
+``var(--direct)``; the script looks them up, so that a plot is light or dark with the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.report.figure import Axis, Curve, Figure, Moments, Movie, Panel, Span, Words, around
+from planner.report.style import INK, MUTED, Role, variable
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array
+
+ROW = 150
+"""Height of a panel of height 1 [px]."""
+
+ABOVE, BELOW, LEFT, RIGHT = 30, 46, 58, 12
+"""Margins: for the first title and the buttons, for the axis, and for numbers [px]."""
+
+GAP = 34
+"""Between panels, room for a title [px]."""
+
+BOLDER = 1.2
+"""Pixels for a point of a line: a screen is farther away than paper."""
+
+CORNER = re.compile(r"v_max")
+"""Words that are written with an index."""
+
+MOST_FRAMES = 1500
+"""Moments of a motion that are shown; of longer ones every second is, or every third."""
+
+DECIMALS = 2
+"""Of positions [cm]: a tenth of a millimetre, less than a pixel."""
+
+
+def live(figure: Figure) -> dict[str, Any]:
+    """What the page's scripts draw: the moving leg, numbers at a moment, or the plot."""
+    if figure.movie is not None:
+        return moving_leg(figure.movie)
+    return plot(figure) if figure.moments is None else numbers_over_time(figure.moments)
+
+
+def plot(figure: Figure) -> dict[str, Any]:
+    """The figure as a plot: zoom one of its panels along x, and all follow.
+
+    Returns:
+        ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
+    """
+    domains, height = _domains(figure.panels)
+    data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
+    for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
+        axis = "y" if number == 1 else f"y{number}"
+        axes[axis.replace("y", "yaxis")] = _y_axis(figure, panel, domain)
+        data += [{**_trace(curve, figure, panel), "yaxis": axis} for curve in panel.curves]
+        words += [_heading(panel.title, domain[1])] if panel.title else []
+        words += [_words(each, axis) for each in panel.words]
+        words += [_span_words(each, axis) for each in panel.spans if each.words]
+        shapes += [_shade(each, axis) for each in panel.spans if each.opacity]
+    follows = figure.clock is not None
+    layout = {
+        "xaxis": _x_axis(figure),
+        **axes,
+        "annotations": words,
+        "shapes": [_cursor(), *shapes] if follows else shapes,
+        "hovermode": "x unified" if figure.over_time else "closest",
+        "showlegend": False,  # the page has its own, of buttons
+        "margin": {"l": LEFT, "r": RIGHT, "t": ABOVE, "b": BELOW},
+        "uirevision": "kept",
+    }
+    return {
+        "kind": "plot",
+        "data": data,
+        "layout": layout,
+        "height": height,
+        "clock": figure.clock,
+        "views": {name: list(ends) for name, ends in figure.views.items()},
+    }
+
+
+def moving_leg(movie: Movie) -> dict[str, Any]:
+    """What the page's script needs to draw a leg along its motions, with a time slider."""
+    stride = -(-len(movie.motions[0].points) // MOST_FRAMES)
+    return {
+        "kind": "leg",
+        "period": stride * movie.period,
+        "cyclic": movie.cyclic,
+        "ground": None if movie.ground is None else _centimetres(np.asarray(movie.ground)),
+        "motions": [
+            {
+                "name": motion.role.label,
+                "colour": variable(motion.role),
+                "width": round(motion.role.width * BOLDER, 2),
+                "dashes": _dashes(motion.role).replace("solid", "none").replace("px", ""),
+                "hidden": motion.hidden,
+                "points": _centimetres(motion.points[::stride]),
+                "distances": None
+                if motion.distances is None
+                else _centimetres(motion.distances[::stride]),
+                "rms": None
+                if motion.distances is None
+                else _centimetres(np.sqrt(np.mean(motion.distances**2))),
+            }
+            for motion in movie.motions
+        ],
+    }
+
+
+def numbers_over_time(moments: Moments) -> dict[str, Any]:
+    """What the page's script needs to show the numbers of a moment, with a time slider."""
+    every = [each for values in moments.kinds.values() for each in values if each is not None]
+    samples = len(every[0])
+    stride = -(-samples // MOST_FRAMES)
+
+    def rounded(values: Array | None) -> list[float] | None:
+        if values is None:
+            return None
+        return (np.round(values[::stride], DECIMALS) + 0.0).tolist()  # type: ignore[no-any-return]
+
+    return {
+        "kind": "moment",
+        "period": stride * moments.period,
+        "samples": len(range(0, samples, stride)),
+        "joints": [
+            {"name": name, "unit": unit}
+            for name, unit in zip(moments.joints, moments.units, strict=True)
+        ],
+        "kinds": [
+            {"name": name, "values": [rounded(each) for each in values]}
+            for name, values in moments.kinds.items()
+        ],
+    }
+
+
+def packed(values: Array) -> dict[str, str]:
+    """Numbers as Plotly takes them in the fewest bytes: single precision, little-endian."""
+    content = np.asarray(values, dtype="<f4").tobytes()
+    return {"dtype": "f4", "bdata": base64.b64encode(content).decode()}
+
+
+def _centimetres(metres: Array) -> Any:
+    """Lengths in centimetres, as plain numbers."""
+    return (np.round(100.0 * metres, DECIMALS) + 0.0).tolist()  # no minus before zero
+
+
+def _trace(curve: Curve, figure: Figure, panel: Panel) -> dict[str, Any]:
+    """A curve, with the words for a point under the pointer."""
+    looks: dict[str, Any] = {"text": list(curve.notes)} if curve.notes else {}
+    if not curve.legend:
+        looks |= {"hoverinfo": "skip", "showlegend": False}
+    else:
+        looks["hovertemplate"] = _hover(curve, figure, panel)
+    return {
+        "type": "scatter",
+        "name": curve.name,
+        "x": packed(curve.x),
+        "y": packed(curve.y),
+        "visible": "legendonly" if curve.hidden else True,
+        "connectgaps": False,
+        **(_marker(curve) if curve.marks else _line(curve)),
+        **looks,
+    }
+
+
+def _hover(curve: Curve, figure: Figure, panel: Panel) -> str:
+    note = " · %{text}" if curve.notes else ""
+    if figure.over_time:
+        return f"%{{y:.{panel.y.decimals}f}} {panel.y.unit}{note}"
+    values = ", ".join(
+        f"%{{{letter}:.{axis.decimals}f}} {axis.unit}".rstrip()
+        for letter, axis in (("x", figure.x), ("y", panel.y))
+        if axis.names is None
+    )
+    return f"{values}{note}<extra>%{{fullData.name}}</extra>"
+
+
+def _line(curve: Curve) -> dict[str, Any]:
+    return {
+        "mode": "lines",
+        "line": {
+            "color": variable(curve.role),
+            "width": round(curve.role.width * BOLDER, 2),
+            "dash": _dashes(curve.role),
+            "shape": "hv" if curve.held else "linear",
+        },
+    }
+
+
+def _marker(curve: Curve) -> dict[str, Any]:
+    colour = variable(curve.role)
+    if curve.marks == "rings":
+        marker: dict[str, Any] = {"color": "rgba(0,0,0,0)", "line": {"color": colour, "width": 1.6}}
+    else:
+        marker = {"color": colour, "opacity": curve.opacity, "line": {"color": colour, "width": 0}}
+    return {"mode": "markers", "marker": marker | {"size": 4.5 if curve.opacity < 1.0 else 7}}
+
+
+def _dashes(role: Role) -> str:
+    """The pattern of a role's line, as Plotly and SVG spell it."""
+    if role.dashes == "-":
+        return "solid"
+    return ",".join(f"{part * role.width * BOLDER:.1f}px" for part in role.dashes[1])
+
+
+def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], float]:
+    """Where each panel stands, as shares of the height from below, and the whole height [px]."""
+    heights = [ROW * panel.height for panel in panels]
+    inner = sum(heights) + GAP * (len(panels) - 1)
+    domains, top = [], inner
+    for height in heights:
+        domains.append((round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)))
+        top -= height + GAP
+    return domains, inner + ABOVE + BELOW
+
+
+def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:
+    made: dict[str, Any] = {
+        "gridcolor": "var(--grid)",
+        "linecolor": variable(MUTED),
+        "zeroline": False,
+        "title": {"text": _escaped(axis.words), "standoff": standoff},
+    }
+    if axis.names is not None:
+        made |= {"tickvals": list(axis.names), "ticktext": list(map(_escaped, axis.names.values()))}
+        made |= {"automargin": True, "showgrid": False}
+    return made
+
+
+def _x_axis(figure: Figure) -> dict[str, Any]:
+    start, end = figure.x_range
+    made = _axis(figure.x, standoff=8) | {"range": [start, end]}
+    if not figure.over_time:
+        return made
+    return made | {
+        "anchor": f"y{len(figure.panels)}" if len(figure.panels) > 1 else "y",
+        "minallowed": start,
+        "maxallowed": end,
+        "unifiedhovertitle": {"text": f"%{{x:.{figure.x.decimals}f}} {figure.x.unit}"},
+        "showspikes": figure.clock is None,
+        "spikemode": "across",
+        "spikesnap": "cursor",
+        "spikethickness": 1,
+        "spikedash": "solid",
+        "spikecolor": variable(MUTED),
+    }
+
+
+def _y_axis(figure: Figure, panel: Panel, domain: tuple[float, float]) -> dict[str, Any]:
+    made = _axis(panel.y, standoff=6) | {"domain": list(domain)}
+    ends = panel.y_range
+    if figure.equal:
+        made["scaleanchor"] = "x"
+        ends = around([curve.y for curve in panel.curves])
+    if panel.y.names is None:
+        made |= {"nticks": 6, "rangemode": "tozero" if panel.y.from_zero else "normal"}
+    return made if ends is None else made | {"range": list(ends)}
+
+
+def _cursor() -> dict[str, Any]:
+    """The line at the moment that the moving leg shows; the script moves it."""
+    line = {"color": variable(INK), "width": 1.2}
+    return {"type": "line", "xref": "x", "yref": "paper", "x0": 0, "x1": 0, "y0": 0, "y1": 1,
+            "line": line, "layer": "above"}  # fmt: skip
+
+
+def _shade(span: Span, axis: str) -> dict[str, Any]:
+    """A rectangle behind the curves."""
+    if span.along == "x":
+        place = {"xref": "x", "yref": f"{axis} domain", "y0": 0, "y1": 1}
+        place |= {"x0": span.start, "x1": span.end}
+    else:
+        place = {"xref": "paper", "yref": axis, "x0": 0, "x1": 1, "y0": span.start, "y1": span.end}
+    return {"type": "rect", **place, "fillcolor": variable(span.role), "opacity": span.opacity,
+            "line": {"width": 0}, "layer": "below"}  # fmt: skip
+
+
+def _heading(text: str, top: float) -> dict[str, Any]:
+    """The title of a panel, whose upper end is at a share of the height."""
+    return {
+        "text": f"<b>{_escaped(text)}</b>",
+        "xref": "paper",
+        "yref": "paper",
+        "x": 0,
+        "y": top,
+        "xanchor": "left",
+        "yanchor": "bottom",
+        "showarrow": False,
+    }
+
+
+def _words(words: Words, axis: str) -> dict[str, Any]:
+    text = CORNER.sub("v<sub>max</sub>", _escaped(words.text))
+    return {
+        "text": f"<b>{text}</b>" if words.bold else text,
+        "x": words.x,
+        "y": words.y,
+        "xref": "x",
+        "yref": axis,
+        "xanchor": words.across,
+        "yanchor": words.upward,
+        "showarrow": False,
+        "font": {"color": variable(INK), "size": 12},
+    }
+
+
+def _span_words(span: Span, axis: str) -> dict[str, Any]:
+    """What a span is, beside its upper end."""
+    left = span.words_side == "left"
+    at = Words(span.words, span.start if left else span.end, 1.0,
+               across="right" if left else "left", upward="top")  # fmt: skip
+    return _words(at, axis) | {"yref": f"{axis} domain"}
+
+
+def _escaped(text: str) -> str:
+    """Text that Plotly takes for nothing but text."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

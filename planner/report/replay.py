@@ -1,0 +1,447 @@
+"""The page about a replay: what holds, a slider through the episode, every joint over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner._version import __version__
+from planner.inversion.error_norm import error_norm
+from planner.report.figure import (
+    Axis,
+    Curve,
+    Figure,
+    Moments,
+    Motion,
+    Movie,
+    Panel,
+    Span,
+    Timeline,
+    leg_sketches,
+    line,
+    near_limits,
+)
+from planner.report.page import (
+    Card,
+    LinkedFile,
+    Page,
+    Section,
+    heading,
+    models_table,
+    origin_lists,
+)
+from planner.report.style import APPROXIMATION, DESIRED, DIRECT, LIMIT, OPTIMAL, REQUESTED, SHIFT
+from planner.report.table import NOTHING, Column, Row, Table
+
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
+    from planner.replaying import JointReplay, Replay
+    from planner.report.style import Role
+    from planner.retiming import Fastest
+    from planner.trajectory import Array
+
+UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
+"""By a log's unit: what the page shows, and how many of it one is."""
+
+POSES = 5
+"""Moments at which an arm is sketched on paper."""
+
+FAST = 0.16
+"""Opacity of the parts that are faster than the joint."""
+
+SHOWN = 20.0
+"""The curve of errors over speed shows up to so many tolerances."""
+
+
+def replay_page(
+    replay: Replay,
+    *,
+    title: str,
+    words: str,
+    found: Fastest | None = None,
+    verdict: str = "",
+    arm: Leg | None = None,
+    missed: Sequence[str] = (),
+    remarks: Sequence[str] = (),
+    origins: Sequence[tuple[str, str]] = (),
+    files: Sequence[LinkedFile] = (),
+) -> str:
+    """The whole page.
+
+    Args:
+        replay: The replay.
+        title: The recording, in a few words.
+        words: What is followed, why, and by which models.
+        found: The search for the fastest replay, where there was one.
+        verdict: What that search says.
+        arm: The leg or arm whose joints these are; None for none.
+        missed: Tolerances that the plan misses, in words.
+        remarks: What else should be known first.
+        origins: What the replay was made from: pairs of what it is and which.
+        files: Files of the run to link to.
+    """
+    from markupsafe import Markup
+
+    planned = replay.planned
+    sections = [
+        Section(
+            "The joints",
+            JOINTS,
+            {
+                "table": joints_table(replay),
+                "joints": [joint_figure(replay, j) for j in range(len(replay.joints))],
+            },
+        ),
+        Section(
+            "The models",
+            "{{ table }}",
+            {
+                "table": models_table(
+                    [each.name for each in planned],
+                    [each.inversion.model for each in planned if each.inversion],
+                )
+            },
+        ),
+    ]
+    if found is not None:
+        curves = [speeds_figure(found)]
+        if found.retime == "varying":
+            curves.append(factors_figure(found))
+        whose = "of the foot" if found.foot else "of the joint that is farthest off"
+        curve = {"curves": curves, "whose": whose}
+        sections.insert(0, Section("How fast it can be", SPEEDS, curve))
+    head, tail = _verdict(replay)
+    return Page(
+        heading="Replay at the recorded speed"
+        if replay.speed == 1.0
+        else f"Replay at {replay.speed:.3g} times the speed",
+        eyebrow=f"request-planner replay · {title}",
+        verdict=Markup("<strong>{}</strong>, {}.").format(head, tail),
+        note=f"{words}.",
+        good=not missed,
+        remarks=[
+            *(f"{heading(each)}." for each in (verdict, *missed, *replay.path.remarks) if each),
+            *_said(replay),
+            *remarks,
+        ],
+        cards=cards(replay),
+        figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
+        sections=sections,
+        listings=origin_lists(origins, files),
+        footer=Markup(
+            f"request-planner {__version__} replay. The model is that of Stronger &amp; Stone, "
+            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
+        ),
+    ).html()
+
+
+JOINTS = """
+{{ table }}
+<p class="note">Errors are angles minus the path at each request, by the exact models. “As
+recorded” are the recorded requests at this speed, “as it is” the path itself as requests. No
+requests bring the rms error below the lower bound. What to expect on the robot is the error of plan
+and model together.</p>
+{{ hints }}
+{{ figures(joints) }}
+"""
+
+SPEEDS = """
+<p>Largest errors at constant speeds, {{ whose }}. Where a lower bound is above the tolerance, no
+requests keep it.</p>
+{{ figures(curves) }}
+"""
+
+
+def _verdict(replay: Replay) -> tuple[str, str]:
+    """The answer in a few words, and what it is worth."""
+    worst = {
+        kind: max(_shown(each, each.errors[kind], "max") for each in replay.planned)
+        for kind in ("planned", "direct", "resent")
+    }
+    many = len(replay.planned) > 1
+    head = (
+        f"The planned joint{'s stay' if many else ' stays'} within {worst['planned']:.2g} degrees "
+        f"of {'their paths' if many else 'its path'}"
+    )
+    tail = (
+        f"where the path itself as requests is up to {worst['direct']:.2g} degrees off, and the "
+        f"recorded requests at this speed {worst['resent']:.2g}"
+    )
+    return head, tail
+
+
+def _said(replay: Replay) -> list[str]:
+    """What somebody who sends these requests should know first."""
+    said = []
+    fast = [each for each in replay.planned if each.too_fast]
+    if fast:
+        parts = ", ".join(
+            f"{each.name} ({sum(b - a for a, b in each.too_fast):.2g} s)" for each in fast
+        )
+        said.append(f"The path is faster than the joint can be: {parts}; shaded below.")
+    if untested := [each for each in replay.planned if each.untested]:
+        listed = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
+        said.append(f"Beyond what the models were tested on: {listed}.")
+    passed = [each for each in replay.joints if each.inversion is None]
+    if passed:
+        listed = ", ".join(f"{each.name} ({each.path.reason})" for each in passed)
+        said.append(f"These joints get their recorded requests at the same moments: {listed}.")
+    return said
+
+
+def cards(replay: Replay) -> list[Card]:
+    """The key figures."""
+    worst = max(replay.planned, key=lambda each: _shown(each, each.errors["planned"], "rms"))
+    unit, factor = UNITS[worst.path.unit]
+    shown = {kind: _shown(worst, error, "rms") for kind, error in worst.errors.items()}
+    made = [
+        Card(f"{shown['planned']:.3g}", f"{unit} rms",
+             f"the joint that is farthest off, {worst.name}; the best time shift of its path "
+             f"leaves {shown['shifted']:.3g}; lower bound {factor * worst.lower_bound:.3g}"),
+    ]  # fmt: skip
+    known = [each for each in replay.planned if math.isfinite(each.expected)]
+    if known:
+        each = max(known, key=lambda one: UNITS[one.path.unit][1] * one.expected)
+        unit, factor = UNITS[each.path.unit]
+        made.append(
+            Card(f"{factor * each.expected:.3g}", f"{unit} rms",
+                 f"to expect on the robot of {each.name}, the plan's error and the model's")
+        )  # fmt: skip
+    count = len(replay.moments)
+    seconds = (count - 1) * replay.period
+    made.append(
+        Card(f"{seconds:.3g}", "s",
+             f"{count} requests to {len(replay.joints)} joints at {1.0 / replay.period:.4g} Hz, "
+             f"for {replay.path.duration:.3g} s of the recording")
+    )  # fmt: skip
+    return made
+
+
+def joints_table(replay: Replay) -> Table:
+    """Errors of every joint by kind of requests."""
+    columns = [
+        Column("recorded run", ("rms", "max")),
+        Column("as recorded", ("rms", "max")),
+        Column("as it is", ("rms", "max")),
+        Column("best shift", ("rms", "max", "by [ms]")),
+        Column("plan", ("rms", "max")),
+        Column("on the robot"),
+        Column("lower bound"),
+        Column("too fast [s]"),
+    ]
+    rows = []
+    for joint in replay.joints:
+        unit, factor = UNITS[joint.path.unit]
+        recorded = _pair(joint, joint.path.angles - joint.path.requests)
+        nothing = (NOTHING, NOTHING)
+        cells: list[str | tuple[str, ...]] = [recorded, nothing, nothing, (*nothing, NOTHING)]
+        cells += [nothing, NOTHING, NOTHING, NOTHING]
+        if joint.inversion is not None:
+            pairs = {kind: _pair(joint, error) for kind, error in joint.errors.items()}
+            spent = sum(last - first for first, last in joint.too_fast)
+            cells = [
+                recorded,
+                pairs["resent"],
+                pairs["direct"],
+                (*pairs["shifted"], f"{1e3 * joint.lead:.0f}"),
+                pairs["planned"],
+                NOTHING if math.isnan(joint.expected) else f"{factor * joint.expected:.3f}",
+                f"{factor * joint.lower_bound:.3f}",
+                f"{spent:.2f}" if spent else "0",
+            ]
+        rows.append(Row(f"{joint.name} [{unit}]", tuple(cells)))
+    return Table("joint", tuple(columns), tuple(rows), label="Joints")
+
+
+def moment_figure(replay: Replay) -> Figure:
+    """The slider through the episode, with the numbers of its moment; on paper the errors."""
+    timeline = _timeline(replay)
+    planned = replay.planned
+    curves = [
+        timeline.curve(np.abs(_in_unit(each, each.errors["planned"])), OPTIMAL, each.name)
+        for each in planned
+    ]
+    moments = Moments(
+        replay.names,
+        tuple(UNITS[each.path.unit][0] for each in replay.joints),
+        {
+            "path": [_in_unit(each, each.desired) for each in replay.joints],
+            "request": [_in_unit(each, each.requests) for each in replay.joints],
+            "predicted": [
+                None if each.predicted is None else _in_unit(each, each.predicted)
+                for each in replay.joints
+            ],
+        },
+        replay.period,
+    )
+    return Figure(
+        "moment",
+        "Through the episode",
+        "Move the slider, and the plots below follow. On paper: the error of each planned joint.",
+        timeline.axis,
+        (Panel(Axis("error", "deg", from_zero=True), tuple(curves), height=1.6),),
+        over_time=True,
+        moments=moments,
+    )
+
+
+def arm_figure(replay: Replay, arm: Leg) -> Figure:
+    """The moving arm: its path, with the path as requests, and planned."""
+    by_name = {each.name: each for each in replay.joints}
+    chosen = [by_name[name] for name in arm.joint_names]
+    columns: dict[str, list[Array]] = {"path": [], "direct": [], "planned": []}
+    for each in chosen:
+        predicted = each.predicted
+        columns["path"].append(each.desired)
+        columns["direct"].append(each.recorded_angles if predicted is None else each.direct)
+        columns["planned"].append(each.recorded_angles if predicted is None else predicted)
+    angles = {kind: np.column_stack(each) for kind, each in columns.items()}
+    feet = {kind: arm.foot_positions(each) for kind, each in angles.items()}
+    timeline = _timeline(replay)
+    looks = {"path": DESIRED, "direct": DIRECT, "planned": OPTIMAL}
+    motions = [
+        Motion(
+            looks[kind],
+            arm.joint_positions(each),
+            None if kind == "path" else np.linalg.norm(feet[kind] - feet["path"], axis=1),
+        )
+        for kind, each in angles.items()
+    ]
+    samples = np.linspace(0, len(replay.moments) - 1, POSES).astype(int)
+    sketches = leg_sketches(arm.joint_positions(angles["planned"][samples]), 0)
+    paths = [timeline.path(feet[kind], looks[kind], 0) for kind in feet]
+    return Figure(
+        "arm",
+        "The arm from the side",
+        "Move the slider and the arm follows, drag it and it turns; the plots below follow. On "
+        "paper: the arm at the beginning; thin lines are later moments.",
+        Axis(f"x in the frame {arm.base}", "cm"),
+        (Panel(Axis("z", "cm"), (*sketches, *paths), height=2.2),),
+        equal=True,
+        movie=Movie(tuple(motions), replay.period, cyclic=False),
+    )
+
+
+def joint_figure(replay: Replay, j: int) -> Figure:
+    """A joint: its angles, its errors, and its requests."""
+    timeline, joint = _timeline(replay), replay.joints[j]
+    unit, _ = UNITS[joint.path.unit]
+    desired = timeline.curve(_in_unit(joint, joint.desired), DESIRED, "path")
+    requests = timeline.curve(_in_unit(joint, joint.requests), REQUESTED)
+    recorded = timeline.curve(
+        _in_unit(joint, joint.recorded_requests), APPROXIMATION, "recorded requests"
+    )
+    panels = [Panel(Axis("request", unit, least=1.0), (desired, recorded, requests), "requested")]
+    words = f"{joint.path.reason}: its recorded requests at the same moments"
+    if joint.inversion is not None:
+        assert joint.predicted is not None, "a planned joint is simulated"
+        fast = [
+            Span(timeline.per_second * a, timeline.per_second * b, DIRECT, FAST)
+            for a, b in joint.too_fast
+        ]
+        span = replay.path.limits.get(joint.name)
+        limits = None if span is None else _limits(joint, span)
+        drawn = near_limits(limits, requests, end=timeline.step * timeline.last)
+        looks = {"direct": DIRECT, "shifted": SHIFT, "planned": OPTIMAL}
+        angles = {"direct": joint.direct, "shifted": joint.shifted, "planned": joint.predicted}
+        panels = [
+            Panel(
+                Axis("angle", unit, least=1.0),
+                (desired, *(_curve(timeline, joint, angles[k], looks[k]) for k in looks)),
+                "predicted",
+                spans=tuple(fast),
+            ),
+            Panel(
+                Axis("error", unit),
+                tuple(
+                    _curve(timeline, joint, angles[k] - joint.desired, looks[k])
+                    for k in ("shifted", "planned")
+                ),
+            ),
+            Panel(
+                Axis("request", unit, least=1.0),
+                (desired, recorded, *drawn, requests),
+                "requested",
+            ),
+        ]
+        words = (
+            "Above: the angle to follow, with the path itself as requests, with the best time "
+            "shift of it, and as planned; shaded where the path is faster than the joint can be. "
+            "In the middle: errors. Below: requests"
+        )
+    return timeline.figure(f"joint_{j}", panels, (joint.name, f"{heading(words)}."), clock=True)
+
+
+def speeds_figure(found: Fastest) -> Figure:
+    """Largest errors against the speed, with the tolerance."""
+    unit = "cm" if found.foot else "deg"
+    allowed = (100.0 if found.foot else math.degrees(1.0)) * found.tolerance
+    speeds = np.array([each.speed for each in found.curve])
+    looks = {"direct": DIRECT, "shifted": SHIFT, "planned": OPTIMAL}
+    curves = [
+        Curve(role, speeds, allowed * np.array([getattr(each, kind) for each in found.curve]))
+        for kind, role in looks.items()
+    ]
+    bounds = allowed * np.array([each.bound for each in found.curve])
+    if np.isfinite(bounds).any():
+        dashed = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
+        curves.append(Curve(dashed, speeds, bounds))
+    ends = (float(speeds[0]), float(speeds[-1]))
+    known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
+    top = min(SHOWN * allowed, 1.05 * max(float(np.max(known)), allowed))
+    return Figure(
+        "speeds",
+        "Error against speed",
+        "The horizontal line is the tolerance.",
+        Axis("times the recorded speed", range=ends),
+        (
+            Panel(
+                Axis("largest error", unit, (0.0, top)),
+                (line(ends, (allowed, allowed), LIMIT), *curves),
+                height=1.8,
+            ),
+        ),
+    )
+
+
+def factors_figure(found: Fastest) -> Figure:
+    """The speed along the replay."""
+    timeline = _timeline(found.replay)
+    factors = np.append(found.factors, found.factors[-1:])
+    curves = [timeline.curve(factors, OPTIMAL, "speed")]
+    constant = timeline.curve(np.full(len(factors), found.constant), LIMIT, "largest constant")
+    return timeline.figure(
+        "factors",
+        [Panel(Axis("times the recorded speed", from_zero=True), (constant, *curves), height=1.8)],
+        ("Speed along the replay", "One factor for all of it, or one that varies."),
+        clock=True,
+    )
+
+
+def _curve(timeline: Timeline, joint: JointReplay, values: Array, role: Role) -> Curve:
+    return timeline.curve(_in_unit(joint, values), role)
+
+
+def _in_unit(joint: JointReplay, values: Array) -> Array:
+    """Angles in degrees, shares in percent."""
+    return np.asarray(UNITS[joint.path.unit][1] * values)
+
+
+def _limits(joint: JointReplay, span: tuple[float, float]) -> tuple[float, float]:
+    factor = UNITS[joint.path.unit][1]
+    return factor * span[0], factor * span[1]
+
+
+def _shown(joint: JointReplay, errors: Array, norm: str) -> float:
+    return UNITS[joint.path.unit][1] * error_norm(errors, "max" if norm == "max" else "rms")
+
+
+def _pair(joint: JointReplay, errors: Array) -> tuple[str, str]:
+    return f"{_shown(joint, errors, 'rms'):.3f}", f"{_shown(joint, errors, 'max'):.3f}"
+
+
+def _timeline(replay: Replay) -> Timeline:
+    return Timeline(replay.period, len(replay.moments), cyclic=False)

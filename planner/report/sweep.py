@@ -1,0 +1,256 @@
+"""The page about a sweep: the Pareto front of speed and error, and the command of each point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner._version import __version__
+from planner.report.figure import Axis, Curve, Figure, Panel, line
+from planner.report.page import Card, LinkedFile, Page, Section, heading, origin_lists
+from planner.report.style import DIRECT, FOOT_OPTIMAL, LIMIT, OPTIMAL
+from planner.report.table import Column, Row, Table
+
+if TYPE_CHECKING:
+    from planner.evaluation.swept import Outcome, Swept
+    from planner.trajectory import Array
+
+WORDS = {
+    "length": ("half stroke", "m"),
+    "height": ("height", "m"),
+    "forward": ("forward", "m"),
+    "sideways": ("sideways", "m"),
+    "hip_height": ("hip height", "m"),
+    "ground_fraction": ("part on the ground", ""),
+    "heading_deg": ("heading", "deg"),
+    "period_s": ("period", "s"),
+    "speed": ("speed", "times"),
+    "smoothness": ("smoothness", ""),
+}
+"""What a parameter is called, and its unit."""
+
+MOST_REASONS = 20
+"""Reasons that are listed, of points without a plan."""
+
+
+def sweep_page(
+    swept: Swept,
+    *,
+    origins: Sequence[tuple[str, str]] = (),
+    files: Sequence[LinkedFile] = (),
+) -> str:
+    """The whole page.
+
+    Args:
+        swept: The sweep.
+        origins: What it was made from: pairs of what it is and which.
+        files: Files of the sweep to link to.
+    """
+    from markupsafe import Markup
+
+    front = swept.front
+    sections = []
+    if front:
+        sections += [
+            Section("The front", FRONT, {"table": points_table(swept, front)}),
+            Section(
+                "Parameters along the front",
+                "{{ hints }}{{ figures(several) }}",
+                {"several": parameter_figures(swept)},
+            ),
+        ]
+    if failed := failures_table(swept):
+        sections.append(Section("Points without a plan", "{{ table }}", {"table": failed}))
+    head, _, tail = verdict(swept).partition(": ")
+    return Page(
+        heading="Speed against error",
+        eyebrow=f"request-planner sweep · {swept.file}",
+        verdict=Markup("<strong>{}</strong>{}").format(head, f": {tail}." if tail else "."),
+        good=not missed(swept),
+        cards=cards(swept),
+        figure=front_figure(swept) if front else None,
+        sections=sections,
+        listings=origin_lists(origins, files),
+        footer=Markup(
+            f"request-planner {__version__} sweep. The model is that of Stronger &amp; Stone, "
+            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
+        ),
+    ).html()
+
+
+FRONT = """
+<p>No other point that was tried is both faster and closer to its path than one of these.</p>
+{{ table }}
+<p class="note">Each command plans its point again, with all files of a run; the error that it
+prints is that of the table.</p>
+"""
+
+
+def verdict(swept: Swept) -> str:
+    """The answer in a few words."""
+    front, best, required = swept.front, swept.best, swept.requirement
+    if not front:
+        return "No point has a plan"
+    if required is not None:
+        unit = swept.error_unit if required.of == "error" else swept.speed_unit
+        limit = f"{'at most' if required.of == 'error' else 'at least'} {required.value:g} {unit}"
+        if best is None:
+            near = front[0] if required.of == "error" else front[-1]
+            return f"No point has {limit}: the nearest has {sizes(swept, near)}"
+        return f"The best point with {limit} has {sizes(swept, best)}: {words_of(swept, best)}"
+    if len(front) == 1:
+        return f"One point is best in both: {sizes(swept, front[0])}"
+    slow, fast = front[0], front[-1]
+    return f"{len(front)} points on the front: from {sizes(swept, slow)} to {sizes(swept, fast)}"
+
+
+def missed(swept: Swept) -> str:
+    """Why the sweep failed, in words; empty where it did not."""
+    return verdict(swept) if not swept.front or (swept.requirement and not swept.best) else ""
+
+
+def sizes(swept: Swept, outcome: Outcome) -> str:
+    """Speed and error of a point."""
+    speed = f"{outcome.speed:.3g} {swept.speed_unit}"
+    return f"{speed} at {outcome.error:.3g} {swept.error_unit}"
+
+
+def words_of(swept: Swept, outcome: Outcome) -> str:
+    """The parameters of a point."""
+    return ", ".join(
+        f"{WORDS[name][0]} {value:.4g} {WORDS[name][1]}".rstrip()
+        for name, value in zip(swept.names, outcome.point, strict=True)
+    )
+
+
+def cards(swept: Swept) -> list[Card]:
+    """Key figures."""
+    planned = sum(each.planned for each in swept.outcomes)
+    made = [Card(f"{planned}", "", f"of {len(swept.outcomes)} points have a plan")]
+    if swept.front:
+        slow, fast = swept.front[0], swept.front[-1]
+        made += [
+            Card(f"{fast.speed:.3g}", swept.speed_unit,
+                 f"the fastest of the front, at {fast.error:.3g} {swept.error_unit}"),
+            Card(f"{slow.error:.3g}", swept.error_unit,
+                 f"the least error, at {slow.speed:.3g} {swept.speed_unit}"),
+            Card(f"{slow.direct / max(slow.error, 1e-9):.3g}", "times",
+                 "that error without a plan, with the desired angles as requests"),
+        ]  # fmt: skip
+    return made
+
+
+def points_table(swept: Swept, outcomes: Sequence[Outcome], *, commands: bool = True) -> Table:
+    """Points with their parameters, speeds and errors, and the commands that plan them again."""
+    units = [f" [{unit}]" if unit else "" for _, unit in (WORDS[name] for name in swept.names)]
+    columns = [
+        *(Column(f"{WORDS[name][0]}{unit}") for name, unit in zip(swept.names, units, strict=True)),
+        Column(f"speed [{swept.speed_unit}]"),
+        Column(f"error [{swept.error_unit}]"),
+        Column("without a plan"),
+        Column("too fast"),
+        *([Column("command", words=True)] if commands else []),
+    ]
+    rows = []
+    for each in outcomes:
+        fast = f"{100.0 * each.too_fast:.0f} % {each.slowest}" if each.slowest else "nowhere"
+        cells = [
+            *(f"{value:.4g}" for value in each.point),
+            f"{each.speed:.4g}",
+            f"{each.error:.4g}",
+            f"{each.direct:.4g}",
+            fast,
+            *([swept.command(each)] if commands else []),
+        ]
+        best = "\nbest" if each is swept.best else ""
+        rows.append(Row(f"{swept.number(each)}{best}", tuple(cells)))
+    return Table("point", tuple(columns), tuple(rows), label="The Pareto front")
+
+
+def failures_table(swept: Swept) -> Table | None:
+    """Why points have no plan, and how many; None where all have one."""
+    reasons: dict[str, list[Outcome]] = {}
+    for each in swept.outcomes:
+        if not each.planned:
+            reasons.setdefault(each.reason, []).append(each)
+    rows = [
+        Row(f"{swept.number(those[0])}", (words_of(swept, those[0]), f"{len(those)}", reason))
+        for reason, those in list(reasons.items())[:MOST_REASONS]
+    ]
+    if not rows:
+        return None
+    headers = (Column("parameters", words=True), Column("points"), Column("reason", words=True))
+    return Table("first point", headers, tuple(rows), label="Points without a plan")
+
+
+def front_figure(swept: Swept) -> Figure:
+    """Speed against error of every point, with the parameters under the pointer."""
+    planned = [each for each in swept.outcomes if each.planned]
+    front = swept.front
+    speeds, errors = _columns(planned)
+    notes = tuple(f"{swept.number(each)}: {words_of(swept, each)}" for each in planned)
+    ahead = tuple(f"{swept.number(each)}: {words_of(swept, each)}" for each in front)
+    directs = np.array([each.direct for each in planned])
+    best_speeds, best_errors = _columns(front)
+    curves = [
+        Curve(DIRECT, speeds, directs, "without a plan", marks="dots", notes=notes,
+              hidden=True),
+        Curve(OPTIMAL, speeds, errors, "planned", marks="dots", notes=notes),
+        Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", notes=ahead),
+        Curve(FOOT_OPTIMAL, best_speeds, best_errors, "Pareto front", marks="rings", notes=ahead),
+    ]  # fmt: skip
+    required = swept.requirement
+    if required is not None:
+        low, high = (float(end) for end in (speeds.min(), speeds.max()))
+        ends = ([low, high], [required.value] * 2)
+        if required.of == "speed":
+            ends = ([required.value] * 2, [0.0, float(errors.max())])
+        curves.insert(0, line(*ends, LIMIT))
+    return Figure(
+        "front",
+        "Speed against error",
+        "Each point is a plan; those on the line are best: none is faster at a smaller error. "
+        "Point at one for its parameters.",
+        _speeds(swept, planned),
+        (Panel(Axis("error", swept.error_unit, from_zero=True, decimals=3), tuple(curves),
+               height=2.4),),
+    )  # fmt: skip
+
+
+def parameter_figures(swept: Swept) -> list[Figure]:
+    """How each parameter changes along the front."""
+    speeds, _ = _columns(swept.front)
+    figures = []
+    for j, name in enumerate(swept.names):
+        words, unit = WORDS[name]
+        values = np.array([each.point[j] for each in swept.front])
+        curves = tuple(
+            Curve(FOOT_OPTIMAL, speeds, values, "Pareto front", marks=marks)
+            for marks in ("", "rings")
+        )
+        least = 0.2 * float(np.max(np.abs(values))) or 1.0
+        figures.append(
+            Figure(
+                f"parameter_{name}",
+                heading(words),
+                "Of the points on the front, from the slowest to the fastest.",
+                _speeds(swept, swept.front),
+                (Panel(Axis(words, unit, decimals=4, least=least), curves, height=1.4),),
+            )
+        )
+    return figures
+
+
+def _speeds(swept: Swept, outcomes: Sequence[Outcome]) -> Axis:
+    """The axis of speeds; of a single one, with room on both sides."""
+    speeds, _ = _columns(outcomes)
+    low, high = float(speeds.min()), float(speeds.max())
+    ends = None if high > low else (0.9 * low, 1.1 * high)
+    return Axis("speed", swept.speed_unit, ends)
+
+
+def _columns(outcomes: Sequence[Outcome]) -> tuple[Array, Array]:
+    speeds = np.array([each.speed for each in outcomes])
+    return speeds, np.array([each.error for each in outcomes])

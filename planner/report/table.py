@@ -1,0 +1,200 @@
+"""Tables, described once: drawn as HTML for a page and as plain text for a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
+
+NOTHING = "–"
+"""What stands in a cell that has no value."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of cells, or several under one title.
+
+    Attributes:
+        title: Its title.
+        parts: Titles of the columns under it; none for a single column.
+        words: Whether its cells are words, which stand on the left and may break.
+        joined: How a terminal writes the parts of a cell, as for ``str.format``; the first part
+            alone where the second is :data:`NOTHING`.
+    """
+
+    title: str
+    parts: tuple[str, ...] = ()
+    words: bool = False
+    joined: str = "{0}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row.
+
+    Attributes:
+        about: What it is about, in the first column.
+        cells: Its cells: words, or one for each part of their column. What follows a line break
+            is a note.
+        subject: What it shares with its neighbours; rows of one subject stand together.
+        kind: How a page marks it, such as "bound".
+    """
+
+    about: str
+    cells: tuple[str | tuple[str, ...], ...]
+    subject: str = ""
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table.
+
+    Attributes:
+        about: What its rows are about: the title of the first column.
+        columns: The other columns.
+        rows: The rows.
+        label: What it is called for those who cannot see it.
+        apart: Whether a terminal shows the subject in a column of its own, once.
+    """
+
+    about: str
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    label: str = ""
+    apart: bool = False
+
+    def text(self) -> str:
+        """The table for a terminal, the subject before what each row is about."""
+        rows = []
+        for subject, same in self.subjects():
+            for number, row in enumerate(same):
+                cells = map(_joined, row.cells, self.columns)
+                if self.apart:
+                    rows.append(["" if number else subject, row.about, *cells])
+                else:
+                    parts = (subject, _told(row.about))
+                    rows.append([", ".join(part for part in parts if part), *cells])
+        header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
+        return text_table(header, rows)
+
+    def subjects(self) -> list[tuple[str, list[Row]]]:
+        """The rows of every subject together."""
+        return [(name, list(rows)) for name, rows in groupby(self.rows, attrgetter("subject"))]
+
+    def __html__(self) -> str:
+        """The table for a page, in a frame that scrolls where it is too wide."""
+        from markupsafe import Markup, escape
+
+        split = len(self.subjects()) > 1
+        body = []
+        for subject, rows in self.subjects():
+            for number, row in enumerate(rows):
+                head = ""
+                if split and number == 0:
+                    head = f'<th scope="rowgroup" rowspan="{len(rows)}">{escape(subject)}</th>'
+                first = "first" if split and number == 0 else ""
+                kinds = " ".join(each for each in (first, row.kind) if each)
+                cells = "".join(map(_html_cell, row.cells, self.columns))
+                opening = f'<tr class="{kinds}">' if kinds else "<tr>"
+                body.append(f'{opening}{head}<th scope="row">{_noted(row.about)}</th>{cells}</tr>')
+        label = escape(self.label or self.about)
+        lines = [
+            f'<div class="scroll" tabindex="0" role="region" aria-label="{label}">',
+            f"<table>\n<thead>{self._html_head(2 if split else 1)}</thead>",
+            "<tbody>",
+            *body,
+            "</tbody>\n</table>\n</div>",
+        ]
+        return Markup("\n".join(lines))  # every part is escaped
+
+    def _html_head(self, width: int) -> str:
+        from markupsafe import escape
+
+        across = f' colspan="{width}"' if width > 1 else ""
+        cells = [f'<th scope="col"{across}>{escape(self.about)}</th>']
+        for column in self.columns:
+            if column.parts:
+                scope = f'scope="colgroup" colspan="{len(column.parts)}"'
+            else:
+                scope = 'scope="col"' + (' class="words"' if column.words else "")
+            cells.append(f"<th {scope}>{escape(column.title)}</th>")
+        if not any(column.parts for column in self.columns):
+            return f"<tr>{''.join(cells)}</tr>"
+        below = "".join(_html_parts(column) for column in self.columns)
+        return f'<tr>{"".join(cells)}</tr><tr class="sub"><td{across}></td>{below}</tr>'
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns as wide as their widest cell, two blanks apart, under a header line.
+
+    Args:
+        header: The columns' names; the first stands on the left, the others on the right.
+        rows: Their cells, as many per row as names.
+    """
+    cells = [list(header), *(list(row) for row in rows)]
+    widths = [max(len(row[j]) for row in cells) for j in range(len(header))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if j == 0 else cell.rjust(width)
+            for j, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in cells
+    ]
+    return "\n".join(lines)
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number with fixed decimals; a dash for none."""
+    return NOTHING if value is None else f"{value:.{digits}f}"
+
+
+def signed(text: str) -> str:
+    """A number as a page writes it, with a minus sign."""
+    return text.replace("-", "−")
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share as a percentage; of nothing, such as of a lower bound of zero, there is none."""
+    return "bound 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
+
+
+def _joined(cell: str | tuple[str, ...], column: Column) -> str:
+    """A cell for a terminal."""
+    if isinstance(cell, str):
+        return _told(cell)
+    missing = len(cell) > 1 and cell[1] == NOTHING
+    return cell[0].replace("\n", " ") if missing else column.joined.format(*cell).replace("\n", " ")
+
+
+def _told(words: str) -> str:
+    """Words with their note for a terminal."""
+    value, _, note = words.partition("\n")
+    return f"{value} ({note})" if note else value
+
+
+def _html_cell(cell: str | tuple[str, ...], column: Column) -> str:
+    if isinstance(cell, str):
+        return f"<td{' class=words' if column.words else ''}>{_noted(cell)}</td>"
+    first, *others = map(_noted, cell)
+    return f"<td class=part>{first}</td>" + "".join(f"<td>{each}</td>" for each in others)
+
+
+def _html_parts(column: Column) -> str:
+    """The titles below a column's own."""
+    from markupsafe import escape
+
+    if not column.parts:
+        return "<td></td>"
+    first, *others = (f">{escape(part)}</th>" for part in column.parts)
+    return '<th scope="col" class=part' + first + "".join(f'<th scope="col"{o}' for o in others)
+
+
+def _noted(text: str) -> str:
+    """Words as HTML, a note in small letters."""
+    from markupsafe import escape
+
+    value, _, note = text.partition("\n")
+    return f"{escape(value)} <small>{escape(note)}</small>" if note else str(escape(value))

@@ -1,0 +1,105 @@
+"""Feed a stream at a fixed rate: plan, send and measure while the robot moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput
+from planner.robot.play import Answer, Playback, Player, Send, check_functions, conduct
+from planner.robot.schedule import as_rows, check_period
+from planner.trajectory import Array
+from planner.validation import shown
+
+Desired = Callable[[int], "npt.ArrayLike | None"]
+"""The next stretch of the desired path at a tick [rad], shape (m, k), or None at the end."""
+
+
+class Planning(Protocol):
+    """What :class:`planner.Stream` offers to the loop."""
+
+    @property
+    def period(self) -> float:
+        """Time between two ticks [s]."""
+        ...
+
+    @property
+    def status(self) -> tuple[str, ...]:
+        """Of each joint: "planned", "unreachable" or "held"."""
+        ...
+
+    def step(self, desired: Any, measured: Any = None, *, missed: int = 0) -> Array:
+        """The requests to send now."""
+        ...
+
+
+def follow(
+    stream: Planning,
+    desired: npt.ArrayLike | Desired,
+    *,
+    send: Send,
+    measure: Callable[[], npt.ArrayLike] | None = None,
+    on_stop: Callable[[], object] | None = None,
+    report: Callable[[Playback], object] | None = None,
+    now: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], object] = time.sleep,
+) -> Playback:
+    """Plan and send requests at every tick of a stream, and return how late and how many were sent.
+
+    Tick k is due at k periods from the first one, so that lateness does not add up. When it is due,
+    the stretch of the path is taken, the angles are measured, and the requests are planned and
+    sent. Ticks that were missed, because one before took too long, are left out, and the stream is
+    told: the robot held its requests.
+
+    Args:
+        stream: The stream, as it is: a new one, or one that goes on.
+        desired: A path [rad], shape (n, k), followed once; or a function that is given the number
+            of the tick and returns the stretch that begins there, shape (m, k), or None at the end.
+        send: Takes one row, shape (k,), read-only, and sends it.
+        measure: Returns the measured angles [rad], shape (k,), NaN where there is none.
+        on_stop: Called once at the end, as in :func:`planner.play`.
+        report: Called once after ``on_stop``, with what was sent and how late.
+        now: A clock that never goes back [s].
+        sleep: Waits for a time [s].
+
+    Returns:
+        What was sent, and how late, the planning included; also where Ctrl-C was the end. Any other
+        error passes through after ``on_stop`` and ``report``.
+
+    Raises:
+        InvalidInput: Before anything is sent: something that cannot be called, or is no stream.
+        InvalidTrajectory: A path that is not a finite array of that shape.
+
+    Example:
+        >>> from planner import JointModel, Stream
+        >>> stream = Stream(JointModel.ers210a(), preview=25)
+        >>> sent = []
+        >>> report = follow(stream, [[0.1], [0.1], [0.1]], send=sent.append)
+        >>> len(sent) + report.skipped
+        3
+    """
+    check_functions(send=send, now=now, sleep=sleep)
+    check_functions(optional=True, measure=measure, on_stop=on_stop, report=report)
+    if not callable(getattr(stream, "step", None)):
+        raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
+    check_period(stream.period)
+    at = desired if callable(desired) else _stretches(as_rows(desired, name="desired"))
+
+    def answer(tick: int, missed: int) -> Answer | None:
+        stretch = at(tick)
+        if stretch is None:
+            return None
+        measured = None if measure is None else measure()
+        requests = stream.step(stretch, measured, missed=missed)
+        return Answer(requests, "held" in stream.status)
+
+    player = Player(send, now, sleep, stream.period)
+    return conduct(player, lambda: player.keep_in_step(answer), on_stop=on_stop, report=report)
+
+
+def _stretches(rows: Array) -> Desired:
+    """What is left of a path at each tick."""
+    return lambda tick: rows[tick:] if tick < len(rows) else None

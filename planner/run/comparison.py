@@ -1,0 +1,79 @@
+"""The ways to plan, held against each other for the settings of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.evaluation.cross_check import CrossCheck, cross_check
+from planner.files.text import write_bytes, write_text
+from planner.report.comparison import comparison_figure
+from planner.report.matplotlib_figure import to_png, to_svg
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+    from planner.run.desired import Desired, Limits
+    from planner.run.run import Prepared
+
+
+def steps_of(desired: Desired) -> list[str]:
+    """The parts of a comparison, as its progress is shown."""
+    return [*desired.names, *([] if _ordered(desired)[1] is None else ["foot"])]
+
+
+def comparison_of(
+    prepared: Prepared, progress: Callable[[str], None] = lambda _: None
+) -> CrossCheck:
+    """The plans for what is desired, held against each other, under the load of that."""
+    run, torques = prepared.settings, prepared.load
+    desired, leg = _ordered(prepared.desired)
+    if callable(torques):
+        torques = torques(prepared.desired.angles)
+    if torques is not None:
+        torques = torques[:, [prepared.desired.names.index(name) for name in desired.names]]
+    return cross_check(
+        desired.models,
+        desired.angles,
+        cyclic=desired.cyclic,
+        limits=_by_column(prepared.limits, desired.names),
+        segments=run.plan.segments,
+        leg=leg,
+        norm=run.plan.norm or "rms",
+        level=run.output.level or "envelope",
+        names=desired.names,
+        load=torques,
+        progress=progress,
+    )
+
+
+def write_picture(file: Path, check: CrossCheck) -> None:
+    """Write the picture of a comparison, as PNG or SVG by the file's ending."""
+    drawn = comparison_figure(check)
+    if file.suffix.lower() == ".svg":
+        write_text(file, to_svg(drawn))
+    else:
+        write_bytes(file, to_png(drawn))
+
+
+def _ordered(desired: Desired) -> tuple[Desired, Leg | None]:
+    """The joints in the order of the leg; no leg where some of its joints are not there."""
+    leg = desired.leg
+    if leg is None or set(desired.names) != set(leg.joint_names):
+        return desired, None
+    columns = [desired.names.index(name) for name in leg.joint_names]
+    models = tuple(desired.models[column] for column in columns)
+    angles = desired.angles[:, columns]
+    return replace(desired, names=leg.joint_names, models=models, angles=angles), leg
+
+
+def _by_column(
+    limits: Limits, names: tuple[str, ...]
+) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Limits of all joints [rad]; infinite for those that have none."""
+    if not limits:
+        return None
+    free = (float("-inf"), float("inf"))
+    lower, upper = zip(*(limits.get(name, free) for name in names), strict=True)
+    return lower, upper

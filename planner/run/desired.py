@@ -1,0 +1,478 @@
+"""From settings to a leg, its joints' models, desired angles, limits and starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from planner.exceptions import InvalidFile
+from planner.files.paths import FootPath, JointPath, foot_path, is_foot_path, joint_path
+from planner.files.table import Table, read_table
+from planner.files.units import LEAST_DEG, SHARES
+from planner.gait import half_ellipse
+from planner.model.joint import JointModel
+from planner.run import settings
+from planner.run.faults import BadSetting, Key, Remark
+from planner.run.models import beside, check_joints, models_of
+from planner.stride import stride
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+    from kinematics.inverse import Unreachable
+    from planner.trajectory import Array
+
+Limits = Mapping[str, tuple[float, float]]
+"""Smallest and largest request by joint [rad]."""
+
+
+class LegPlace(NamedTuple):
+    """Where a leg is described, and what is needed to find it there.
+
+    Attributes:
+        urdf: The file.
+        base: The frame at its upper end.
+        foot: The frame at its lower end.
+        locked: Joints between them that are held, and where [rad; m for one that slides].
+        near: A pose near which paths start [rad]; None for any.
+    """
+
+    urdf: str
+    base: str
+    foot: str
+    locked: Mapping[str, float] = {}
+    near: Mapping[str, float] | None = None
+
+
+SHIPPED = {
+    "reference": LegPlace("reference_leg.urdf", "hip", "foot"),
+    **{
+        f"{end}-{side}": LegPlace("ers210a.urdf", "body", f"{end}_{side}_ball")
+        for end in ("front", "hind")
+        for side in ("left", "right")
+    },
+}
+"""The simplified leg of the reference walk, and the four legs of the ERS-210A."""
+
+
+FAR = 3.0
+"""A path whose ends are more than this many of its largest steps apart does not repeat: the last
+sample of a cycle is about one step before the first."""
+
+
+FEW = 10
+"""Samples below which a path shows no motion by which to doubt its unit."""
+
+
+@dataclass(frozen=True)
+class Desired:
+    """What every joint should do.
+
+    Attributes:
+        names: The joints.
+        angles: Their desired angles [rad], shape (n, k).
+        models: Their models.
+        limits: Smallest and largest angle of each joint [rad], where a leg has them.
+        leg: The leg, where one was named.
+        foot: Desired positions of the foot [m], shape (n, 3), for a foot path; with "clamp", the
+            positions at the clamped angles.
+        foot_given: With "clamp", the positions before; None where the leg reaches all of them.
+        unreachable: Samples whose position the leg cannot reach.
+        units: The joints' units in the file; None where they all are angles.
+        cyclic: Whether the path repeats for ever.
+        remarks: What the user should know about the path.
+        loads: Torques on the joints in the file [N m], shape (n, k); None where it has none.
+    """
+
+    names: tuple[str, ...]
+    angles: Array
+    models: tuple[JointModel, ...]
+    limits: dict[str, tuple[float, float]]
+    leg: Leg | None = None
+    foot: Array | None = None
+    foot_given: Array | None = None
+    unreachable: int = 0
+    units: tuple[str, ...] | None = None
+    cyclic: bool = True
+    remarks: tuple[Remark, ...] = ()
+    loads: Array | None = None
+
+    @property
+    def period(self) -> float:
+        """Time between requests [s]."""
+        return self.models[0].period
+
+    def unit(self, joint: int) -> Literal["deg", "percent"]:
+        """The unit of a joint's degrees: "deg", or "percent" of its range."""
+        return "deg" if self.units is None or self.units[joint] not in SHARES else "percent"
+
+
+def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:
+    """Where the leg is described; None where the settings name none.
+
+    Args:
+        leg: The settings.
+        folder: The folder from which files are named.
+
+    Raises:
+        BadSetting: The settings contradict each other or do not suffice.
+    """
+    near = None if leg.near is None else _radians(leg.near)
+    urdf, base, foot, lock = (Key(f"leg.{key}") for key in ("urdf", "base", "foot", "lock"))
+    described = leg.base or leg.foot or leg.lock or leg.lock_m
+    if leg.name is not None:
+        if leg.urdf or described:
+            name = Key("leg.name")
+            raise BadSetting(
+                name, " is a shipped leg: leave out ", urdf, ", ", base, ", ", foot, " and ", lock
+            )
+        from kinematics import urdf_path
+
+        shipped = SHIPPED[leg.name]
+        return shipped._replace(urdf=str(urdf_path(shipped.urdf)), near=near)
+    if leg.urdf is None:
+        if described or near:
+            keys = (base, ", ", foot, ", ", lock, " and ", Key("leg.near"))
+            raise BadSetting(*keys, " are of a leg: name it with ", Key("leg.name"), " or ", urdf)
+        return None
+    if leg.base is None or leg.foot is None:
+        raise BadSetting(urdf, " needs ", base, " and ", foot, ", the frames at the leg's two ends")
+    locked = _radians(leg.lock or {}) | dict(leg.lock_m or {})
+    return LegPlace(beside(folder, leg.urdf), leg.base, leg.foot, locked, near)
+
+
+def load_leg(place: LegPlace | None) -> Leg | None:
+    """The leg that is described there.
+
+    Raises:
+        KinematicsError: The leg cannot be made.
+    """
+    if place is None:
+        return None
+    from kinematics import Leg
+
+    return Leg.from_urdf(
+        place.urdf, base=place.base, foot=place.foot, locked=place.locked, near=place.near
+    )
+
+
+def leg_title(leg: settings.Leg) -> str:
+    """The name of the leg on pages; empty where the settings name none."""
+    return leg.name or (f"{Path(leg.urdf).name} · {leg.foot}" if leg.urdf else "")
+
+
+def desired_of(run: settings.Run, leg: Leg | None, folder: str = "") -> Desired:
+    """What the joints should do: the joints of a file as they are, a foot path through the leg.
+
+    Raises:
+        BadSetting: No path, two paths, or a foot path without a leg.
+        InvalidFile: The file holds no path, or its rate is not the models'.
+        KinematicsError: The leg cannot reach the path.
+    """
+    path = run.path
+    if path.half_ellipse is not None:
+        if path.file is not None or path.joints:
+            other = Key("path.file" if path.file is not None else "path.joints")
+            half = Key("path.half_ellipse")
+            raise BadSetting(half, ": got ", other, " too, expected one of them; remove the other")
+        return _half_ellipse(run, path.half_ellipse, leg, folder)
+    if path.file is None:
+        raise BadSetting("no path: expected ", Key("path.file"), " or [path.half_ellipse]")
+    return load_desired(
+        beside(folder, path.file),
+        run.model,
+        joints=path.joints,
+        leg=leg,
+        unreachable=run.leg.unreachable,
+        folder=folder,
+        rate_hz=path.rate_hz,
+        cyclic=run.plan.cyclic,
+        speed=path.speed,
+    )
+
+
+def load_desired(
+    file: str,
+    model: settings.Model,
+    *,
+    joints: tuple[str, ...] = (),
+    leg: Leg | None = None,
+    unreachable: Unreachable = "raise",
+    folder: str = "",
+    rate_hz: float | None = None,
+    cyclic: bool | None = None,
+    speed: float | None = None,
+) -> Desired:
+    """Read a joint path, or a foot path where a leg can turn it into one.
+
+    Args:
+        file: The file, or ``-`` for standard input.
+        model: How the joints answer.
+        joints: Joints to read from a joint path, in this order; empty for all.
+        leg: The leg, where there is one.
+        unreachable: What to do with foot positions that the leg cannot reach.
+        folder: The folder from which the models name their files.
+        rate_hz: Requests per second, to which the path is resampled; by default the models' rate,
+            which the path must then have.
+        cyclic: Whether the path repeats for ever; None to look whether it closes.
+        speed: How many times as fast to follow it; None as it is.
+
+    Raises:
+        BadSetting: A foot path without a leg, or joints that the leg has not.
+        InvalidFile: The file is neither, or its rate is not the models'.
+        KinematicsError: The leg cannot reach the path.
+    """
+    table, even = read_table(file), rate_hz is None and speed is None
+    if is_foot_path(table):
+        if leg is None:
+            raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
+        if joints:
+            raise BadSetting(
+                Key("path.joints"), " chooses columns of a joint path; a foot moves all joints"
+            )
+        path = foot_path(table, even=even)
+        return _from_foot(
+            path, model, leg, unreachable, folder, rate_hz=rate_hz, cyclic=cyclic, speed=speed
+        )
+    given = joint_path(table, joints=joints, even=even)
+    models = _models_in(
+        given.units, model, models_of(model, given.names, leg, folder, rate_hz=rate_hz)
+    )
+    closed, remarks = repeats(given.angles, cyclic)
+    remarks = (*remarks, *_small(given))
+    given = given.in_step(models[0].period, resample=not even, cyclic=closed, speed=speed)
+    limits = {} if leg is None else _limits_of(leg)
+    strange = [name for name in given.names if leg is not None and name not in limits]
+    if leg is not None and strange:
+        raise BadSetting(
+            f"joint '{strange[0]}' of {given.path} is not on the leg; its joints: "
+            f"{', '.join(leg.joint_names)}"
+        )
+    return Desired(
+        given.names,
+        given.angles,
+        models,
+        limits,
+        leg,
+        units=given.units,
+        cyclic=closed,
+        remarks=remarks,
+        loads=given.loads,
+    )
+
+
+def _small(path: JointPath) -> tuple[Remark, ...]:
+    """A remark on a path in degrees whose joints all span as little as in radians."""
+    span = float(np.max(np.degrees(np.ptp(path.angles, axis=0))))
+    few = len(path.angles) < FEW
+    if few or set(path.units) != {"deg"} or not 0.0 < span < LEAST_DEG:
+        return ()
+    name = path.names[0]
+    return (
+        Remark(
+            f"{path.path}: the angles span only {span:.2g} degrees: are they radians? then rename "
+            f"{name}_deg to {name}_rad"
+        ),
+    )
+
+
+def load_joints(
+    file: str,
+    model: settings.Model,
+    *,
+    joints: tuple[str, ...] = (),
+    table: Table | None = None,
+    rate_hz: float | None = None,
+    cyclic: bool | None = None,
+) -> Desired:
+    """Read a joint path; see :func:`load_desired`.
+
+    Raises:
+        InvalidFile: The file holds no joint path, or its rate is not the models'.
+    """
+    table = read_table(file) if table is None else table
+    if is_foot_path(table):
+        raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
+    given = joint_path(table, joints=joints)
+    models = _models_in(given.units, model, models_of(model, given.names, rate_hz=rate_hz))
+    given.check_period(models[0].period)
+    closed, remarks = repeats(given.angles, cyclic)
+    return Desired(
+        given.names,
+        given.angles,
+        models,
+        {},
+        units=given.units,
+        cyclic=closed,
+        remarks=remarks,
+        loads=given.loads,
+    )
+
+
+def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
+    """Refuse joints in shares of their range where only angles can be meant.
+
+    Raises:
+        BadSetting: The message names the first.
+    """
+    for name, unit in zip(names, units or (), strict=units is not None):
+        if unit in SHARES:
+            joints = Key("path.joints")
+            raise BadSetting(
+                f"'{name}' is in shares of its range, expected an angle; choose others with ",
+                joints,
+            )
+
+
+def _models_in(
+    units: Sequence[str], model: settings.Model, models: tuple[JointModel, ...]
+) -> tuple[JointModel, ...]:
+    """The models, those of joints in shares of their range as if a percent were a degree."""
+    if set(units) & set(SHARES) and model.file == settings.SHIPPED_MODEL and not model.joints:
+        raise BadSetting(
+            "the path has joints in shares of their range, of which the ERS-210A's model says "
+            "nothing; name models of theirs, as identify writes them, with ",
+            Key("model.file"),
+        )
+    return tuple(
+        _model_of_shares(each) if unit in SHARES else each
+        for unit, each in zip(units, models, strict=True)
+    )
+
+
+def _model_of_shares(model: JointModel) -> JointModel:
+    """A model whose angles are shares of a range, with a percent for a degree."""
+    angles = [each.name for each in fields(model) if each.metadata["unit"].startswith("rad")]
+    scaled = {name: SHARES["range"] * getattr(model, name) for name in angles}
+    evidence = model.evidence and model.evidence.scaled(SHARES["range"])
+    return replace(model, **scaled).with_evidence(evidence)
+
+
+def limits_of(limits: settings.Limits, desired: Desired) -> Limits:
+    """Limits of the requests by joint [rad]: those of the leg, unless the settings say otherwise.
+
+    Raises:
+        BadSetting: They name a joint that is not planned.
+    """
+    check_joints("limits.joints", limits.joints, desired.names)
+    common = {} if limits.deg is None else dict.fromkeys(desired.names, limits.deg)
+    given = {
+        joint: (math.radians(low), math.radians(high))
+        for joint, (low, high) in {**common, **limits.joints}.items()
+    }
+    found = {**desired.limits, **given}
+    return {joint: found[joint] for joint in desired.names if joint in found}
+
+
+def starts_of(start: settings.Start, joints: Sequence[str], *, cyclic: bool) -> Mapping[str, float]:
+    """Where joints rest before a path that does not repeat, by joint [rad].
+
+    Raises:
+        BadSetting: The path repeats, or a joint is not in it.
+    """
+    if cyclic and (start.deg is not None or start.joints):
+        raise BadSetting(
+            Key("start.deg"), ": a cycle has no start; add ", Key("plan.cyclic", False)
+        )
+    check_joints("start.joints", start.joints, joints)
+    common = {} if start.deg is None else dict.fromkeys(joints, start.deg)
+    return _radians({**common, **start.joints})
+
+
+def _radians(degrees: Mapping[str, float]) -> dict[str, float]:
+    return {joint: math.radians(angle) for joint, angle in degrees.items()}
+
+
+def _limits_of(leg: Leg) -> dict[str, tuple[float, float]]:
+    lower, upper = leg.limits
+    return {name: (float(lower[j]), float(upper[j])) for j, name in enumerate(leg.joint_names)}
+
+
+def _from_foot(
+    given: FootPath,
+    model: settings.Model,
+    leg: Leg,
+    unreachable: Unreachable,
+    folder: str,
+    *,
+    rate_hz: float | None = None,
+    cyclic: bool | None = None,
+    speed: float | None = None,
+) -> Desired:
+    """What the joints of a leg should do for its foot to follow a path."""
+    models = models_of(model, leg.joint_names, leg, folder, rate_hz=rate_hz)
+    closed, remarks = repeats(given.positions, cyclic)
+    resample = rate_hz is not None or speed is not None
+    given = given.in_step(models[0].period, resample=resample, cyclic=closed, speed=speed)
+    solution = leg.inverse(given.positions, unreachable=unreachable)
+    count = int((~solution.reachable).sum())
+    clamped = unreachable == "clamp" and count > 0
+    foot = leg.foot_positions(solution.angles) if clamped else given.positions
+    before = given.positions if clamped else None
+    return Desired(
+        leg.joint_names,
+        solution.angles,
+        models,
+        _limits_of(leg),
+        leg,
+        foot,
+        before,
+        count,
+        cyclic=closed,
+        remarks=remarks,
+    )
+
+
+def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]:
+    """Whether a path repeats, and what to say where that has been decided by its ends.
+
+    Args:
+        rows: Angles or positions, shape (n, k).
+        cyclic: What the settings say; None where they say nothing.
+    """
+    if cyclic is not None:
+        return cyclic, ()
+    steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
+    gaps = np.abs(rows[-1] - rows[0])
+    if np.all(gaps <= FAR * steps):
+        return True, ()
+    apart = np.max(gaps / np.maximum(steps, np.finfo(float).tiny))
+    said = Remark(
+        f"the path does not close, its ends are {apart:.3g} times its largest step apart: it is "
+        "taken as a motion from rest, as with ",
+        Key("plan.cyclic", False),
+        "; ",
+        Key("plan.cyclic", True),
+        " lets it repeat",
+    )
+    return False, (said,)
+
+
+def _half_ellipse(
+    run: settings.Run, walk: settings.HalfEllipse, leg: Leg | None, folder: str
+) -> Desired:
+    if leg is None:
+        keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
+        half = Key("path.half_ellipse")
+        raise BadSetting(half, ": a foot path needs a leg; set ", Key("leg.name"), ", or ", *keys)
+    if walk.for_leg:
+        made = stride(leg, **walk.arguments(given_only=True))
+        positions = made.foot
+        leg = leg if run.leg.near else replace(leg, near=made.pose)
+    else:
+        positions = half_ellipse(**walk.arguments())
+    path = FootPath("path.half_ellipse", positions, None)
+    return _from_foot(
+        path,
+        run.model,
+        leg,
+        run.leg.unreachable,
+        folder,
+        rate_hz=run.path.rate_hz,
+        cyclic=run.plan.cyclic,
+        speed=run.path.speed,
+    )

@@ -1,0 +1,137 @@
+"""From requests and the settings of an export to rows, and into a file for robots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from planner.files.exports import check_format
+from planner.files.exports.controller_csv import Ticks, write_controller_csv
+from planner.files.exports.lerobot import TASK, write_lerobot
+from planner.files.exports.ros_trajectory import (
+    TOPIC,
+    joint_trajectory,
+    write_bag,
+    write_trajectory_yaml,
+)
+from planner.robot.resample import never_sent, repeated, resampled
+from planner.run.faults import BadSetting, Key
+
+if TYPE_CHECKING:
+    from planner.robot.schedule import Schedule
+    from planner.run.settings import Export
+
+ROS = ("yaml", "bag", "mcap")
+"""Formats that hold a JointTrajectory."""
+
+FOLDERS = ("bag", "mcap", "lerobot")
+"""Formats that are a folder, which standard output cannot be."""
+
+ONLY = {
+    "unit": ("csv",),
+    "ticks_per_turn": ("csv",),
+    "zero_tick": ("csv",),
+    "zero_ticks": ("csv",),
+    "lead_s": ROS,
+    "velocities": ROS,
+    "topic": ("bag", "mcap"),
+    "task": ("lerobot",),
+}
+"""Formats that a setting has an effect on; it is refused with the others."""
+
+
+def check_export(export: Export) -> None:
+    """Refuse settings that have no effect on the format.
+
+    Raises:
+        BadSetting: The message says which.
+    """
+    chosen = Key("export.format", export.format)
+    for name, formats in ONLY.items():
+        if getattr(export, name) not in (None, {}, False) and export.format not in formats:
+            parts = (Key(f"export.{name}"), " has no effect on ", chosen)
+            raise BadSetting(*parts, f", only on {', '.join(formats)}")
+    for name in ("ticks_per_turn", "zero_tick", "zero_ticks"):
+        if getattr(export, name) not in (None, {}) and export.unit != "ticks":
+            raise BadSetting(Key(f"export.{name}"), " needs ", Key("export.unit", "ticks"))
+    if export.between is not None and export.rate_hz is None:
+        rate = Key("export.rate_hz")
+        raise BadSetting(
+            Key("export.between"), " needs ", rate, ": without it there is a row per request"
+        )
+
+
+def rows_of(export: Export, schedule: Schedule) -> tuple[Schedule, int]:
+    """The rows to write, and how many requests are not among them."""
+    if export.joint_names is not None:
+        schedule = schedule.renamed(export.joint_names)
+    schedule = repeated(schedule, export.cycles)
+    if export.rate_hz is None:
+        return schedule, 0
+    rows = resampled(schedule, export.rate_hz, between=export.between or "hold")
+    return rows, never_sent(schedule, export.rate_hz)
+
+
+def check_rows(export: Export, rows: Schedule) -> None:
+    """Refuse what the format cannot hold, as far as that does not depend on the angles.
+
+    Raises:
+        InvalidInput: The message says why, or which extra is missing.
+    """
+    check_format(
+        export.format,
+        rows,
+        ticks=_ticks(export),
+        lead=export.lead_s or 0.0,
+        topic=export.topic or TOPIC,
+    )
+
+
+def rows_document(export: Export, rows: Schedule, skipped: int) -> dict[str, Any]:
+    """What is written, for machines."""
+    return {
+        "format": export.format,
+        "joints": list(rows.names),
+        "rows": len(rows.requests),
+        "period_s": rows.period,
+        "duration_s": rows.duration,
+        "requests_never_sent": skipped,
+    }
+
+
+def rows_summary(rows: Schedule, skipped: int) -> str:
+    """What is written, for people."""
+    summary = (
+        f"{len(rows.requests)} rows of {', '.join(rows.names)} at "
+        f"{1.0 / rows.period:.6g} Hz, {rows.duration:.6g} s"
+    )
+    if skipped:
+        summary += (
+            f"\n{skipped} requests fall between the rows and are not among them: the joints will "
+            "not move as planned; plan at this rate, with --rate-hz"
+        )
+    return summary
+
+
+def write_rows(file: str, export: Export, rows: Schedule) -> None:
+    """Write rows in the chosen format; a folder where the format is one."""
+    if export.format == "csv":
+        write_controller_csv(file, rows, unit=export.unit or "rad", ticks=_ticks(export))
+    elif export.format == "lerobot":
+        write_lerobot(file, rows, task=export.task or TASK)
+    else:
+        velocities = bool(export.velocities)
+        message = joint_trajectory(rows, lead=export.lead_s or 0.0, velocities=velocities)
+        if export.format == "yaml":
+            write_trajectory_yaml(file, message)
+        else:
+            storage: Literal["mcap", "sqlite3"] = "mcap" if export.format == "mcap" else "sqlite3"
+            write_bag(file, message, storage=storage, topic=export.topic or TOPIC)
+
+
+def _ticks(export: Export) -> Ticks | None:
+    """How the servos count; None where the rows are not in ticks."""
+    if export.unit != "ticks":
+        return None
+    given = {"zero": export.zero_tick, "per_turn": export.ticks_per_turn}
+    known = {name: value for name, value in given.items() if value is not None}
+    return Ticks(**known, zeros=export.zero_ticks or {})

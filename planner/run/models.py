@@ -1,0 +1,167 @@
+"""From settings to one model per joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from planner.exceptions import InvalidFile, InvalidModel
+from planner.files.joint_model import ModelFile, read_model_file
+from planner.files.table import nearest
+from planner.model.joint import JointModel, joint_of_top_speed
+from planner.run import settings
+from planner.run.faults import BadSetting, Key
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+
+
+def models_of(
+    model: settings.Model,
+    joints: Sequence[str],
+    leg: Leg | None = None,
+    folder: str = "",
+    *,
+    rate_hz: float | None = None,
+) -> tuple[JointModel, ...]:
+    """One model per joint, all with the same time between requests.
+
+    Args:
+        model: The settings.
+        joints: The joints.
+        leg: The leg that they are on, whose description may have their top speeds.
+        folder: The folder from which files are named.
+        rate_hz: Requests per second; by default what the models say.
+
+    Raises:
+        BadSetting: The settings contradict each other, or describe no joint.
+        InvalidFile: A file is unusable, or its joints are requested at different rates.
+    """
+    check_joints("model.joints", model.joints, joints)
+    common = _models_of_all(model, leg, folder)
+    models = tuple(
+        _model_of_joint(model.joints[joint], joint, common, leg, folder)
+        if joint in model.joints
+        else _model_from(common, joint, leg)
+        for joint in joints
+    )
+    if rate_hz is not None:
+        return tuple(each.requested_every(1.0 / rate_hz) for each in models)
+    for name, each in zip(joints, models, strict=True):
+        if abs(each.period - models[0].period) > 1e-9 * models[0].period:
+            raise InvalidFile(
+                beside(folder, model.file),
+                f"'{name}' takes a request every {each.period:g} s and '{joints[0]}' every "
+                f"{models[0].period:g} s, expected one rate; plan them one by one",
+            )
+    return models
+
+
+def model_words(model: settings.Model) -> str:
+    """Which model of the joints an answer is for, in words."""
+    words = {
+        settings.SHIPPED_MODEL: f"{settings.SHIPPED_MODEL}, a joint of the Sony Aibo",
+        settings.FROM_URDF: "a joint of the Sony Aibo, with the top speeds of the URDF",
+    }.get(model.file, model.file)
+    if model.parameters is not None:
+        words = "the parameters of the run file"
+    own = f"; {', '.join(model.joints)} with a model of its own" if model.joints else ""
+    return f"model: {words}{own}"
+
+
+def beside(folder: str, name: str) -> str:
+    """Where a file is that the settings name, from the folder in which they stand."""
+    return str(Path(folder) / name) if folder else name
+
+
+def check_joints(key: str, given: Mapping[str, object], joints: Sequence[str]) -> None:
+    """Make sure that settings of single joints are about joints of the path.
+
+    Raises:
+        BadSetting: One is not.
+    """
+    for joint in given:
+        if joint not in joints:
+            raise BadSetting(
+                Key(key, joint=joint),
+                f": no such joint in the path{nearest(joint, joints)}; joints: {', '.join(joints)}",
+            )
+
+
+def _models_of_all(
+    model: settings.Model, leg: Leg | None, folder: str
+) -> ModelFile | JointModel | None:
+    """The models of all joints: those of a file or one; None for those of the leg's description."""
+    parameters = Key("model.parameters")
+    if model.parameters is not None:
+        if "file" in model.keys_set:
+            other = Key("model.file")
+            raise BadSetting(
+                parameters, ": got ", other, " too, expected one of them; remove the other"
+            )
+        try:
+            return JointModel(**model.parameters.values())
+        except InvalidModel as error:
+            raise BadSetting(parameters, f": {error}") from error
+    if model.file == settings.SHIPPED_MODEL:
+        return JointModel.ers210a()
+    if model.file != settings.FROM_URDF:
+        file = beside(folder, model.file)
+        if not Path(file).suffix and not Path(file).exists():
+            raise BadSetting(
+                Key("model.file"),
+                f": got '{model.file}', expected '{settings.SHIPPED_MODEL}', "
+                f"'{settings.FROM_URDF}', or a file that exists, such as joint.toml",
+            )
+        return read_model_file(file)
+    if leg is None or leg.speeds is None:
+        raise BadSetting(
+            Key("model.file", settings.FROM_URDF),
+            " takes speeds from a leg's URDF: name it with ",
+            Key("leg.name"),
+        )
+    return None
+
+
+def _model_from(common: ModelFile | JointModel | None, joint: str, leg: Leg | None) -> JointModel:
+    """The model of a joint without settings of its own."""
+    if isinstance(common, ModelFile):
+        return common.for_joints([joint])[0]
+    if common is not None:
+        return common
+    assert leg is not None, "a leg that has no speeds was refused"
+    assert leg.speeds is not None, "a leg that has no speeds was refused"
+    speeds = dict(zip(leg.joint_names, leg.speeds.tolist(), strict=True))
+    if math.isnan(speeds.get(joint, math.nan)):
+        raise BadSetting(
+            Key("model.file", settings.FROM_URDF),
+            f": the URDF has no usable top speed of joint '{joint}'; give a model file, as "
+            "`identify` writes it",
+        )
+    return joint_of_top_speed(speeds[joint])
+
+
+def _model_of_joint(
+    own: settings.OfJoint,
+    joint: str,
+    common: ModelFile | JointModel | None,
+    leg: Leg | None,
+    folder: str,
+) -> JointModel:
+    """The model of a joint with a table of its own."""
+    key = Key("model.joints", joint=joint)
+    set_to = own.values().items()
+    changes = {name: value for name, value in set_to if value is not None and name != "file"}
+    if own.file is not None:
+        if changes:
+            raise BadSetting(
+                key, f": got file and {', '.join(changes)}, expected a file or parameters"
+            )
+        return read_model_file(beside(folder, own.file)).for_joints([joint])[0]
+    try:
+        return replace(_model_from(common, joint, leg), **changes)
+    except InvalidModel as error:
+        raise BadSetting(key, f": {error}") from error

@@ -1,0 +1,448 @@
+"""From what the joints or the foot should do to requests, checked before they are handed over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.evaluation.metrics import RequestMotion, foot_distances, request_motion
+from planner.exceptions import ANGLE_UNIT
+from planner.inversion.error_norm import error_norm
+from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
+from planner.inversion.foot.invert import invert_foot
+from planner.model.evidence import Expectation, expectation, untested_words
+from planner.planning import plan
+from planner.report.table import NOTHING, percent, text_table
+from planner.run import settings
+from planner.run.desired import Desired, Limits
+from planner.run.faults import BadSetting, FailedCheck, Key
+from planner.run.load import Load
+from planner.run.models import model_words
+
+if TYPE_CHECKING:
+    from planner.inversion.foot.result import FootInversion
+    from planner.inversion.result import Inversion
+    from planner.trajectory import Array
+
+ROUNDING = 1e-9
+"""Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
+
+NO_BOUND = "a load that depends on the pose: other requests would meet another load"
+"""Why there is no lower bound where there is none."""
+
+IGNORED = {
+    "closed-form": (
+        *("norm", "solver", "weights", "start"),
+        *("max_step_deg", "max_request_speed_deg_s", "smoothness"),
+    ),
+    "optimal": ("segments", "rule", "weights"),
+    "foot-optimal": ("segments", "rule", "solver", "start"),
+}
+"""Settings that have no effect on a method, and that are therefore refused."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Requests for all joints.
+
+    Attributes:
+        desired: What the joints or the foot should do.
+        requests: What to send to the joints [rad], shape (n, k).
+        predicted: What the joints then do [rad], shape (n, k).
+        inversions: The plan of every joint, where they were planned one by one.
+        together: The plan for the foot, where they were planned all at once.
+        remarks: What the user should know about the requests.
+    """
+
+    desired: Desired
+    requests: Array
+    predicted: Array
+    inversions: Mapping[str, Inversion]
+    together: FootInversion | None = None
+    remarks: tuple[FailedCheck, ...] = ()
+
+    @property
+    def loads(self) -> Array | None:
+        """Torques on the joints for which the requests are [N m], shape (n, k); None for none."""
+        together = self.together
+        each = together.loads if together else [plan.load for plan in self.inversions.values()]
+        if all(load is None for load in each):
+            return None
+        idle = np.zeros(len(self.requests))
+        return np.column_stack([idle if load is None else load for load in each])
+
+    @cached_property
+    def expected(self) -> tuple[Expectation, ...]:
+        """What to expect of each joint on the robot."""
+        desired, loads = self.desired, self.loads
+        return tuple(
+            expectation(
+                model.evidence,
+                desired.angles[:, j],
+                self.predicted[:, j],
+                period=desired.period,
+                cyclic=desired.cyclic,
+                load=None if loads is None else loads[:, j],
+            )
+            for j, model in enumerate(desired.models)
+        )
+
+    @property
+    def bound_withdrawn(self) -> str | None:
+        """Why there is no lower bound on the error of any requests; None where there is one."""
+        made = [self.together] if self.together else [*self.inversions.values()]
+        return NO_BOUND if any(each.load_of_pose for each in made) else None
+
+    @property
+    def motions(self) -> Mapping[str, RequestMotion]:
+        """How the requests of each joint move."""
+        desired = self.desired
+        columns = zip(desired.names, self.requests.T, desired.angles.T, strict=True)
+        return {
+            name: request_motion(sent, angles, period=desired.period, cyclic=desired.cyclic)
+            for name, sent, angles in columns
+        }
+
+    @property
+    def foot_bound(self) -> float | None:
+        """Lower bound on the foot's error [m]; None where it would take minutes."""
+        if self.together is None or len(self.requests) > MOST_SAMPLES_BOUNDED:
+            return None
+        return self.together.lower_bound
+
+    @property
+    def foot_positions(self) -> Array:
+        """Positions of the foot at the predicted angles [m], shape (n, 3)."""
+        assert self.desired.leg is not None, "a foot belongs to a leg"
+        return self.desired.leg.foot_positions(self.predicted)
+
+    @property
+    def foot_distances(self) -> Array:
+        """Distances of the foot from its desired positions [m], shape (n,)."""
+        assert self.desired.foot is not None, "only a foot path has desired positions"
+        return foot_distances(self.foot_positions, self.desired.foot)
+
+
+def check_settings(run: settings.Run, desired: Desired) -> None:
+    """Refuse settings that do not go with the method or the path.
+
+    Raises:
+        BadSetting: The message says which.
+    """
+    given, method = run.plan, Key("plan.method", run.plan.method)
+    for name in IGNORED[given.method]:
+        start = run.start.deg is not None or run.start.joints
+        if start if name == "start" else getattr(given, name) is not None:
+            key = Key("start.deg" if name == "start" else f"plan.{name}")
+            raise BadSetting(key, " has no effect with ", method)
+    if given.method == "foot-optimal" and desired.foot is None:
+        raise BadSetting(method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg")
+    degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
+    if run.tolerance.deg is not None and given.method == "foot-optimal":
+        raise BadSetting(
+            degrees, " is for joints, and ", method, " plans for the foot: use ", centimetres
+        )
+    if run.tolerance.cm is not None and desired.foot is None:
+        raise BadSetting(centimetres, " is for a foot path: use ", degrees)
+
+
+def answer_of(
+    run: settings.Run,
+    desired: Desired,
+    limits: Limits,
+    starts: Mapping[str, float],
+    *,
+    load: Load | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    bounded: bool = True,
+) -> Answer:
+    """Plan by the chosen method, and check the answer before it is handed over.
+
+    Args:
+        run: The settings.
+        desired: What the joints or the foot should do.
+        limits: Limits of the requests [rad].
+        starts: Where joints rest before [rad].
+        load: What the joints carry.
+        progress: Called with the name of each part before it is planned.
+        bounded: Whether to compute the lower bound of a plan for the foot, too, which takes longer.
+
+    Raises:
+        FailedCheck: The answer failed a check.
+        PlannerError: There is none.
+    """
+    if run.plan.method == "foot-optimal":
+        progress("the foot")
+        answer = _for_the_foot(run.plan, desired, limits, load)
+    else:
+
+        def begin(joint: str) -> None:
+            if ANGLE_UNIT.get() != "rad":  # in messages
+                ANGLE_UNIT.set(desired.unit(desired.names.index(joint)))
+            progress(joint)
+
+        made = plan(
+            desired.models,
+            desired.angles,
+            names=desired.names,
+            cyclic=desired.cyclic,
+            load=load,
+            progress=begin,
+            **_options(run.plan, limits, starts, desired.period),
+        )
+        inversions = dict(zip(made.names, made.inversions, strict=True))
+        answer = Answer(desired, made.requests, made.predicted, inversions)
+        for name, inversion in inversions.items():
+            _check_bound(name, inversion, desired.unit(desired.names.index(name)))
+    beyond = [
+        fault
+        for j, name in enumerate(desired.names)
+        if name in limits
+        and (fault := _beyond_limits(name, answer.requests[:, j], limits[name], desired.unit(j)))
+    ]
+    chosen = run.limits.deg is not None or run.limits.joints
+    if beyond and (chosen or run.plan.method != "closed-form"):  # which knows no limits
+        raise beyond[0]
+    if answer.together is not None and bounded:
+        progress("the lower bound")
+        _ = answer.foot_bound  # takes seconds, and is kept
+    return replace(answer, remarks=tuple(beyond))
+
+
+def misses(run: settings.Run, answer: Answer) -> list[str]:
+    """Which tolerances the plan misses, in its norm, and by how much; none where it keeps all."""
+    norm, tolerance = run.plan.norm or "rms", run.tolerance
+    found = []
+    if tolerance.deg is not None:
+        for j, (joint, inversion) in enumerate(answer.inversions.items()):
+            error, least = np.degrees([inversion.error, inversion.lower_bound])
+            if error > tolerance.deg:
+                found.append(
+                    f"{joint} is off by {error:.4g} {answer.desired.unit(j)} ({norm}), expected "
+                    f"at most {tolerance.deg:g}; the lower bound for any requests is {least:.4g}"
+                )
+    if tolerance.cm is not None:
+        error = error_norm(100.0 * answer.foot_distances, norm)
+        if error > tolerance.cm:
+            found.append(
+                f"the foot is off by {error:.4g} cm ({norm}), expected at most {tolerance.cm:g}"
+            )
+    return found
+
+
+def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, Any]:
+    """The plan for machines; what a plan for the foot does not have is null."""
+    desired, together, loads = answer.desired, answer.together, answer.loads
+    joints = {}
+    for j, name in enumerate(desired.names):
+        inversion, unit = answer.inversions.get(name), desired.unit(j)
+        joints[name] = {
+            **_errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), unit),
+            "norm": inversion and inversion.norm,
+            "solver": inversion and inversion.solver,
+            f"expected_rms_{unit}": _degrees_or_null(answer.expected[j].error),
+            "untested": list(answer.expected[j].untested),
+            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
+            "gap": inversion and inversion.gap,
+            **_motion(answer.motions[name], unit),
+            f"requests_{unit}": np.degrees(answer.requests[:, j]).tolist(),
+            f"predicted_{unit}": np.degrees(answer.predicted[:, j]).tolist(),
+            **({} if loads is None else {"load_Nm": loads[:, j].tolist()}),
+        }
+    foot = None
+    if desired.foot is not None:
+        bound = answer.foot_bound
+        foot = {
+            **_errors(100.0 * answer.foot_distances, "cm"),
+            "norm": together and together.norm,
+            "lower_bound_cm": None if bound is None else 100.0 * bound,
+            "gap": None if bound is None else together and together.gap,
+            "predicted_m": answer.foot_positions.tolist(),
+        }
+    step = max_step_of(run.plan, desired.period)
+    asked = run.tolerance.deg is not None or run.tolerance.cm is not None
+    return {
+        "method": run.plan.method,
+        "cyclic": desired.cyclic,
+        "period_s": desired.period,
+        "max_step_deg": None if step is None else math.degrees(step),
+        "unreachable_samples": desired.unreachable,
+        "lower_bound_withdrawn": answer.bound_withdrawn,
+        "joints": joints,
+        "foot": foot,
+        "within_tolerance": not missed if asked else None,
+    }
+
+
+def summary(run: settings.Run, answer: Answer) -> str:
+    """The plan for people."""
+    desired, rows = answer.desired, []
+    known = any(np.isfinite(each.error) for each in answer.expected)
+    text = (
+        f"{len(answer.requests)} requests, one every {1e3 * desired.period:g} ms; "
+        f"{model_words(run.model)}\n"
+    )
+    for j, name in enumerate(desired.names):
+        errors = _errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), "deg")
+        bounded = [NOTHING, NOTHING]
+        if name in answer.inversions and not answer.bound_withdrawn:
+            inversion = answer.inversions[name]
+            bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
+        shown = name if desired.unit(j) == "deg" else f"{name} [% of its range]"
+        expected = np.degrees(answer.expected[j].error)
+        robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
+        rows.append([shown, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
+    robot = ["on the robot"] * known
+    text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
+    text += "\n" + text_table(
+        [
+            "requests",
+            "largest step [deg]",
+            "reversals/s",
+            "length [deg]",
+            "desired",
+            "beyond [deg]",
+        ],
+        [_motion_cells(name, each) for name, each in answer.motions.items()],
+    )
+    if desired.foot is not None:
+        rms, largest = _errors(100.0 * answer.foot_distances, "cm").values()
+        text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
+        text += _bounded_foot(answer)
+    if known:
+        text += "\non the robot: rms error to expect, by what the models were tested on"
+    if words := untested_words(desired.names, answer.expected):
+        text += f"\n{words}"
+    if answer.bound_withdrawn:
+        text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
+    if max_step_of(run.plan, desired.period) is not None:
+        text += "\nlower bounds are for requests with steps of any size"
+    if desired.unreachable:
+        text += f"\n{desired.unreachable} samples were out of the leg's reach"
+    return text
+
+
+def _for_the_foot(
+    given: settings.Plan, desired: Desired, limits: Limits, load: Load | None
+) -> Answer:
+    assert desired.leg is not None, "a foot path needs a leg"
+    assert desired.foot is not None, "this method plans for a foot path"
+    lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
+    made = invert_foot(
+        desired.models,
+        desired.leg,
+        desired.foot,
+        cyclic=desired.cyclic,
+        limits=(lower, upper),
+        norm=given.norm or "rms",
+        weights=given.weights or (1.0, 1.0, 1.0),
+        load=load,
+        max_step=max_step_of(given, desired.period),
+        smoothness=given.smoothness,
+    )
+    return Answer(desired, made.requests, made.predicted, inversions={}, together=made)
+
+
+def max_step_of(given: settings.Plan, period: float) -> float | None:
+    """The largest change from one request to the next [rad]; None where there is no limit."""
+    steps = []
+    if given.max_step_deg is not None:
+        steps.append(math.radians(given.max_step_deg))
+    if given.max_request_speed_deg_s is not None:
+        steps.append(math.radians(given.max_request_speed_deg_s) * period)
+    return min(steps, default=None)
+
+
+def _options(
+    given: settings.Plan, limits: Limits, starts: Mapping[str, float], period: float
+) -> dict[str, Any]:
+    """What :func:`planner.plan` takes with the chosen method."""
+    if given.method == "closed-form":
+        rule = given.rule or "paper"
+        return {"method": "closed_form", "segments": given.segments, "rule": rule}
+    return {
+        "limits": limits,
+        "start": starts,
+        "norm": given.norm or "rms",
+        "solver": given.solver or "gauss-newton",
+        "max_step": max_step_of(given, period),
+        "smoothness": given.smoothness,
+    }
+
+
+def _check_bound(joint: str, inversion: Inversion, unit: str) -> None:
+    """Make sure that the error is not below the lower bound on the error of any requests."""
+    error = inversion.error
+    if error < inversion.lower_bound - ROUNDING:
+        raise FailedCheck(
+            f"{joint}: an error of {np.degrees(error):.6g} {unit} is below its own lower bound of "
+            f"{np.degrees(inversion.lower_bound):.6g} {unit}; please report this with the path and "
+            "the model"
+        )
+
+
+def _beyond_limits(
+    joint: str, requests: Array, limits: tuple[float, float], unit: str
+) -> FailedCheck | None:
+    """What is said of requests [rad] beyond the limits [rad] of their joint."""
+    lower, upper = limits
+    excess = np.maximum(lower - requests, requests - upper)
+    worst = int(np.argmax(excess))
+    if excess[worst] <= ROUNDING:
+        return None
+    return FailedCheck(
+        f"{joint}: request {worst} is {np.degrees(requests[worst]):.2f} {unit}, beyond the "
+        f"limits {np.degrees(lower):.2f} to {np.degrees(upper):.2f}; ",
+        Key("plan.method", "optimal"),
+        " keeps to them",
+    )
+
+
+def _bounded_foot(answer: Answer) -> str:
+    """What is proved about the foot, if anything is."""
+    if answer.together is None or not answer.foot_bound:
+        return ""
+    weighted = "" if len(set(answer.together.weights)) == 1 else " as weighted"
+    norm = {"rms": "rms", "max": "at most"}[answer.together.norm]
+    return (
+        f"\nno requests within the limits bring it below {100.0 * answer.foot_bound:.3f} cm {norm}"
+        f"{weighted}: the plan is {percent(answer.together.gap)} above that"
+    )
+
+
+def _degrees_or_null(angle: float) -> float | None:
+    return None if np.isnan(angle) else float(np.degrees(angle))
+
+
+def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
+    """How the requests of a joint move, for machines."""
+    return {
+        f"largest_step_{unit}": math.degrees(motion.largest_step),
+        "reversals_per_s": motion.reversals_per_s,
+        f"path_length_{unit}": math.degrees(motion.path_length),
+        f"desired_path_length_{unit}": math.degrees(motion.desired_length),
+        f"beyond_desired_{unit}": math.degrees(motion.beyond),
+    }
+
+
+def _motion_cells(name: str, motion: RequestMotion) -> list[str]:
+    """The same for people."""
+    step, length, desired, beyond = np.degrees(
+        [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+    )
+    return [
+        *(name, f"{step:.2f}", f"{motion.reversals_per_s:.1f}", f"{length:.1f}", f"{desired:.1f}"),
+        f"{beyond:.2f}",
+    ]
+
+
+def _errors(errors: Array, unit: str) -> dict[str, float]:
+    return {
+        f"rms_{unit}": float(np.sqrt(np.mean(errors**2))),
+        f"max_{unit}": float(np.max(errors)),
+    }

@@ -1,0 +1,640 @@
+"""From settings and recordings to replays: models, one recording at a time, and what is said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.exceptions import InvalidInput, PlannerError
+from planner.files.exports.lerobot import Layout
+from planner.files.joint_model import ModelFile, read_model_file
+from planner.files.logs.lerobot import find_dataset
+from planner.files.logs.recordings import Recording
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.inversion.error_norm import error_norm
+from planner.model.joint import JointModel
+from planner.recorded_path import WHY, RecordedPath, is_gripper, recorded_path
+from planner.replaying import JointReplay, Replay, replay_at
+from planner.report.table import NOTHING, text_table
+from planner.retiming import Fastest, Measure, fastest_at
+from planner.run import settings
+from planner.run.desired import find_leg, load_leg
+from planner.run.faults import BadSetting, Key
+from planner.run.replay_files import lerobot_layout, lerobot_rows
+from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+
+MOST_IDENTIFIED = 10
+"""Recordings from which models are identified with ``--model from-log``: further ones of the same
+robot add little to what these determine, and time grows with each."""
+
+UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
+"""By a log's unit: what people read, and how many of it one is."""
+
+ROUNDING = 1e-9
+"""Share of a tolerance by which rounding may miss it."""
+
+PASSED_ON = "recorded requests, re-timed"
+"""What a joint gets that is not planned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointModels:
+    """The models of a replay.
+
+    Attributes:
+        by_joint: The models; "" is that of every other joint.
+        words: Where they come from.
+        remarks: What the user should know about them.
+    """
+
+    by_joint: Mapping[str, JointModel]
+    words: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayTask:
+    """One recording to replay: a unit of work that can be sent to another process.
+
+    Attributes:
+        recording: Where it is.
+        models: The models of its joints.
+        replay: How to replay it.
+        limits: Limits of the requests.
+        plan: How to plan.
+        tolerance: Errors to accept, for the fastest replay.
+        leg: The leg or arm of the joints, if one is named.
+        rate: Requests per second; None for those of the recording.
+    """
+
+    recording: Recording
+    models: JointModels
+    replay: settings.Replay
+    limits: settings.Limits = field(default_factory=settings.Limits)
+    plan: settings.Plan = field(default_factory=settings.Plan)
+    tolerance: settings.Tolerance = field(default_factory=settings.Tolerance)
+    leg: settings.Leg = field(default_factory=settings.Leg)
+    rate: float | None = None
+
+    def path(self) -> RecordedPath:
+        """Read the recording.
+
+        Raises:
+            InvalidInput: It cannot be read, or is not what the settings ask for.
+        """
+        logs = self.recording.read()
+        chosen = self.replay
+        path = recorded_path(
+            logs,
+            self.models.by_joint,
+            track=chosen.track,
+            joints=chosen.joints,
+            begin=chosen.begin_s,
+            end=chosen.end_s,
+            rate=chosen.rate_hz or self.rate,
+            limits=_limits(self.limits, logs),
+        )
+        return replace(path, name=self.recording.name)
+
+    def run(self, progress: Callable[[str], None] = lambda _: None) -> Replay:
+        """Read the recording and plan its replay.
+
+        Args:
+            progress: Called with the name of each joint, or of what is tried.
+
+        Raises:
+            PlannerError: It cannot be read, or there is no plan.
+        """
+        if self.replay.fastest:
+            return self.fastest(progress).replay
+        path, speed = self.path(), self.replay.speed
+        return replay_at(
+            path, path.moments(speed), speed=speed, progress=progress, **self.options(path)
+        )
+
+    def fastest(self, progress: Callable[[str], None] = lambda _: None) -> Fastest:
+        """Read the recording and find the fastest replay within the tolerance.
+
+        Raises:
+            PlannerError: It cannot be read, or the tolerance is missed at any speed.
+        """
+        path, given = self.path(), self.tolerance
+        joints = None if given.deg is None else math.radians(given.deg)
+        foot = None if given.cm is None else 0.01 * given.cm
+        measure = Measure.of(path, joints, foot, self.arm())
+        retime = self.replay.retime
+        return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
+
+    def arm(self) -> Leg | None:
+        """The leg or arm that is named, its joints called as in the recording.
+
+        Raises:
+            KinematicsError: It cannot be made.
+        """
+        leg = load_leg(find_leg(self.leg))
+        if leg is None:
+            return None
+        called = {name: joint for joint, name in self.replay.urdf_joints.items()}
+        names = tuple(called.get(name, name) for name in leg.joint_names)
+        return replace(leg, joint_names=names)
+
+    def options(self, path: RecordedPath) -> dict[str, Any]:
+        """What :func:`planner.plan` takes beside models, path and limits."""
+        found: dict[str, Any] = {
+            "norm": self.plan.norm or "rms",
+            "solver": self.plan.solver or "gauss-newton",
+            "smoothness": self.plan.smoothness,
+        }
+        if (step := self.plan.max_step_deg) is not None:
+            found["max_step"] = {each.name: step / UNITS[each.unit][1] for each in path.planned}
+        return found
+
+
+def tasks_of(
+    run: settings.Run,
+    replay: settings.Replay,
+    recordings: Sequence[Recording],
+    progress: Callable[[str], None] = lambda _: None,
+) -> tuple[ReplayTask, ...]:
+    """A task for every recording.
+
+    Args:
+        run: Models, limits and method.
+        replay: How to replay.
+        recordings: Where the recordings are.
+        progress: Called with what is being identified, with ``--model from-log``.
+
+    Raises:
+        BadSetting: No model is named.
+        InvalidInput: The models cannot be read, or none can be identified.
+    """
+    _check_tolerance(run, replay)
+    models = _models(run.model, replay, recordings, progress)
+    rate = _rate(recordings)
+    return tuple(
+        ReplayTask(
+            recording=each,
+            models=models,
+            replay=replay,
+            limits=run.limits,
+            plan=run.plan,
+            tolerance=run.tolerance,
+            leg=run.leg,
+            rate=rate,
+        )
+        for each in recordings
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Episode:
+    """A replayed recording as a dataset takes it; small, and it can be sent between processes.
+
+    Attributes:
+        rows: Its rows by feature, shape (n, k) each, in the numbers of the recording.
+        task: What it shows, in words.
+        layout: The features and the rate of the dataset that takes it.
+        figures: What a table of many recordings has of it: :func:`episode_figures`.
+    """
+
+    rows: Mapping[str, Array]
+    task: str
+    layout: Layout
+    figures: Mapping[str, Any]
+
+
+def replay_episode(task: ReplayTask) -> Episode:
+    """Read a recording, plan its replay, and make rows of it: a pure function of its task.
+
+    Raises:
+        PlannerError: The recording cannot be read, or there is no plan.
+    """
+    made = task.run()
+    rows, words = lerobot_rows(task.recording, made)
+    layout = lerobot_layout(task.recording, made)
+    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(made))
+
+
+def first_line(replay: Replay, models: JointModels) -> str:
+    """What is followed and why, at which speed, and by which models."""
+    path = replay.path
+    count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
+    return (
+        f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.6g} Hz, "
+        f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.4g} times the speed; "
+        f"{models.words}"
+    )
+
+
+def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -> str:
+    """A replay for people: what each joint's errors are, rms."""
+    rows = []
+    for joint in replay.joints:
+        unit, factor = UNITS[joint.path.unit]
+        shown = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
+        recorded = f"{factor * joint.path.recorded_error:.3f}"
+        if joint.inversion is None:
+            rows.append([shown, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
+            continue
+        errors = {kind: f"{factor * error_norm(e, 'rms'):.3f}" for kind, e in joint.errors.items()}
+        expected = joint.expected
+        rows.append(
+            [
+                shown,
+                recorded,
+                errors["resent"],
+                errors["direct"],
+                f"{errors['shifted']} ({1e3 * joint.lead:.0f} ms)",
+                errors["planned"],
+                NOTHING if math.isnan(expected) else f"{factor * expected:.3f}",
+                f"{factor * joint.lower_bound:.3f}",
+                fast_words(joint),
+            ]
+        )
+    untested = [
+        f"{each.name} ({', '.join(each.untested)})" for each in replay.planned if each.untested
+    ]
+    header = [
+        *("rms [deg]", "recorded run", "requests as recorded", "path as it is", "best shift"),
+        *("plan", "on the robot", "lower bound", "faster than the joint"),
+    ]
+    lines = [first_line(replay, models)]
+    if found is not None:
+        lines.append(fastest_text(found))
+    lines.append(text_table(header, rows))
+    if untested:
+        lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
+    return "\n".join(lines)
+
+
+def fast_words(joint: JointReplay) -> str:
+    """Which parts of the path are faster than the joint can be, in few words."""
+    spans = joint.too_fast
+    if not spans:
+        return "nowhere"
+    total = sum(last - first for first, last in spans)
+    widest = max(spans, key=lambda span: span.last - span.first)
+    where = f"{widest.first:.2f} to {widest.last:.2f} s"
+    return where if len(spans) == 1 else f"{total:.2g} s in {len(spans)} parts, such as {where}"
+
+
+def document(replay: Replay, models: JointModels) -> dict[str, Any]:
+    """A replay for machines, in degrees or percent; what a joint does not have is null."""
+    joints = {}
+    for joint in replay.joints:
+        unit, factor = UNITS[joint.path.unit]
+        plan = joint.inversion
+        found: dict[str, Any] = {
+            "planned": plan is not None,
+            "reason": joint.path.reason or None,
+            "unit": unit,
+            "recorded": _errors(joint.path.angles - joint.path.requests, unit, factor),
+            f"requests_{unit}": (factor * joint.requests).tolist(),
+        }
+        if plan is not None:
+            assert joint.predicted is not None, "a planned joint is simulated"
+            expected = joint.expected
+            found |= {
+                **{kind: _errors(each, unit, factor) for kind, each in joint.errors.items()},
+                "best_shift_s": joint.lead,
+                f"expected_on_robot_rms_{unit}": None
+                if math.isnan(expected)
+                else factor * expected,
+                "norm": plan.norm,
+                f"lower_bound_{unit}": factor * joint.lower_bound,
+                f"largest_step_{unit}": factor * plan.largest_step,
+                "untested": list(joint.untested),
+                "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
+                f"desired_{unit}": (factor * joint.desired).tolist(),
+                f"predicted_{unit}": (factor * joint.predicted).tolist(),
+            }
+        joints[joint.name] = found
+    return {
+        "recording": replay.path.name,
+        "track": replay.path.track,
+        "why": WHY[replay.path.track],
+        "models": models.words,
+        "speed": replay.speed,
+        "period_s": replay.period,
+        "requests": len(replay.moments),
+        "recorded_s": replay.path.duration,
+        "joints": joints,
+        "remarks": [*replay.path.remarks, *models.remarks],
+    }
+
+
+def fastest_text(found: Fastest) -> str:
+    """How fast the recording can be, and the proof that it cannot be much faster."""
+    size = _allowed(found)
+    speed = f"{found.speed:.3g} times the speed"
+    if found.retime == "varying":
+        low, high = float(np.min(found.factors)), float(np.max(found.factors))
+        speed += f" in all, {low:.3g} to {high:.3g} along it ({found.constant:.3g} constant)"
+    words = f"within {size} at {speed}"
+    if found.impossible is None:
+        none = "there is no lower bound for a foot" if found.foot else "no speed is proved too high"
+        return f"{words}; {none}"
+    return (
+        f"{words}; at {found.impossible.speed:.3g} times the speed no requests keep "
+        f"{found.impossible.joint} within {size}"
+    )
+
+
+def fastest_document(found: Fastest) -> dict[str, Any]:
+    """The fastest replay for machines; errors over speed are the largest, times the tolerance."""
+    factor = 100.0 if found.foot else math.degrees(1.0)
+    unit = "cm" if found.foot else "deg"
+    allowed = factor * found.tolerance
+    impossible = found.impossible and {
+        "speed": found.impossible.speed,
+        "joint": found.impossible.joint,
+        f"lower_bound_{unit}": allowed * found.impossible.bound,
+    }
+    curve = [
+        {
+            "speed": each.speed,
+            **{
+                f"{kind}_max_{unit}": None if math.isnan(ratio) else allowed * ratio
+                for kind, ratio in zip(each._fields[1:], each[1:], strict=True)
+            },
+        }
+        for each in found.curve
+    ]
+    return {
+        f"tolerance_{unit}": allowed,
+        "retime": found.retime,
+        "speed": found.speed,
+        "constant_speed": found.constant,
+        "least_factor": float(np.min(found.factors)),
+        "largest_factor": float(np.max(found.factors)),
+        "impossible": impossible,
+        "errors_by_speed": curve,
+    }
+
+
+def missed(task: ReplayTask, replay: Replay) -> list[str]:
+    """Which tolerances a replay misses, in the plan's norm, and by how much."""
+    given, found = task.tolerance, []
+    norm = "max" if task.replay.fastest else task.plan.norm or "rms"
+    if given.deg is not None:
+        for joint in replay.planned:
+            unit, factor = UNITS[joint.path.unit]
+            error = factor * error_norm(joint.errors["planned"], norm)
+            if error > given.deg * (1.0 + ROUNDING):
+                found.append(
+                    f"{joint.name} is off by {error:.4g} {unit} ({norm}), expected at most "
+                    f"{given.deg:g}"
+                )
+    if given.cm is not None:
+        measure = Measure.of(replay.path, None, 0.01 * given.cm, task.arm())
+        ratio = error_norm(measure.errors(replay, "planned"), norm)
+        if ratio > 1.0 + ROUNDING:
+            found.append(
+                f"the foot is off by {ratio * given.cm:.4g} cm ({norm}), expected at most "
+                f"{given.cm:g}"
+            )
+    return found
+
+
+def _allowed(found: Fastest) -> str:
+    if found.foot:
+        return f"{100.0 * found.tolerance:.3g} cm"
+    return f"{math.degrees(found.tolerance):.3g} degrees"
+
+
+def replay_report(
+    task: ReplayTask, made: Replay, found: Fastest | None, page: str, output: str
+) -> str:
+    """The page about a replay, which will stand at ``page`` and links to its files."""
+    from planner.report.page import heading, linked_files
+    from planner.report.replay import replay_page
+
+    arm = task.arm()
+    if arm is not None and not set(arm.joint_names) <= set(made.names):
+        arm = None
+    named = [("recording", task.recording.path), ("requests", output)]
+    return replay_page(
+        made,
+        title=PurePath(task.recording.name).name,
+        words=heading(first_line(made, task.models)),
+        found=found,
+        verdict="" if found is None else fastest_text(found),
+        arm=arm,
+        missed=missed(task, made),
+        remarks=task.models.remarks,
+        origins=[("recording", task.recording.name), ("track", made.path.track)],
+        files=linked_files(page, named),
+    )
+
+
+def episode_figures(replay: Replay) -> dict[str, Any]:
+    """What a table of many recordings has of one: the joint whose plan is farthest off."""
+    worst = max(replay.planned, key=lambda each: each.inversion.rms if each.inversion else 0.0)
+    unit, factor = UNITS[worst.path.unit]
+    assert worst.inversion is not None, "only planned joints are compared"
+    expected = worst.expected
+    return {
+        "recording": replay.path.name,
+        "requests": len(replay.moments),
+        "duration_s": (len(replay.moments) - 1) * replay.period,
+        "worst_joint": worst.name,
+        "unit": unit,
+        **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
+        "expected_on_robot_rms": None if math.isnan(expected) else factor * expected,
+        "lower_bound": factor * worst.lower_bound,
+        "remarks": list(replay.path.remarks),
+    }
+
+
+def episodes_document(
+    figures: Sequence[Mapping[str, Any]], failed: Mapping[str, str], task: ReplayTask
+) -> dict[str, Any]:
+    """Many recordings for machines."""
+    return {
+        "track": task.replay.track,
+        "why": WHY[task.replay.track],
+        "models": task.models.words,
+        "speed": task.replay.speed,
+        "recordings": [dict(each) for each in figures],
+        "left_out": dict(failed),
+        "remarks": list(task.models.remarks),
+    }
+
+
+def episodes_text(rows: Sequence[Mapping[str, Any]], task: ReplayTask) -> str:
+    """Many recordings for people, a line each, of the joint whose plan is farthest off."""
+    header = [
+        *("recording", "requests", "worst joint", "as recorded", "path as it is", "best shift"),
+        *("plan", "on the robot", "lower bound"),
+    ]
+    kinds = ("resent_rms", "direct_rms", "shifted_rms", "planned_rms")
+    cells = []
+    for row in rows:
+        expected = row["expected_on_robot_rms"]
+        cells.append(
+            [
+                str(row["recording"]),
+                f"{row['requests']}",
+                f"{row['worst_joint']} [{row['unit']}]",
+                *(f"{row[kind]:.3f}" for kind in kinds),
+                NOTHING if expected is None else f"{expected:.3f}",
+                f"{row['lower_bound']:.3f}",
+            ]
+        )
+    requests = sum(row["requests"] for row in rows)
+    head = (
+        f"follows {WHY[task.replay.track]}; {len(rows)} recordings, {requests} requests at "
+        f"{task.replay.speed:.4g} times the speed; {task.models.words}"
+    )
+    return f"{head}\n{text_table(header, cells)}"
+
+
+def _errors(errors: Any, unit: str, factor: float) -> dict[str, float]:
+    return {
+        f"rms_{unit}": factor * error_norm(errors, "rms"),
+        f"max_{unit}": factor * error_norm(errors, "max"),
+    }
+
+
+def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
+    """Refuse settings of the fastest replay that do not go together.
+
+    Raises:
+        BadSetting: The message says which.
+    """
+    degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
+    both = run.tolerance.deg is not None, run.tolerance.cm is not None
+    if all(both):
+        raise BadSetting(degrees, " and ", centimetres, ": expected one of them; leave one out")
+    if run.tolerance.cm is not None and find_leg(run.leg) is None:
+        raise BadSetting(centimetres, " is for a foot: name its leg or arm with ", Key("leg.urdf"))
+    if replay.fastest and not any(both):
+        raise BadSetting(Key("replay.fastest", True), " needs ", degrees, " or ", centimetres)
+    if replay.retime != "constant" and not replay.fastest:
+        key = Key("replay.retime", replay.retime)
+        raise BadSetting(key, " has no effect without ", Key("replay.fastest", True))
+    if replay.fastest and "speed" in replay.keys_set:
+        raise BadSetting(Key("replay.speed"), " is what ", Key("replay.fastest", True), " finds")
+
+
+def _models(
+    model: settings.Model,
+    replay: settings.Replay,
+    recordings: Sequence[Recording],
+    progress: Callable[[str], None],
+) -> JointModels:
+    """The models that the settings name, or those of the recordings themselves."""
+    key = Key("model.file")
+    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
+        raise BadSetting(
+            key,
+            " is missing: name a file that `identify` wrote, or identify the joints from the "
+            "recording itself with ",
+            Key("model.file", settings.FROM_LOG),
+        )
+    if model.file == settings.FROM_URDF:
+        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
+    if model.file == settings.SHIPPED_MODEL:
+        words = f"model: {settings.SHIPPED_MODEL}, a joint of the Sony Aibo"
+        return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
+    if model.file == settings.FROM_LOG:
+        return _identified(replay, recordings, progress)
+    return _of_file(read_model_file(model.file))
+
+
+def _of_file(file: ModelFile) -> JointModels:
+    """The models of a file, with their errors."""
+    common = {} if file.common is None else {"": file.common}
+    return JointModels(by_joint={**common, **file.by_joint}, words=f"model: {file.path}")
+
+
+def _identified(
+    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
+) -> JointModels:
+    """Models of the joints from the recordings that are to be replayed.
+
+    Raises:
+        PlannerError: None can be identified.
+    """
+    used = recordings[:MOST_IDENTIFIED]
+    by_joint: dict[str, list[Log]] = {}
+    for log in _readable(used):
+        by_joint.setdefault(log.joint or "joint", []).append(log)
+    wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
+    models: dict[str, JointModel] = {}
+    remarks: list[str] = []
+    refusal: PlannerError = InvalidInput("no recording could be read")
+    for name in replay.joints or wanted:
+        if name not in by_joint:
+            continue
+        progress(f"identifying {name}")
+        try:
+            found = identify(by_joint[name])
+        except PlannerError as error:
+            remarks.append(f"{name}: no model: {error}")
+            refusal = error
+            continue
+        if not found.accepted:
+            remarks.append(f"{name}: its model does not fit the recording, and is not used")
+            refusal = InvalidInput(
+                "no model of any joint fits the recording; identify the joints from better logs"
+            )
+            continue
+        models[name] = found.model
+    if not models:
+        raise refusal
+    several = f"the first {len(used)} of {len(recordings)} recordings"
+    words = "the recording" if len(recordings) == 1 else several
+    if len(used) == len(recordings) > 1:
+        words = f"the {len(recordings)} recordings"
+    return JointModels(
+        by_joint=models,
+        words=f"models: identified from {words}",
+        remarks=tuple(remarks),
+    )
+
+
+def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
+    """The logs of the recordings that can be read; the others are reported when they are planned.
+
+    Raises:
+        PlannerError: There is only one, and it cannot.
+    """
+    for recording in recordings:
+        try:
+            yield from recording.read()
+        except PlannerError:
+            if len(recordings) == 1:
+                raise
+
+
+def _rate(recordings: Sequence[Recording]) -> float | None:
+    """Requests per second that a dataset says, or else that the first of several recordings has."""
+    if recordings[0].dataset:
+        return find_dataset(recordings[0].place.file).rate
+    if len(recordings) == 1:
+        return None
+    return 1.0 / float(np.median([log.period for log in recordings[0].read()]))
+
+
+def _limits(limits: settings.Limits, logs: Sequence[Log]) -> dict[str, tuple[float, float]] | None:
+    """Limits by joint in the units of the logs: degrees, or percent of a range."""
+    found = {}
+    for log in logs:
+        span = limits.joints.get(log.joint, limits.deg)
+        if span is not None:
+            _, factor = UNITS[log.unit]
+            found[log.joint or "joint"] = (span[0] / factor, span[1] / factor)
+    for name in limits.joints:
+        if name not in {log.joint for log in logs}:
+            found[name] = (0.0, 0.0)  # refused with the joints that there are
+    return found or None

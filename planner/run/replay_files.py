@@ -1,0 +1,139 @@
+"""What a replay writes: CSV as the recording has it, a path, messages of ROS, a LeRobot dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from planner.exceptions import InvalidInput
+from planner.files.exports import check_format
+from planner.files.exports.lerobot import TASK, Layout, frame_rate
+from planner.files.exports.ros_trajectory import (
+    joint_trajectory,
+    write_bag,
+    write_trajectory_yaml,
+)
+from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
+from planner.files.paths import TIME, write_joint_path
+from planner.files.table import write_table
+from planner.robot.schedule import Schedule
+from planner.run.faults import BadSetting, Key
+
+if TYPE_CHECKING:
+    from planner.files.logs.recordings import Recording
+    from planner.replaying import JointReplay, Replay
+    from planner.run.settings import ReplayFormat
+    from planner.trajectory import Array
+
+FOLDERS = ("lerobot", "bag", "mcap")
+"""Formats that are folders."""
+
+
+def check_writing(form: ReplayFormat, recordings: Sequence[Recording], output: str) -> None:
+    """Refuse what cannot be written, before anything is computed.
+
+    Raises:
+        BadSetting: The format does not go with the output, or holds one recording only.
+        MissingExtra: The format needs a package that is not installed.
+    """
+    key = Key("replay.write_as", form)
+    if form in FOLDERS and output == "-":
+        raise BadSetting(key, " is a folder: name it with --output")
+    if form != "lerobot" and len(recordings) > 1:
+        raise BadSetting(
+            f"{len(recordings)} recordings, and ",
+            key,
+            " holds one: choose one (--episodes 0), or write them all with ",
+            Key("replay.write_as", "lerobot"),
+        )
+    if form not in ("csv", "joints"):
+        check_format(form, Schedule(("joint",), np.zeros((3, 1)), 0.02))
+
+
+def write_replay(file: str, replay: Replay, form: ReplayFormat) -> None:
+    """Write the requests of one recording; "lerobot" is written by :func:`lerobot_rows`."""
+    names, requests = replay.names, replay.requests
+    if form == "csv":
+        columns = [f"{column_of(joint)}" for joint in replay.joints]
+        times = np.arange(len(requests)) * replay.period
+        values = np.column_stack([as_written(joint, joint.requests) for joint in replay.joints])
+        write_table(file, [TIME, *columns], np.column_stack([times, values]))
+    elif form == "joints":
+        units = ["deg" if joint.path.unit == "rad" else "percent" for joint in replay.joints]
+        shares = np.array([joint.path.unit == "1" for joint in replay.joints])
+        angles = np.where(shares, np.radians(100.0 * requests), requests)
+        write_joint_path(file, names, angles, period=replay.period, units=units)
+    else:
+        message = joint_trajectory(Schedule(names, requests, replay.period))
+        if form == "yaml":
+            write_trajectory_yaml(file, message)
+        else:
+            storage: Literal["mcap", "sqlite3"] = "mcap" if form == "mcap" else "sqlite3"
+            write_bag(file, message, storage=storage)
+
+
+def lerobot_layout(recording: Recording, replay: Replay) -> Layout:
+    """What the rows of a planned dataset hold: those of the dataset that was read."""
+    rate = frame_rate(replay.period)
+    if not recording.dataset:
+        return Layout(features={ACTION: replay.names, STATE: replay.names}, rate=rate)
+    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    features = {}
+    for key, values in ((ACTION, rows.action), (STATE, rows.state)):
+        names = dataset.written[key]
+        features[key] = names or tuple(str(j) for j in range(values.shape[1]))
+    return Layout(features=features, rate=rate, robot_type=dataset.robot_type)
+
+
+def lerobot_rows(recording: Recording, replay: Replay) -> tuple[dict[str, Array], str]:
+    """The rows of an episode and its task: actions planned, observations re-timed.
+
+    Raises:
+        InvalidInput: The episode does not hold what the dataset's others hold.
+    """
+    if not recording.dataset:
+        action = [as_written(joint, joint.requests) for joint in replay.joints]
+        state = [as_written(joint, joint.recorded_angles) for joint in replay.joints]
+        return {ACTION: np.column_stack(action), STATE: np.column_stack(state)}, TASK
+    dataset, rows = find_dataset(recording.place.file), read_episode(recording.place)
+    whole = ~np.isnan(np.column_stack([rows.times, rows.action, rows.state])).any(axis=1)
+    times = rows.times[whole]
+    moments = replay.moments + times[0]
+    values = {
+        key: np.column_stack([np.interp(moments, times, column) for column in given[whole].T])
+        for key, given in ((ACTION, rows.action), (STATE, rows.state))
+    }
+    width = values[ACTION].shape[1]
+    names = dataset.names[ACTION] or tuple(str(j) for j in range(width))
+    if len(names) != width:
+        raise InvalidInput(f"{recording.name}: {width} actions, expected {len(names)}")
+    for joint in replay.planned:
+        values[ACTION][:, names.index(joint.name)] = as_written(joint, joint.requests)
+    return values, rows.task or TASK
+
+
+def left_out(recording: Recording) -> str:
+    """What a planned dataset does not have of the one that was read, in words; "" for nothing."""
+    if not recording.dataset:
+        return ""
+    others = find_dataset(recording.place.file).others
+    return f"{', '.join(others)} left out: the frames are of other moments" if others else ""
+
+
+def as_written(joint: JointReplay, values: Array) -> Array:
+    """Angles of a joint in the numbers of the file that it was read from, shape (n,)."""
+    written = joint.path.log.written
+    if written is None:
+        return values
+    return np.asarray((values - written.shift) / written.factor)
+
+
+def column_of(joint: JointReplay) -> str:
+    """The column of a joint's requests in CSV: that of the recording, or its name and unit."""
+    log = joint.path.log
+    if log.written is not None and log.written.column:
+        return log.written.column
+    unit = log.written.unit if log.written is not None else {"rad": "rad", "1": "range"}[log.unit]
+    return f"{log.joint or 'requested'}_{unit}"

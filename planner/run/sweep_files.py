@@ -1,0 +1,122 @@
+"""What a sweep writes and says: a table of its points, a page, the best of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from planner.files.staging import MANIFEST, list_files
+from planner.files.text import to_json, write_text
+from planner.report.page import linked_files, versions
+from planner.report.sweep import points_table, sweep_page, verdict
+from planner.run.desired import leg_title
+from planner.run.schema import flat
+
+if TYPE_CHECKING:
+    from planner.evaluation.swept import Outcome, Swept
+    from planner.run.sweep import Space
+
+MOST_SHOWN = 10
+"""Reasons that are printed, of points without a plan."""
+
+
+def columns(swept: Swept) -> list[str]:
+    """The columns of the table of all points."""
+    speed = "speed_cm_s" if swept.speed_unit == "cm/s" else "speed_factor"
+    unit = swept.error_unit
+    return [
+        "point", *swept.names, speed, f"error_{unit}", f"largest_error_{unit}",
+        f"direct_error_{unit}", "too_fast_percent", "slowest_joint", "unreachable_samples",
+        "on_front", "reason",
+    ]  # fmt: skip
+
+
+def rows(swept: Swept) -> list[list[Any]]:
+    """A row for every point; what a point without a plan does not have is None."""
+    front = {each.point for each in swept.front}
+    found = []
+    for number, each in enumerate(swept.outcomes, 1):
+        values = [each.speed, each.error, each.largest, each.direct, 100.0 * each.too_fast]
+        found.append(
+            [
+                number, *each.point, *(value if math.isfinite(value) else None for value in values),
+                each.slowest or None, each.unreachable, each.point in front, each.reason or None,
+            ]
+        )  # fmt: skip
+    return found
+
+
+def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
+    """Write the table as CSV and, with the extra parquet, as Parquet, and the page.
+
+    Returns:
+        ``results.json``.
+    """
+    names, table = columns(swept), rows(swept)
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows([names, *table])
+    write_text(folder / "points.csv", stream.getvalue())
+    _write_parquet(folder / "points.parquet", names, table)
+    page, run = folder / "report.html", space.settings
+    files: list[tuple[str, Path | str]] = [("sweep", space.file.path)]
+    files += [(Path(name).suffix[1:], folder / name) for name in list_files(folder)]
+    origins = [
+        ("path", run.path.file or "a half ellipse"),
+        ("leg", leg_title(run.leg) or "none"),
+        ("model", run.model.file),
+        ("plan", run.plan.method),
+        ("search", run.sweep.method),
+    ]
+    html = sweep_page(swept, origins=origins, files=linked_files(page, files))
+    write_text(page, html)
+    document = {
+        "made_by": "request-planner sweep",
+        "settings": flat(run),
+        "points": [dict(zip(names, row, strict=True)) for row in table],
+        "front": [swept.number(each) for each in swept.front],
+        "best": None if swept.best is None else swept.number(swept.best),
+        "commands": {f"{swept.number(each)}": swept.command(each) for each in swept.front},
+        "versions": versions(),
+        "files": list_files(folder),
+    }
+    write_text(folder / MANIFEST, to_json(document))
+    return document
+
+
+def _write_parquet(file: Path, names: list[str], table: list[list[Any]]) -> None:
+    """Write the table as Parquet, if pyarrow is installed."""
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        return
+    kinds = {"point": pa.int64(), "unreachable_samples": pa.int64(), "on_front": pa.bool_()}
+    kinds |= dict.fromkeys(("slowest_joint", "reason"), pa.string())
+    arrays = {
+        name: pa.array([row[j] for row in table], kinds.get(name, pa.float64()))
+        for j, name in enumerate(names)
+    }
+    parquet.write_table(pa.table(arrays), file)
+
+
+def summary(swept: Swept) -> str:
+    """The sweep for people: what is best, and the front."""
+    planned = sum(each.planned for each in swept.outcomes)
+    lines = [verdict(swept), f"{planned} of {len(swept.outcomes)} points have a plan; the front:"]
+    if swept.front:
+        lines.append(points_table(swept, swept.front, commands=False).text())
+        lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
+    reasons: dict[str, list[Outcome]] = {}
+    for each in swept.outcomes:
+        if not each.planned:
+            reasons.setdefault(each.reason, []).append(each)
+    for reason, those in list(reasons.items())[:MOST_SHOWN]:
+        number = swept.number(those[0])
+        more = f" and {len(those) - 1} more" if len(those) > 1 else ""
+        lines.append(f"point {number}{more}: {reason}")
+    if len(reasons) > MOST_SHOWN:
+        lines.append(f"{len(reasons) - MOST_SHOWN} more reasons in points.csv")
+    return "\n".join(lines)

@@ -1,0 +1,259 @@
+"""Dry friction and load: plans executed on a virtual servo that carries a pendulum."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+import planner
+from benchmark.parts import Options
+from benchmark.parts.pairs import errors_of
+from benchmark.table import Table
+from kinematics import Leg
+from planner.identification.fit import fit_joint
+from planner.identification.timestamps import timing_of
+from planner.virtual.pendulum import Pendulum, Sts3215
+from planner.virtual.robot import VirtualRobot
+
+Array = npt.NDArray[np.float64]
+
+PERIOD = Sts3215().request_period
+"""Time between requests [s]."""
+
+CYCLES = 5
+"""Cycles that are executed; the last one counts."""
+
+MASSES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
+"""Masses that the pendulum carries in turn [kg]."""
+
+TURNS = 2.0 * math.pi
+
+
+def pick(phase: Array) -> Array:
+    """Up, wait, half way down, on down, in straight lines [rad]."""
+    corners = (0.0, 0.1, 0.3, 0.5, 0.6, 0.9, 1.0)
+    return np.interp(phase / TURNS, corners, (0.2, 0.2, 1.3, 1.3, 0.8, 0.2, 0.2))
+
+
+MOTIONS: Mapping[str, tuple[float, Callable[[Array], Array]]] = {
+    "sine, 0.2 Hz": (5.0, lambda phase: 0.8 + 0.5 * np.sin(phase)),
+    "sine, 0.5 Hz": (2.0, lambda phase: 0.8 + 0.5 * np.sin(phase)),
+    "sine, 1 Hz": (1.0, lambda phase: 0.8 + 0.4 * np.sin(phase)),
+    "two sines": (3.0, lambda phase: 0.9 + 0.4 * np.sin(phase) + 0.15 * np.sin(3.0 * phase + 1.0)),
+    "pick and place": (4.0, pick),
+}
+"""Length of the cycle [s], and angle [rad] by its phase."""
+
+
+class Rig(NamedTuple):
+    """A virtual servo with a pendulum, and what is known of its load.
+
+    Attributes:
+        pendulum: What it carries.
+        constants: What the servo is made of.
+        leg: The pendulum's description, for its load.
+    """
+
+    pendulum: Pendulum
+    constants: Sts3215
+    leg: Leg
+
+    def load(self, angles: Array) -> Array:
+        """Torque of gravity on the joint [N m], shape (n,), in poses [rad], shape (n,)."""
+        return self.leg.load_torques(angles[:, np.newaxis])[:, 0]
+
+    def execute(self, requests: Array, cycles: int = 1) -> tuple[Array, Array]:
+        """Sensed and true angles in the last of some cycles [rad], shape (n,), from rest."""
+        robot = VirtualRobot(requests[:1], constants=self.constants, pendulum=self.pendulum)
+        robot.rest(1.0, requests[:1])
+        recording = robot.play(np.tile(requests, cycles)[:, np.newaxis])
+        last = len(requests)
+        return recording.sensed[-last:, 0], recording.angles[-last:, 0]
+
+
+class Known(NamedTuple):
+    """What one log says of the joint.
+
+    Attributes:
+        four: The paper's four numbers and a static offset.
+        friction: What is found where the load is not recorded.
+        all: What is found with it.
+    """
+
+    four: planner.JointModel
+    friction: planner.JointModel
+    all: planner.JointModel
+
+
+class Answers(NamedTuple):
+    """What the joint does in the last cycle [rad], shape (n,), by what is sent.
+
+    ``told`` is the error to expect that the plan with all terms tells beforehand [rad], rms.
+    """
+
+    desired: Array
+    direct: Array
+    shift: Array
+    four: Array
+    friction: Array
+    all: Array
+    told: float
+
+
+def measure(options: Options) -> list[Table]:  # noqa: ARG001
+    """Errors on the virtual servo by motion and by what the plan knows."""
+    with TemporaryDirectory() as folder:
+        rig = made(Path(folder))
+        found = known(rig)
+    table = Table(
+        "Plans for a virtual servo with friction and a load",
+        (
+            "direct",
+            "time shift",
+            "four numbers",
+            "friction",
+            "friction and load",
+            "over four numbers, %",
+            "told beforehand",
+        ),
+        note="Root mean square of the error in the fifth cycle on a simulated Feetech STS3215 with "
+        "a pendulum, mrad, and the error to expect that the last plan tells. The models are fitted "
+        "to one log of 74 s.",
+        stub="motion",
+    )
+    for name in MOTIONS:
+        answers = play(rig, name, found)
+        errors = [1e3 * rms(each - answers.desired) for each in answers[1:-1]]
+        table.add(name, *errors, 100.0 * errors[-1] / errors[2], 1e3 * answers.told)
+    return [table, between_loads()]
+
+
+def between_loads() -> Table:
+    """Models fitted at the lightest and the heaviest of eight masses, on the six between."""
+    requests = excitation()[: round(22.0 / PERIOD)]
+    times = PERIOD * np.arange(len(requests))
+    logs = []
+    for mass in MASSES:
+        with TemporaryDirectory() as folder:
+            rig = made(Path(folder), Pendulum(mass=mass))
+            sensed, _ = rig.execute(requests)
+            load = rig.load(sensed)
+        logs.append(planner.Log(times=times, requests=requests, angles=sensed, load=load))
+    table = Table(
+        "Models of a virtual servo fitted at its lightest and heaviest load, at other loads",
+        ("load unknown", "load known"),
+        note=f"Root mean square error, degrees. Fitted to 22 s each with {MASSES[0]:g} and "
+        f"{MASSES[-1]:g} kg at 0.2 m.",
+        stub="mass, kg",
+    )
+    models = [
+        planner.identify([replace(log, load=load) for log, load in ends], hold_out=False).model
+        for ends in (
+            [(log, None) for log in (logs[0], logs[-1])],
+            [(log, log.load) for log in (logs[0], logs[-1])],
+        )
+    ]
+    for mass, log in zip(MASSES[1:-1], logs[1:-1], strict=True):
+        errors = [math.degrees(errors_of(model, log)[0]) for model in models]
+        table.add(f"{mass:g}", *errors)
+    return table
+
+
+def made(folder: Path, pendulum: Pendulum | None = None) -> Rig:
+    """The servo, its pendulum and its description in a folder."""
+    pendulum = pendulum or Pendulum()
+    (folder / "pendulum.urdf").write_text(pendulum.urdf(), encoding="utf-8")
+    leg = Leg.from_urdf(folder / "pendulum.urdf", base="base", foot="tip")
+    return Rig(pendulum, Sts3215(), leg)
+
+
+def known(rig: Rig) -> Known:
+    """The models that a log of the servo leads to."""
+    requests = excitation()
+    sensed, _ = rig.execute(requests)
+    times = PERIOD * np.arange(len(requests))
+    log = planner.Log(times=times, requests=requests, angles=sensed)
+    timing = timing_of([log], tick=None, hold=None)
+    fit = fit_joint([log], timing, choose_tick=True)  # planner.identify would find friction, too
+    timing = timing.ticking(fit.grid.tick)
+    four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
+    unloaded = planner.identify(log)
+    loaded = planner.identify(replace(log, load=rig.load(sensed)))
+    return Known(four, unloaded.model, loaded.model)
+
+
+def excitation() -> Array:
+    """A slow triangle, steps, and a sum of sines, twice [rad]."""
+    random = np.random.default_rng(5)
+    parts = ((0.4, 0.25), (0.25, 0.6), (0.15, 1.1), (0.1, 1.9))
+    pieces = []
+    for half in range(2):
+        triangle = np.interp(np.arange(750), (0, 188, 563, 750), (0.8, 1.9, -0.3, 0.8))
+        steps = np.repeat(random.uniform(-0.3, 1.9, 7), 50)
+        times = PERIOD * np.arange(750 * half, 750 * (half + 1))
+        sines = sum(a * np.sin(TURNS * f * times + k) for k, (a, f) in enumerate(parts))
+        pieces += [triangle, steps, 0.8 + sines]
+    return np.concatenate(pieces)
+
+
+def play(rig: Rig, name: str, found: Known) -> Answers:
+    """Execute the plans of a motion, the desired angles, and these early."""
+    length, motion = MOTIONS[name]
+    count = round(length / PERIOD)
+    desired = motion(TURNS * np.arange(count) / count)
+    _, direct = rig.execute(desired, CYCLES)
+    leads = [np.roll(direct, -lead) for lead in range(count)]
+    shift = min(leads, key=lambda early: rms(early - desired))
+    executed = []
+    for model in (found.four, found.friction, found.all):
+        plan = planner.plan(model, desired, load=rig.leg.load_torques)
+        executed.append(rig.execute(plan.requests[:, 0], CYCLES)[1])
+    return Answers(desired, direct, shift, *executed, told=float(plan.expected_rms[0]))
+
+
+def rms(errors: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def draw(file: Path) -> None:
+    """The picture of ``docs/friction.md``: one motion, by what the plan knows."""
+    import matplotlib.pyplot as plt
+
+    with TemporaryDirectory() as folder:
+        rig = made(Path(folder))
+    answers = play(rig, "pick and place", known(rig))
+    times = PERIOD * np.arange(len(answers.desired))
+    shown = {
+        "desired angles sent": (answers.direct, "#8a4b9f"),
+        "plan, four numbers": (answers.four, "#c25d00"),
+        "plan, friction and load": (answers.all, "#0067a8"),
+    }
+    figure, (above, below) = plt.subplots(
+        2, figsize=(7.5, 5.0), sharex=True, layout="constrained", height_ratios=(3, 2)
+    )
+    above.plot(times, np.degrees(answers.desired), color="#15181c", ls="--", label="desired")
+    for name, (angles, colour) in shown.items():
+        above.plot(times, np.degrees(angles), color=colour, label=name)
+        if angles is not answers.direct:
+            below.plot(times, np.degrees(angles - answers.desired), color=colour)
+    below.axhline(0.0, color="#15181c", lw=0.8)
+    above.set(ylabel="angle [deg]")
+    below.set(xlabel="time [s]", ylabel="error [deg]")
+    for axes in (above, below):
+        axes.spines[["top", "right"]].set_visible(False)
+    above.legend(frameon=False)
+    figure.savefig(file, metadata={"Date": None})
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))

@@ -1,0 +1,227 @@
+"""Models of one recording on the other recordings of the same joint: what verdicts are worth."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import planner
+from benchmark.parts import Options
+from benchmark.table import Table
+from planner.identification.fit import fit_joint
+from planner.identification.parameters import Parameters
+from planner.identification.resampling import resampled
+from planner.identification.result import Identification
+from planner.identification.simulation import respond
+from planner.identification.timestamps import timing_of
+
+JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
+
+FITTED = ("prbs_excitation", "static_holding", "random_waypoints")
+"""Recordings of the SO-101 that are fitted together; the others are predicted."""
+
+BAD = 0.25
+"""Error over the standard deviation of the motion from which on a model does not fit."""
+
+
+SMOOTHED = 5
+"""Rows that are averaged before their speeds and accelerations are held against those tested."""
+
+
+class Tested(NamedTuple):
+    """A model on a log to which it was not fitted.
+
+    Attributes:
+        error: Root mean square error [rad].
+        share: The same over the standard deviation of the motion.
+        outside: In what the log is outside of what the model was tested on.
+    """
+
+    error: float
+    share: float
+    outside: tuple[str, ...]
+
+
+def measure(options: Options) -> list[Table]:
+    """Every pair of recordings of a joint, and sets of three on the others.
+
+    With few instances (``--quick``) only the arm is measured, without the humanoid's 26 joints.
+    """
+    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
+    if not folder or not Path(folder).is_dir():
+        return []
+    arm = so101(Path(folder))
+    every = {**arm, **pendulums(Path(folder))}
+    if options.instances > 3:
+        every |= humanoid(Path(folder))
+    return [unseen(arm), *pairs(every)]
+
+
+def unseen(arm: dict[str, list[planner.Log]]) -> Table:
+    """Models of three recordings of the arm on the others."""
+    table = Table(
+        "Models of three recordings of an SO-101 on its other recordings",
+        ("four numbers", "identified", "of motion, %", "error to expect"),
+        note=f"Fitted to {', '.join(FITTED)}; rms, mrad, the Jaw in thousandths of its range. The "
+        "four numbers have a static sag, but no dead band.",
+        stub="joint and recording",
+    )
+    for joint, logs in arm.items():
+        known = [log for log in logs if log.name in FITTED]
+        timing = timing_of(known, tick=None, hold=None)
+        fit = fit_joint(known, timing, choose_tick=True)
+        timing = timing.ticking(fit.grid.tick)
+        four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
+        found = planner.identify(known)
+        for log in logs:
+            if log.name not in FITTED:
+                plain, _ = errors_of(four, log)
+                error, share = errors_of(found.model, log)
+                told = 1e3 * found.expected_error
+                table.add(f"{joint}, {log.name}", 1e3 * plain, 1e3 * error, 100.0 * share, told)
+    return table
+
+
+def pairs(every: dict[str, list[planner.Log]]) -> list[Table]:
+    """Each model of one recording on each other recording of the joint."""
+    counted = Table(
+        "Models of one recording on the other recordings of the joint",
+        ("pairs", "holds", "and off", "and not said", "not said, %", "intervals that agree, %"),
+        note="Pairs; those of models that hold; of these those whose error on the other recording "
+        "is above 25 % of its motion; of these those of which nothing says that the other is "
+        "outside of what was tested, also in percent of those that hold; and how often a parameter "
+        "lies in the interval from the other recording.",
+        stub="joint",
+    )
+    named = Table(
+        "Models that hold, and are off by more than 25 % of another motion",
+        ("share, %", "outside of what was tested"),
+        stub="pair",
+    )
+    total = np.zeros(6)
+    for joint, logs in every.items():
+        found = _identified(logs)
+        sums = np.zeros(6)
+        for k, model in found.items():
+            for j in set(found) - {k}:
+                each = tested(model, logs[j])
+                holds = model.verdict == "holds"
+                off = holds and each.share > BAD
+                sums += [1, holds, off, off and not each.outside, 0, 0]
+                sums[4:] += _agreement(model, found[j])
+                if off:
+                    name = f"{joint}, {logs[k].name} on {logs[j].name}"
+                    named.add(name, 100.0 * each.share, float(len(each.outside)))
+        total += sums
+        if len(found) > 1:
+            counted.add(joint, *_row(sums))
+    counted.add("all", *_row(total))
+    return [counted, named]
+
+
+def _row(sums: planner.trajectory.Array) -> tuple[float, ...]:
+    pairs, holds, off, silent, agree, compared = sums.tolist()
+    return (
+        *(pairs, holds, off, silent),
+        100.0 * silent / holds if holds else math.nan,
+        100.0 * agree / compared if compared else math.nan,
+    )
+
+
+def _identified(logs: list[planner.Log]) -> dict[int, Identification]:
+    found = {}
+    for k, log in enumerate(logs):
+        try:
+            found[k] = planner.identify(log)
+        except planner.InvalidInput:  # the joint is not moved in it
+            continue
+    return found
+
+
+def _agreement(one: Identification, other: Identification) -> tuple[int, int]:
+    """In how many parameters the value lies in the other's interval, and how many there are."""
+    names = ["lag", "acceleration_time", "offset", "dead_band"]
+    shared = [name for name in names if name in one.intervals and name in other.intervals]
+    values = [getattr(one.model, name) for name in shared] + [one.gain]
+    intervals = [other.intervals[name] for name in shared] + [other.gain_interval]
+    pairs = zip(values, intervals, strict=True)
+    return sum(low <= value <= high for value, (low, high) in pairs), len(values)
+
+
+def tested(found: Identification, log: planner.Log) -> Tested:
+    """What a model makes of a log to which it was not fitted."""
+    kept = np.flatnonzero(log.torque_on)
+    smooth = np.convolve(log.angles[kept], np.ones(SMOOTHED) / SMOOTHED, "valid")
+    load = 0.0 if log.load is None else log.load
+    outside = found.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
+    return Tested(*errors_of(found.model, log), outside)
+
+
+def errors_of(model: planner.JointModel, log: planner.Log) -> tuple[float, float]:
+    """Error of a model on a log [rad], rms, and over the standard deviation of the motion."""
+    joint = Parameters.of(model)
+    window = joint.lag + joint.acceleration_time
+    grid = resampled([log], tick=model.tick, reach=max(0.5, 1.2 * window), burn_in=window)
+    predicted = grid.at_rows(respond(grid, joint, grid.measured_starts))
+    runs = len(grid.starts)
+    means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
+    motion = float(np.sqrt(np.mean((grid.angles - means[grid.run]) ** 2)))
+    error = float(np.sqrt(np.mean((predicted - grid.angles) ** 2)))
+    return error, error / motion
+
+
+def so101(folder: Path) -> dict[str, list[planner.Log]]:
+    """The recordings of the arm's joints in which they are moved."""
+    found: dict[str, list[planner.Log]] = {f"so101, {joint}": [] for joint in JOINTS}
+    for path in sorted((folder / "so101").glob("*.csv")):
+        table = np.genfromtxt(path, delimiter=",", names=True)
+        for joint in JOINTS:
+            requests = table[f"req_{joint}"]
+            if np.ptp(requests) > 0.0:
+                found[f"so101, {joint}"].append(
+                    planner.Log(
+                        times=table["t_s"],
+                        requests=requests,
+                        angles=table[f"act_{joint}"],
+                        name=path.stem,
+                        unit="1" if joint == "Jaw" else "rad",
+                    )
+                )
+    return found
+
+
+def pendulums(folder: Path) -> dict[str, list[planner.Log]]:
+    """The recordings of servos with pendulums, by servo and gain."""
+    found: dict[str, list[planner.Log]] = {}
+    for servo in ("sts3250", "xl330"):
+        for path in sorted((folder / servo).glob("*.csv")):
+            run = np.genfromtxt(path, delimiter=",", names=True)
+            found.setdefault(", ".join(path.stem.split("_")[:2]), []).append(
+                planner.Log(
+                    times=run["t_s"],
+                    requests=run["req_rad"],
+                    angles=run["act_rad"],
+                    torque_on=run["torque_on"] > 0.0,
+                    name=path.stem,
+                )
+            )
+    return found
+
+
+def humanoid(folder: Path) -> dict[str, list[planner.Log]]:
+    """The episodes of the humanoid's joints; hands in shares of their range."""
+    info = json.loads((folder / "lerobot_g1" / "meta" / "info.json").read_text("utf-8"))
+    (names,) = info["features"]["action"]["names"]
+    found = {}
+    for name in names:
+        unit = "range" if "Hand" in name else "rad"
+        logs = planner.read_logs(
+            folder / "lerobot_g1", options=planner.LogOptions(joint=name, unit=unit)
+        )
+        found[f"g1, {name}"] = [log for log in logs if np.ptp(log.requests) > 0.0]
+    return found

@@ -1,0 +1,188 @@
+"""How smooth requests are, what that costs, and how plans bear a model that is a little wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import planner
+from benchmark.instances import FREE, Array, Instance, reference
+from benchmark.parts import Options
+from benchmark.table import Table
+from kinematics import Leg, urdf_path
+from planner.evaluation.metrics import request_motion
+from planner.inversion.robust import drawn_models
+from planner.stride import stride
+
+NOISE = math.radians(0.5)
+"""Noise of the log from which a model is identified [rad]."""
+
+FRESH = 40
+"""Pairs of models, drawn from the identification, that no plan was made for."""
+
+
+def measure(options: Options) -> list[Table]:  # noqa: ARG001
+    """The tables of joints, of the foot, and of wrong models."""
+    square = Instance("square, 20 degrees", planner.JointModel.ers210a(), corners(), FREE)
+    instances = [*reference(), square]
+    return [joints(instances), feet(), wrong_models(instances)]
+
+
+def corners(samples: int = 125) -> Array:
+    """A square wave of 20 degrees either way [rad]."""
+    return np.radians(20.0) * np.sign(np.sin(2.0 * np.pi * (np.arange(samples) + 0.5) / samples))
+
+
+def joints(instances: Sequence[Instance]) -> Table:
+    """Single joints by what is asked of the requests."""
+    table = Table(
+        "Smooth requests of single joints",
+        (
+            "rms, deg",
+            "over the least, %",
+            "largest step, deg",
+            "reversals per s",
+            "length, deg",
+            "length over desired",
+            "beyond, deg",
+        ),
+        note="ERS-210A; the least error is that without smoothing.",
+        stub="plan",
+    )
+    for instance in instances:
+        model, desired = instance.model, instance.desired
+        limits = None if instance.limits == FREE else instance.limits
+        plans = {
+            "closed form": planner.invert_closed_form(model, desired),
+            **{
+                name: planner.invert_optimal(model, desired, limits=limits, **options)
+                for name, options in {
+                    "not smoothed": {"smoothness": 0.0},
+                    "default": {},
+                    "at most 8 deg": {"max_step": math.radians(8.0), "smoothness": 0.0},
+                    "at most 5 deg": {"max_step": math.radians(5.0), "smoothness": 0.0},
+                    "at most 3 deg": {"max_step": math.radians(3.0), "smoothness": 0.0},
+                }.items()
+            },
+        }
+        least = plans["not smoothed"].rms
+        for name, plan in plans.items():
+            motion = request_motion(plan.requests, desired, period=model.period, cyclic=True)
+            step, length, wished, beyond = np.degrees(
+                [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+            )
+            table.add(
+                f"{instance.name}, {name}",
+                math.degrees(plan.rms),
+                100.0 * (plan.rms / least - 1.0),
+                step,
+                motion.reversals_per_s,
+                length,
+                length / wished,
+                beyond,
+            )
+    return table
+
+
+def feet() -> Table:
+    """The reference walk and the front-left leg's, by method."""
+    table = Table(
+        "Smooth requests of a foot",
+        ("foot rms, cm", "largest step, deg", "length of all joints, deg", "over closed form"),
+        note="ERS-210A; the length is that of all requests of a cycle.",
+        stub="plan",
+    )
+    model = planner.JointModel.ers210a()
+    walk = planner.reference_walk()
+    front = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+    step = stride(front)
+    for name, leg, foot, angles in (
+        ("reference walk", walk.leg, walk.desired_foot, walk.desired),
+        ("front-left walk", front, step.foot, step.angles),
+    ):
+        singly = {
+            "closed form": planner.plan(model, angles, method="closed_form").requests,
+            "joint by joint": planner.plan(model, angles).requests,
+            "foot-optimal": planner.invert_foot(model, leg, foot).requests,
+            "foot-optimal, not smoothed": planner.invert_foot(
+                model, leg, foot, smoothness=0.0
+            ).requests,
+        }
+        lengths = {k: travel(requests) for k, requests in singly.items()}
+        for method, requests in singly.items():
+            predicted = np.column_stack([planner.simulate(model, each) for each in requests.T])
+            distances = np.linalg.norm(leg.foot_positions(predicted) - foot, axis=1)
+            steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
+            table.add(
+                f"{name}, {method}",
+                100.0 * float(np.sqrt(np.mean(distances**2))),
+                math.degrees(float(np.max(steps))),
+                lengths[method],
+                lengths[method] / lengths["closed form"],
+            )
+    return table
+
+
+def travel(requests: Array) -> float:
+    """The sum of all changes of all requests in a cycle [deg]."""
+    return math.degrees(float(np.sum(np.abs(np.diff(requests, axis=0, append=requests[:1])))))
+
+
+def wrong_models(instances: Sequence[Instance]) -> Table:
+    """Errors under models that the plan was not made for."""
+    table = Table(
+        "Models that are a little wrong",
+        (
+            "nominal rms, deg",
+            "mean of fresh models, deg",
+            "worst of them, deg",
+            "acceleration time 20 % off, deg",
+        ),
+        note=f"{2 * FRESH} fresh models from the identification of a log of two seconds with "
+        f"{math.degrees(NOISE):g} degrees of noise.",
+        stub="plan",
+    )
+    found = identified()
+    fresh = drawn_models(found, pairs=FRESH)[9:]
+    model = found.model
+    off = [
+        replace(model, acceleration_time=factor * model.acceleration_time) for factor in (0.8, 1.2)
+    ]
+    sine = 0.3 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    for instance in (*instances, Instance("sine", model, sine, FREE)):
+        desired = instance.desired
+        plans = {
+            "closed form": planner.invert_closed_form(model, desired),
+            "not smoothed": planner.invert_optimal(model, desired, smoothness=0.0),
+            "default": planner.invert_optimal(model, desired),
+            "robust, mean": planner.invert_optimal(found, desired),
+            "robust, worst": planner.invert_optimal(found, desired, robust="worst"),
+        }
+        for name, plan in plans.items():
+            errors = [rms(each, plan, desired) for each in fresh]
+            table.add(
+                f"{instance.name}, {name}",
+                math.degrees(plan.rms),
+                math.degrees(float(np.mean(errors))),
+                math.degrees(max(errors)),
+                math.degrees(max(rms(each, plan, desired) for each in off)),
+            )
+    return table
+
+
+def identified() -> planner.Identification:
+    """What a short noisy log of the ERS-210A's joint tells."""
+    joint, rng = planner.JointModel.ers210a(), np.random.default_rng(1)
+    requests = np.repeat(rng.uniform(-1.0, 1.0, 10), 25)
+    angles = planner.simulate(joint, requests, cyclic=False, start=float(requests[0]))
+    noisy = angles + rng.normal(scale=NOISE, size=len(angles))
+    times = joint.tick * np.arange(len(angles))
+    return planner.identify(planner.Log(times=times, requests=requests, angles=noisy))
+
+
+def rms(model: planner.JointModel, plan: planner.Inversion, desired: Array) -> float:
+    """Root mean square of a model's errors under a plan's requests [rad]."""
+    return float(np.sqrt(np.mean((planner.simulate(model, plan.requests) - desired) ** 2)))

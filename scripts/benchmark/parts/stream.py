@@ -1,0 +1,249 @@
+"""Streams: against what users do today, and how long a tick takes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import numpy.typing as npt
+
+import planner
+from benchmark.parts import Options, friction
+from benchmark.table import Table
+from planner.virtual.robot import VirtualRobot
+
+Array = npt.NDArray[np.float64]
+
+KNOWN = 0.2
+"""Time ahead that a stream knows [s]."""
+
+ALPHA = 0.25
+"""Share of the new value in exponential smoothing, as users set it."""
+
+CYCLES = 4
+"""Cycles of the walk that are followed from rest."""
+
+ROWS = 600
+"""Rows of a recording that are followed, and those from which its joint is identified: 2,000."""
+
+TICKS = 1000
+"""Ticks that are timed."""
+
+JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll")
+
+COLUMNS = ("direct", "EMA", "feed-forward", "shift", "stream", "whole plan", "stream over whole, %")
+
+EXPLAINED = (
+    f"Root mean square of the error, mrad, from rest, with {1e3 * KNOWN:g} ms known ahead. EMA: "
+    f"exponential smoothing, alpha {ALPHA:g}. Feed-forward: first order, by the model's lag, half "
+    "its acceleration time and theta_0 over v_max. Shift: earlier by the best number of periods. "
+    "Whole plan: `invert_optimal` of the whole path at once. "
+)
+
+
+def measure(options: Options) -> list[Table]:
+    """Times, and errors on the model, on the virtual servo and on recordings."""
+    tables = [times(TICKS if options.instances > QUICK else TICKS // 10), on_models(), on_servo()]
+    folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
+    if folder and Path(folder).is_dir():
+        tables += on_recordings(Path(folder))
+    return tables
+
+
+QUICK = 3
+"""Random instances of a quick run."""
+
+
+def rms(errors: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def earlier(path: Array, rows: int) -> Array:
+    """The path so many rows early, its last row held; the first row holds the joint at rest."""
+    moved = np.concatenate([path[rows:], np.repeat(path[-1:], rows)])
+    moved[0] = path[0]
+    return moved
+
+
+def smoothed(path: Array) -> Array:
+    """Exponential smoothing."""
+    kept = path.copy()
+    for k in range(1, len(path)):
+        kept[k] = kept[k - 1] + ALPHA * (path[k] - kept[k - 1])
+    return kept
+
+
+def fed_forward(model: planner.JointModel, path: Array) -> Array:
+    """The path plus its slope times the joint's delay."""
+    delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
+    return path + delay * np.gradient(path, model.period)
+
+
+def streamed(
+    model: planner.JointModel, path: Array, measured: Callable[[Array], Array] | None = None
+) -> Array:
+    """The stream's requests; ``measured`` sends each and returns the next measured angle."""
+    preview = round(KNOWN / model.period)
+    stream, sent, angle = planner.Stream(model, preview=preview), [], None
+    for k in range(len(path)):
+        requests = stream.step(path[k : k + preview], angle)
+        angle = measured(requests) if measured is not None else None
+        sent.append(requests[0])
+    return np.array(sent)
+
+
+def row(
+    model: planner.JointModel, path: Array, execute: Callable[[Array], Array]
+) -> tuple[list[float], Array]:
+    """Errors of what can be sent without a loop [mrad], and the whole plan's requests."""
+    whole = planner.invert_optimal(model, path, cyclic=False)
+    most = round(0.4 / model.period)
+    sent = [path, smoothed(path), fed_forward(model, path)]
+    shifts = [rms(execute(earlier(path, rows)) - path) for rows in range(0, most, 1 + most // 13)]
+    errors = [rms(execute(each) - path) for each in sent]
+    return [1e3 * each for each in (*errors, min(shifts))], whole.requests
+
+
+def compared(errors: list[float], stream: float, whole: float) -> list[float]:
+    """A row of the table from errors [mrad] and those of stream and whole plan [rad]."""
+    return [*errors, 1e3 * stream, 1e3 * whole, 100.0 * (stream / whole - 1.0) if whole else np.nan]
+
+
+def modelled(table: Table, name: str, model: planner.JointModel, path: Array) -> None:
+    """Add a joint that is its model."""
+
+    def execute(requests: Array) -> Array:
+        return planner.simulate(model, requests, cyclic=False, start=float(path[0]))
+
+    errors, whole = row(model, path, execute)
+    stream = rms(execute(streamed(model, path)) - path)
+    table.add(name, *compared(errors, stream, rms(execute(whole) - path)))
+
+
+def on_models() -> Table:
+    """The reference walk, whose joints saturate, and slower ones, which they can follow."""
+    table = Table("Streams, walks on the model", COLUMNS, note=EXPLAINED, stub="joint")
+    joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
+    for share in (1.0, 0.5, 0.25):
+        for name, angles in zip(("rotator", "abductor", "knee"), walk.desired.T, strict=True):
+            path = np.tile(angles[0] + share * (angles - angles[0]), CYCLES)
+            modelled(table, f"{name}, stroke times {share:g}", joint, path)
+    return table
+
+
+def on_servo() -> Table:
+    """The virtual servo with a pendulum: friction and gravity, measured at every tick."""
+    table = Table(
+        "Streams on a virtual servo",
+        COLUMNS,
+        note=EXPLAINED + "A simulated Feetech STS3215 with friction and a pendulum at 50 Hz; the "
+        "model is fitted to one log of 74 s, without the load. The stream is given the measured "
+        "angles, the others have no use for them.",
+        stub="motion",
+    )
+    with TemporaryDirectory() as folder:
+        rig = friction.made(Path(folder))
+        requests = friction.excitation()
+        sensed, _ = rig.execute(requests)
+        log = planner.Log(
+            times=friction.PERIOD * np.arange(len(requests)), requests=requests, angles=sensed
+        )
+        model = planner.identify(log, hold_out=False).model.requested_every(friction.PERIOD)
+        for name, (length, motion) in friction.MOTIONS.items():
+            count = round(length / friction.PERIOD)
+            path = np.tile(motion(friction.TURNS * np.arange(count) / count), 2)
+            errors, whole = row(model, path, lambda each: rig.execute(each)[1])
+            robot = VirtualRobot(path[:1], constants=rig.constants, pendulum=rig.pendulum)
+            robot.rest(1.0, path[:1])
+            angles: list[float] = []
+
+            def send(
+                requests: Array, robot: VirtualRobot = robot, angles: list[float] = angles
+            ) -> Array:
+                angles.append(float(robot.play(requests[np.newaxis]).angles[0, 0]))
+                return robot.sense()
+
+            streamed(model, path, send)
+            planned = rms(rig.execute(whole)[1] - path)
+            table.add(name, *compared(errors, rms(np.array(angles) - path), planned))
+    return table
+
+
+def on_recordings(folder: Path) -> list[Table]:
+    """Recorded angles followed again, and recorded requests predicted from them."""
+    followed = Table(
+        "Streams, recorded angles of an SO-101 followed again",
+        COLUMNS,
+        note=EXPLAINED + f"{ROWS} rows of random way-points; the joints are models, identified "
+        "from 2,000 rows of a pseudo-random binary sequence.",
+        stub="joint",
+    )
+    predicted = Table(
+        "Streams, recorded requests predicted from the measured path",
+        ("raw", "best shift", "stream"),
+        note="Root mean square of recorded minus predicted requests, mrad: the measured path as "
+        "it is, as early as is best, and the stream's requests for it. In a dead band requests "
+        "cannot be told from angles.",
+        stub="joint",
+    )
+    learnt = np.genfromtxt(folder / "so101" / "prbs_excitation.csv", delimiter=",", names=True)
+    played = np.genfromtxt(folder / "so101" / "random_waypoints.csv", delimiter=",", names=True)
+    for joint in JOINTS:
+        part = slice(0, 2000)
+        log = planner.Log(
+            times=learnt["t_s"][part],
+            requests=learnt[f"req_{joint}"][part],
+            angles=learnt[f"act_{joint}"][part],
+        )
+        model = planner.identify(log, hold_out=False).model
+        path, requests = played[f"act_{joint}"][-ROWS:], played[f"req_{joint}"][-ROWS:]
+        modelled(followed, joint, model, path)
+        shifts = [rms(earlier(path, rows) - requests) for rows in range(20)]
+        sent = streamed(model, path)
+        predicted.add(
+            joint, *(1e3 * each for each in (shifts[0], min(shifts), rms(sent - requests)))
+        )
+    return [followed, predicted]
+
+
+def times(ticks: int) -> Table:
+    """Time of a tick by period: six joints that all differ, with measured angles and limits."""
+    table = Table(
+        "Streams, time of a tick",
+        ("rows", "median, ms", "99th percentile, ms", "processor, mean, ms"),
+        note=f"Six different joints, {ticks} ticks of {1e3 * KNOWN:g} ms each, with limits, "
+        "max_step and measured angles.",
+        stub="period",
+    )
+    for period, hold, band in ((0.008, 1, 0.0), (0.01, 1, 0.0), (0.02, 4, 0.02), (0.03, 1, 0.02)):
+        models = [
+            planner.JointModel(
+                v_max=5.0 + 0.1 * j,
+                theta_0=0.2,
+                lag=0.03,
+                acceleration_time=0.05,
+                tick=period / hold,
+                hold=hold,
+                dead_band=band,
+            )
+            for j in range(6)
+        ]
+        rows = round(KNOWN / period)
+        stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3)
+        clock = period * np.arange(ticks + rows)[:, np.newaxis]
+        path = 0.5 * np.sin(2.0 * np.pi * clock * (0.5 + 0.1 * np.arange(6)))
+        walls, used = [], time.process_time()
+        for k in range(ticks):
+            began = time.perf_counter()
+            stream.step(path[k : k + rows], path[k])
+            walls.append(1e3 * (time.perf_counter() - began))
+        used = 1e3 * (time.process_time() - used) / ticks
+        name = f"{1e3 * period:g} ms" + (f", {hold} ticks of the model" if hold > 1 else "")
+        name += ", dry friction" if band else ""
+        table.add(name, rows, float(np.median(walls)), float(np.percentile(walls, 99)), used)
+    return table

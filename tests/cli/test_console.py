@@ -1,0 +1,137 @@
+"""What the command line says besides its data: warnings, failures, progress on terminals."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from planner.cli.console import BAR, Progress, naming
+from planner.cli.reproduce import DURATIONS
+from planner.exceptions import PlannerError, SolverFailed
+from planner.files.text import to_json
+
+
+def test_a_rule_outside_its_domain_is_a_warning_in_one_line(run, desired, tmp_path):
+    model = tmp_path / "model.toml"
+    model.write_text("v_max = 5.0\ntheta_0 = 0.03\nlag = 0.03\nacceleration_time = 0.08\n")
+    result = run("plan", desired, "--model", model, "--method", "closed-form", "--json")
+    assert result.exit_code == 0
+    json.loads(result.stdout)
+    assert result.stderr.startswith("request-planner: warning: the paper's rule assumes")
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch):
+    def fail(*_, **__):
+        raise SolverFailed("the requests", "no progress", violation=0.25)
+
+    monkeypatch.setattr("planner.planning.invert_optimal", fail)
+    result = run("plan", desired)
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr == (
+        "request-planner: hip: the requests: the solver stopped with status 'no progress'; "
+        "worst constraint violated by 0.25\n"
+    )
+
+
+def test_only_errors_of_ours_are_said_to_be_about_a_joint():
+    with pytest.raises(PlannerError) as ours, naming("hip"):
+        raise SolverFailed("the requests", "no progress")
+    assert ours.value.__notes__ == ["hip"]
+    with pytest.raises(MemoryError) as other, naming("hip"):
+        raise MemoryError
+    assert not hasattr(other.value, "__notes__")
+
+
+def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):
+    from planner.inversion.result import Inversion
+
+    monkeypatch.setattr(Inversion, "lower_bound", 1.0)
+    result = run("plan", desired)
+    assert result.exit_code == 1
+    assert "is below its own lower bound of 57.2958 deg" in result.stderr
+
+
+def test_json_has_no_numbers_that_are_none():
+    text = to_json({"gap": float("inf"), "list": [float("nan"), 1.5], "name": "Δ"})
+    assert json.loads(text) == {"gap": None, "list": [None, 1.5], "name": "Δ"}
+
+
+@pytest.mark.parametrize("watched", [True, False], ids=["terminal", "file"])
+def test_progress_is_for_terminals(monkeypatch, capsys, watched):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: watched, raising=False)
+    progress = Progress()
+    progress("the walk")
+    progress.done()
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert ("the walk" in said.err) is watched
+
+
+@pytest.fixture
+def clock():
+    """A clock that a test sets: a list of one time [s]."""
+    return [0.0]
+
+
+def at(clock, expected):
+    return Progress(expected, clock=lambda: clock[0])
+
+
+def test_the_time_left_follows_the_pace_of_the_steps_that_are_done(clock):
+    progress = at(clock, {"hip": 1.0, "knee": 3.0})
+    progress("hip")
+    assert progress.line() == f"hip …  {'░' * BAR}"
+    clock[0] = 10.0
+    progress("knee")
+    assert progress.line() == f"knee …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}  30 s left"
+    clock[0] = 30.0
+    assert progress.line() == f"knee …  {'█' * (3 * BAR // 4)}{'░' * (BAR // 4)}  10 s left"
+
+
+def test_a_step_that_takes_longer_than_expected_is_not_said_to_end(clock):
+    progress = at(clock, ["hip", "knee"])
+    progress("hip")
+    clock[0] = 5.0
+    progress("knee")
+    clock[0] = 60.0
+    assert progress.line() == f"knee …  {'█' * BAR}  60 s"
+
+
+@pytest.mark.parametrize(
+    ("spent", "said"), [(1.0, ""), (50.0, "  50 s"), (600.0, "  10 min"), (9000.0, "  2.5 h")]
+)
+def test_work_of_unknown_length_says_how_long_it_has_been_going_on(clock, spent, said):
+    progress = at(clock, [])
+    progress("the walk")
+    clock[0] = spent
+    assert progress.line() == f"the walk …{said}"
+
+
+def test_steps_in_parallel_are_counted_and_the_time_left_is_that_at_their_pace(clock):
+    with Progress(count=8, clock=lambda: clock[0]) as progress:
+        assert progress.line() == f"0 of 8 …  {'░' * BAR}"
+        progress("episode 3")
+        progress("episode 1")
+        assert progress.line() == f"2 of 8 …  {'█' * (BAR // 4)}{'░' * (BAR - BAR // 4)}"
+        clock[0] = 10.0
+        assert progress.line().endswith("  30 s left")
+
+
+def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with at(clock, ["outer"]) as outer:
+        outer("outer")
+        with at(clock, ["inner"]) as inner:
+            inner("inner")
+            assert Progress.shown is inner
+        assert Progress.shown is outer
+    assert Progress.shown is None
+    assert capsys.readouterr().err.count("inner …") >= 1
+
+
+def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduced):
+    assert [*reproduced.told, "the report"] == list(DURATIONS["model"])

@@ -1,0 +1,206 @@
+"""Load on the command line: from the masses of a URDF, from columns, and back into simulate."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import planner
+from kinematics import Leg
+from planner.files.paths import read_joint_path, write_joint_path
+from planner.model.evidence import Evidence
+from planner.virtual.pendulum import Pendulum
+
+SOFT = planner.JointModel(
+    v_max=4.8,
+    theta_0=0.33,
+    lag=0.01,
+    acceleration_time=0.06,
+    tick=0.02,
+    dead_band=0.03,
+    compliance=0.11,
+    speed_per_torque=1.7,
+)
+DESIRED = 0.8 + 0.5 * np.sin(2.0 * np.pi * np.arange(50)[:, np.newaxis] / 50)
+ARM = ("--urdf", "pendulum.urdf", "--base", "base", "--foot", "tip")
+LEG = (*ARM, "--model", "soft.toml")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pendulum.urdf").write_text(Pendulum().urdf(), encoding="utf-8")
+    SOFT.to_toml(tmp_path / "soft.toml")
+    write_joint_path("path.csv", ["pendulum"], DESIRED, period=SOFT.period)
+    return tmp_path
+
+
+def test_a_plan_for_gravity_is_that_of_the_library_and_carries_its_load(run):
+    result = run("plan", "path.csv", *LEG, "--load", "urdf", "-o", "requests.csv")
+    assert result.exit_code == 0, result.output
+    assert "no lower bound under a load that depends on the pose" in result.stderr
+    leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
+    made = planner.plan(SOFT, read_joint_path("path.csv").angles, load=leg.load_torques)
+    written = read_joint_path("requests.csv")
+    np.testing.assert_allclose(written.angles, made.requests, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(written.loads[:, 0], made.inversions[0].load, rtol=0.0, atol=1e-9)
+
+
+def test_simulate_takes_the_load_that_plan_wrote(run):
+    run("plan", "path.csv", *LEG, "--load", "urdf", "-o", "requests.csv")
+    arguments = ["requests.csv", "--model", "soft.toml", "--desired", "path.csv", "--json"]
+    loaded = run("simulate", *arguments, "--load", "column")
+    assert json.loads(loaded.stdout)["joints"]["pendulum"]["max_deg"] < 0.05  # the load is 3 deg
+    unloaded = run("simulate", *arguments)
+    assert json.loads(unloaded.stdout)["joints"]["pendulum"]["max_deg"] > 1.0
+    assert "ask for it with --load column" in unloaded.stderr
+
+
+def test_the_dynamics_count_inertia_along_the_desired_path(run):
+    run("plan", "path.csv", *LEG, "--load", "urdf-dynamics", "-o", "requests.csv")
+    written = read_joint_path("requests.csv")
+    leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
+    along = leg.load_torques(DESIRED, dynamics=True, period=SOFT.period)
+    # The prediction is within 0.05 deg of the path, and the load changes by 0.6 N m/rad.
+    np.testing.assert_allclose(written.loads, along, rtol=0.0, atol=1e-3)
+    assert np.max(np.abs(along - leg.load_torques(DESIRED))) > 0.1
+
+
+def test_columns_of_a_path_are_its_load(run):
+    loads = -0.5 * np.sin(DESIRED)
+    write_joint_path("loaded.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=loads)
+    asked = ["plan", "loaded.csv", "--model", "soft.toml", "--json"]
+    answer = json.loads(run(*asked, "--load", "column").stdout)["joints"]["pendulum"]
+    made = planner.plan(SOFT, read_joint_path("loaded.csv").angles, load=loads)
+    np.testing.assert_allclose(np.radians(answer["requests_deg"]), made.requests[:, 0], atol=1e-9)
+    np.testing.assert_allclose(answer["load_Nm"], loads[:, 0], rtol=0.0, atol=1e-11)
+    ignored = run(*asked)
+    assert "load_Nm" not in json.loads(ignored.stdout)["joints"]["pendulum"]
+    assert "ask for it with --load column" in ignored.stderr
+
+
+def test_a_foot_is_planned_under_its_legs_weight(run):
+    walk = run("gait", "--leg", "front-left", "-o", "foot.csv", "--samples", "40")
+    assert walk.exit_code == 0
+    model = planner.JointModel.ers210a()
+    planner.JointModel(
+        v_max=model.v_max,
+        theta_0=model.theta_0,
+        lag=model.lag,
+        acceleration_time=model.acceleration_time,
+        compliance=0.3,
+    ).to_toml("aibo.toml")
+    options = ["--leg", "front-left", "--model", "aibo.toml", "--method", "foot-optimal"]
+    result = run("plan", "foot.csv", *options, "--load", "urdf", "-o", "requests.csv")
+    assert result.exit_code == 0, result.output
+    assert read_joint_path("requests.csv").loads.shape == (40, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--model", "soft.toml", "--load", "column"), "the path has no columns <joint>_load_Nm"),
+        (("--model", "soft.toml", "--load", "urdf"), "needs a path of all joints of a leg"),
+        ((*ARM, "--rate-hz", "50", "--load", "urdf"), "speed_per_torque of the models are 0"),
+    ],
+)
+def test_a_load_that_cannot_be_known_or_felt_is_refused(run, options, message):
+    result = run("plan", "path.csv", *options, "-o", "requests.csv")
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_a_urdf_without_masses_is_refused_before_anything_is_planned(run, folder):
+    text = (folder / "pendulum.urdf").read_text(encoding="utf-8")
+    start, end = text.index("<inertial>"), text.index("</inertial>") + len("</inertial>")
+    (folder / "pendulum.urdf").write_text(text[:start] + text[end:], encoding="utf-8")
+    result = run("plan", "path.csv", *LEG, "--load", "urdf", "-o", "requests.csv")
+    assert result.exit_code == 2
+    assert "no link beyond joint 'pendulum' has a mass" in result.stderr
+
+
+def test_simulate_without_columns_says_so(run):
+    result = run("simulate", "path.csv", "--model", "soft.toml", "--load", "column")
+    assert result.exit_code == 2
+    assert "no columns <joint>_load_Nm" in result.stderr
+
+
+def test_the_methods_are_compared_under_the_load_of_the_desired_pose(run):
+    loaded = run("compare", "path.csv", *LEG, "--load", "urdf", "--json")
+    assert loaded.exit_code == 0, loaded.output
+    methods = json.loads(loaded.stdout)["joints"]["pendulum"]["methods"]
+    leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
+    desired = read_joint_path("path.csv").angles
+    made = planner.plan(SOFT, desired, load=leg.load_torques(desired))
+    requests = np.radians(methods["optimal"]["requests_deg"])
+    np.testing.assert_allclose(requests, made.requests[:, 0], rtol=0.0, atol=1e-9)
+
+
+def test_the_page_judges_direct_requests_under_the_load_too(run, folder):
+    loads = np.full_like(DESIRED, -1.0)
+    write_joint_path("loaded.csv", ["pendulum"], DESIRED, period=SOFT.period, loads=loads)
+    asked = ["plan", "loaded.csv", "--model", "soft.toml", "--report", "page.html"]
+    assert run(*asked, "--load", "column", "-o", "requests.csv").exit_code == 0
+    direct = planner.simulate(SOFT, read_joint_path("loaded.csv").angles[:, 0], load=loads[:, 0])
+    rms = np.degrees(np.sqrt(np.mean((direct - DESIRED[:, 0]) ** 2)))
+    assert f"{rms:.3f}" in (folder / "page.html").read_text(encoding="utf-8")
+
+
+TESTED = Evidence(0.02, 4.0, 0.7, (0.0, 1.8), ((0.0, 0.002), (20.0, 0.01)))
+
+
+def test_the_error_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, folder):
+    SOFT.with_evidence(TESTED).to_toml(folder / "soft.toml")
+    asked = ["plan", "path.csv", *LEG, "--load", "urdf", "--report", "page.html"]
+    result = run(*asked, "-o", "requests.csv")
+    assert result.exit_code == 0, result.output
+    made = planner.plan(
+        planner.read_models("soft.toml"),
+        read_joint_path("path.csv").angles,
+        load=Leg.from_urdf("pendulum.urdf", base="base", foot="tip").load_torques,
+    )
+    # 0.5 rad at 1 Hz is accelerated by 14 rad/s^2 rms.
+    assert made.expected_rms[0] == pytest.approx(0.002 + 0.008 * 14.0 / 20.0, rel=0.02)
+    assert made.inversions[0].expected.untested == ()
+    assert f"{np.degrees(made.expected_rms[0]):.3f}" in result.stderr
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert f"{np.degrees(made.expected_rms[0]):.3f}" in page
+    assert "On the robot expect about" in page
+    answer = json.loads(run(*asked[:-2], "--json").stdout)
+    joint = answer["joints"]["pendulum"]
+    assert joint["expected_rms_deg"] == pytest.approx(np.degrees(made.expected_rms[0]))
+    assert joint["untested"] == []
+    assert "depends on the pose" in answer["lower_bound_withdrawn"]
+    assert "There is no lower bound under a load that depends on the pose" in page
+
+
+def test_simulate_and_compare_tell_it_too(run, folder):
+    SOFT.with_evidence(TESTED).to_toml(folder / "soft.toml")
+    asked = ["path.csv", "--model", "soft.toml"]
+    made = planner.plan(SOFT.with_evidence(TESTED), read_joint_path("path.csv").angles)
+    told = f"{np.degrees(made.expected_rms[0]):.3f}"
+    assert run("plan", *asked, "-o", "requests.csv").exit_code == 0
+    again = run("simulate", "requests.csv", "--desired", *asked, "-o", "angles.csv")
+    assert f"on the robot expect about {told} deg rms" in again.stderr
+    compared = run("compare", *asked, "--report", "page.html")
+    assert told in compared.stdout
+    assert "on the robot [deg]" in compared.stdout
+    assert told in (folder / "page.html").read_text(encoding="utf-8")
+
+
+def test_a_plan_outside_what_the_model_was_tested_on_says_so(run, folder):
+    SOFT.with_evidence(TESTED._replace(speed=2.0, load=0.0)).to_toml(folder / "soft.toml")
+    asked = ["plan", "path.csv", *LEG, "--load", "urdf", "--report", "page.html"]
+    said = "utside what the models were tested on, so that errors may be larger: pendulum (speed, "
+    assert said in run(*asked, "-o", "requests.csv").stderr
+    assert said in (folder / "page.html").read_text(encoding="utf-8")
+    joint = json.loads(run(*asked[:-2], "--json").stdout)["joints"]["pendulum"]
+    assert joint["untested"] == ["speed", "load"]
+
+
+def test_a_model_that_was_not_tested_tells_no_error(run):
+    assert "on the robot" not in run("plan", "path.csv", "--model", "soft.toml", "-o", "-").stderr
+    joint = json.loads(run("plan", "path.csv", "--model", "soft.toml", "--json").stdout)["joints"]
+    assert joint["pendulum"]["expected_rms_deg"] is None

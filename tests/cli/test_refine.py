@@ -1,0 +1,111 @@
+"""``request-planner refine``: executed requests and measured angles in, the next requests out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner import JointModel, half_ellipse, simulate
+from planner.files.paths import read_joint_path, write_foot_path, write_joint_path
+
+KNOWN = JointModel.ers210a()
+TRUE = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag, offset=0.01)
+LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
+
+
+@pytest.fixture
+def execute():
+    """Play requests from a file on joints that are not the model; measured angles to a file."""
+
+    def execute(requests="requests.csv", measured="measured.csv", *, cycles=1, ending=None):
+        path = read_joint_path(requests)
+        angles = np.column_stack([simulate(TRUE, column) for column in path.angles.T])
+        rows = np.tile(angles, (cycles, 1))
+        rows = rows if ending is None else rows[:ending]
+        write_joint_path(measured, path.names, rows, period=0.008)
+        return angles
+
+    return execute
+
+
+def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):
+    """The file of the history takes the trials from one call to the next."""
+    assert run("plan", desired, "-o", "requests.csv").exit_code == 0
+    wanted, errors = read_joint_path(desired).angles, []
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
+    line = (*line, "--history", "learning.json", "-o", "requests.csv", "--json")
+    for _ in range(3):
+        errors.append(np.sqrt(np.mean((execute() - wanted) ** 2)))
+        result = run(*line, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert errors[-1] < 0.05 * errors[0]
+    assert document["learning"]["hip"]["trials"] == 3
+    assert document["learning"]["knee"]["best_trial"] == 3
+    assert len(document["joints"]["knee"]["requests_deg"]) == 88
+    assert read_joint_path("requests.csv").names == ("hip", "knee")
+
+
+def test_a_page_and_a_table_say_what_was_learnt(run, desired, execute, tmp_path):
+    run("plan", desired, "-o", "requests.csv")
+    execute(cycles=3)
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "next.csv")
+    result = run(*line, "--report", "page.html", "--no-reidentify")
+    assert result.exit_code == 0
+    assert "3 measured cycles of 88 requests" in result.stderr
+    assert "predicted next" in result.stderr
+    assert "--sensor-delay-ms" in result.stderr
+    assert "sensor_delay=" not in result.stderr
+    assert "the error of each trial" in (tmp_path / "page.html").read_text()
+
+
+def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
+    monkeypatch.setattr("planner.learning.refine.MOST_SAMPLES_BOUNDED", 0)  # it takes seconds
+    file = tmp_path / "foot.csv"
+    write_foot_path(file, half_ellipse(), period=0.008)
+    assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
+    execute(cycles=2)
+    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
+    result = run(*line, "--history", "learning.json", "--json", "-o", "next.csv")
+    assert result.exit_code == 0, result.output
+    answer = json.loads(result.stdout)["learning"]["foot"]
+    assert answer["predicted_cm"] < answer["errors_cm"][0]
+    execute("next.csv")
+    again = ("refine", "next.csv", *line[2:])
+    answer = json.loads(run(*again, "--history", "learning.json", "--json").stdout)
+    assert answer["learning"]["foot"]["trials"] == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "ending", "message"),
+    [
+        ((), 50, "got 50 rows, expected 88 a cycle"),
+        ((), 100, "got 100 rows, 12 more than 1 cycles of 88"),
+        (("--cycles", 3), None, "got 2 of 88 rows, expected 3 cycles"),
+        (("--history", "desired.csv"), None, "not JSON"),
+        (("--joint", "ankle"), None, "no column ankle_deg"),
+    ],
+)
+def test_what_does_not_fit_is_refused(run, desired, execute, options, ending, message):
+    run("plan", desired, "-o", "requests.csv")
+    execute(cycles=2, ending=ending)
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, *options)
+    result = run(*line)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stdout == ""
+
+
+def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--no-reidentify", "--history", "all.json")
+    assert run(*line, "--desired", desired, "-o", "next.csv").exit_code == 0
+    run("plan", brief, "-o", "requests.csv")
+    execute()
+    result = run(*line, "--desired", brief)
+    assert result.exit_code == 2
+    assert "it remembers 88 requests of hip, knee, expected 32" in result.stderr

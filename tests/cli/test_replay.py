@@ -1,0 +1,374 @@
+"""``request-planner replay``: recordings in, recordings out."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from planner import JointModel, LogOptions, read_logs, simulate
+from planner.files.logs.recordings import recordings_in
+from planner.files.staging import list_files
+from planner.run import settings
+from planner.run.replay import replay_episode, tasks_of
+from planner.run.replay_many import decoded, encoded
+from planner.run.schema import settings_of
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+RATE = 30
+ELBOW = SERVO.requested_every(1.0 / RATE)
+NAMES = ("shoulder_pan.pos", "elbow_flex.pos", "gripper.pos")
+LENGTHS = (60, 75, 50)
+
+
+def motion(count, size):
+    return size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, count))) / 2.0
+
+
+@pytest.fixture
+def model(tmp_path):
+    """Models of two joints in shares of their range, as ``identify`` writes them."""
+    file = tmp_path / "arm.toml"
+    SERVO.to_toml(file)
+    file.write_text(file.read_text() + "expected_error = 0.004\n")
+    return file
+
+
+@pytest.fixture
+def demo(tmp_path):
+    """A recording of an elbow and a jaw as CSV."""
+    times = 0.02006 * np.arange(120)
+    requests = motion(120, 40.0)
+    angles = np.degrees(simulate(SERVO, np.radians(requests), cyclic=False))
+    jaw = np.where(times > 1.0, 0.2, 0.8)
+    file = tmp_path / "demo.csv"
+    table = np.column_stack([times, requests, angles, jaw, np.maximum(jaw, 0.3)])
+    header = "t_s,req_elbow_deg,act_elbow_deg,req_jaw_range,act_jaw_range"
+    np.savetxt(file, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    return file
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    """A LeRobot dataset at 30 Hz, -100 to 100, of three episodes, one file each."""
+    pa = pytest.importorskip("pyarrow", reason="needs the extra parquet")
+    from pyarrow import parquet
+
+    root = tmp_path / "my_dataset"
+    (root / "data" / "chunk-000").mkdir(parents=True)
+    (root / "meta").mkdir()
+    feature = {"dtype": "float32", "shape": [3], "names": list(NAMES)}
+    features = {"action": feature, "observation.state": feature, "observation.images.top": {}}
+    about = {"codebase_version": "v2.1", "fps": RATE, "robot_type": "so101", "features": features}
+    (root / "meta" / "info.json").write_text(json.dumps(about))
+    tasks = [{"task_index": 0, "task": "lift"}, {"task_index": 1, "task": "drop"}]
+    (root / "meta" / "tasks.jsonl").write_text("\n".join(map(json.dumps, tasks)))
+    for episode, count in enumerate(LENGTHS):
+        requests = 0.5 + motion(count, 0.3)
+        angles = simulate(ELBOW, requests, cyclic=False)
+        action, state = (
+            np.column_stack([200.0 * (each - 0.5), 200.0 * (each - 0.5), 50.0 * each])
+            for each in (requests, angles)
+        )
+        numbers = np.arange(count)
+        columns = {
+            "action": list(action.astype(np.float32)),
+            "observation.state": list(state.astype(np.float32)),
+            "timestamp": (numbers / RATE).astype(np.float32),
+            "frame_index": numbers,
+            "episode_index": np.full(count, episode),
+            "index": numbers,
+            "task_index": np.full(count, episode % 2),
+        }
+        table = pa.table({name: pa.array(each) for name, each in columns.items()})
+        parquet.write_table(table, root / f"data/chunk-000/episode_{episode:06d}.parquet")
+    return root
+
+
+UNITS = ("--unit", "range_m100_100,gripper=percent")
+
+
+def test_a_csv_comes_back_in_its_own_columns_and_units(run, demo, model):
+    result = run("replay", demo, "--model", model, "--speed", 1.5, "-o", "requests.csv")
+    assert result.exit_code == 0, result.stderr
+    first, header, elbow, jaw = result.stderr.splitlines()
+    assert first.startswith("follows the state, what the robot did: ")
+    assert "80 requests at 49.8504 Hz, 1.585 s for 2.387 s at 1.5 times the speed" in first
+    assert header.startswith("rms [deg]")
+    assert elbow.startswith("elbow")
+    assert "a gripper: recorded requests, re-timed" in jaw
+    names, *_ = demo.with_name("requests.csv").read_text().splitlines()
+    assert names == "t_s,req_elbow_deg,req_jaw_range"
+    given = np.loadtxt(demo, delimiter=",", skiprows=1)
+    made = np.loadtxt("requests.csv", delimiter=",", skiprows=1)
+    moments = 1.5 * made[:, 0]
+    assert made[:, 2] == pytest.approx(np.interp(moments, given[:, 0], given[:, 3]), abs=1e-9)
+    model = SERVO.requested_every(made[1, 0])
+    desired = np.interp(moments, given[:, 0], given[:, 2])
+    angles = np.degrees(simulate(model, np.radians(made[:, 1]), cyclic=False))
+    assert np.sqrt(np.mean((angles - desired) ** 2)) < 0.3
+
+
+def test_json_has_every_error_in_the_unit_of_the_joint(run, demo, model):
+    result = run("replay", demo, "--model", model, "--json")
+    content = json.loads(result.stdout)
+    elbow, jaw = content["joints"]["elbow"], content["joints"]["jaw"]
+    order = [elbow[kind]["rms_deg"] for kind in ("planned", "shifted", "direct")]
+    assert order == sorted(order)
+    assert elbow["expected_on_robot_rms_deg"] >= np.degrees(0.004)
+    assert elbow["lower_bound_deg"] <= elbow["planned"]["rms_deg"] + 1e-9
+    assert jaw["reason"] == "a gripper"
+    assert len(jaw["requests_percent"]) == content["requests"] == 120
+
+
+def test_the_path_for_the_other_commands_has_their_columns(run, demo, model):
+    assert run("replay", demo, "--model", model, "--as", "joints", "-o", "r.csv").exit_code == 0
+    names = demo.with_name("r.csv").read_text().partition("\n")[0]
+    assert names == "t_s,elbow_deg,jaw_percent"
+    result = run("simulate", "r.csv", "--joint", "elbow", "--model", model, "--rate-hz", 49.8504)
+    assert result.exit_code == 0, result.stderr
+
+
+@pytest.mark.parametrize("form", ["bag", "mcap"])
+def test_a_bag_holds_the_requests(run, demo, model, form):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra bags")
+    from rosbags.typesys import Stores, get_typestore
+
+    result = run("replay", demo, "--model", model, "--as", form, "-o", "out")
+    assert result.exit_code == 0, result.stderr
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    with rosbag2.Reader("out") as reader:
+        ((connection, _, raw),) = reader.messages()
+        message = types.deserialize_cdr(raw, connection.msgtype)
+    assert message.joint_names == ["elbow", "jaw"]
+    assert len(message.points) == 120
+
+
+def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
+    result = run(
+        *("replay", dataset, *UNITS, "--model", model, "--speed", 1.5),
+        *("--as", "lerobot", "-o", "planned"),
+    )
+    assert result.exit_code == 0, result.stderr
+    assert "observation.images.top left out" in result.stderr
+    options = LogOptions(joint="all", unit=UNITS[1])
+    given, made = read_logs(dataset, options=options), read_logs("planned", options=options)
+    assert [log.joint for log in made] == [log.joint for log in given]
+    for old, new in zip(given, made, strict=True):
+        assert np.allclose(np.diff(new.times), 1.0 / RATE, atol=1e-6)
+        assert new.angles == pytest.approx(
+            np.interp(1.5 * new.times, old.times, old.angles), abs=1e-5
+        )
+        if old.joint == "gripper":
+            again = np.interp(1.5 * new.times, old.times, old.requests)
+            assert new.requests == pytest.approx(again, abs=1e-5)
+        else:
+            answer = simulate(ELBOW, new.requests, cyclic=False, start=new.angles[0])
+            assert np.sqrt(np.mean((answer - new.angles) ** 2)) < 0.01
+    info = json.loads((dataset.parent / "planned/meta/info.json").read_text())
+    assert info["fps"] == RATE
+    assert info["robot_type"] == "so101"
+    assert info["features"]["action"]["names"] == list(NAMES)
+    assert info["total_episodes"] == 3
+
+
+def test_a_corrupt_episode_is_left_out_and_said(run, dataset, model):
+    (dataset / "data/chunk-000/episode_000001.parquet").write_bytes(b"PAR1 nothing")
+    result = run(
+        *("replay", dataset, "--episodes", "0-2", *UNITS, "--model", model),
+        *("--as", "lerobot", "-o", "planned", "--json"),
+    )
+    assert result.exit_code == 1
+    assert "episode 1 is left out" in result.stderr
+    content = json.loads(result.stdout)
+    assert [each["recording"][-9:] for each in content["recordings"]] == ["episode 0", "episode 2"]
+    assert list(content["left_out"]) == [f"{dataset}, episode 1"]
+    kept = read_logs("planned", options=LogOptions(joint="all", unit="rad"))
+    assert len({log.name for log in kept}) == 2
+
+
+def _held(folder):
+    """Every file of a folder with its bytes."""
+    return {name: (folder / name).read_bytes() for name in list_files(folder)}
+
+
+KILLED = """
+import os, signal, sys
+from planner.cli import cli
+from planner.{module} import {name} as patched
+
+original, left = patched.{method}, {after}
+
+def counted(*given):
+    global left
+    left -= 1
+    if left < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return original(*given)
+
+patched.{method} = counted
+cli.main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "method", "after"),
+    [("run.tasks", "Results", "write", 1), ("files.exports.lerobot", "_Writer", "add", 2)],
+)
+def test_a_killed_replay_is_resumed_to_the_same_bytes(
+    module, name, method, after, run, dataset, model
+):
+    """Killed with one episode kept, and while the dataset is written; a second worker is there."""
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o")
+    code = KILLED.format(module=module, name=name, method=method, after=after)
+    command = [sys.executable, "-P", "-c", code, *words, "killed", "--workers", "2"]
+    killed = subprocess.run([*map(str, command)], cwd=dataset.parent, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert not (dataset.parent / "killed").exists()
+    kept = list((dataset.parent / ".killed.results").glob("??/*"))
+    assert len(kept) >= 1
+    times = {file: file.stat().st_mtime_ns for file in kept}
+    other = run(*words, "killed", "--resume", "--speed", 2)
+    assert other.exit_code == 2
+    assert "holds results for other settings (replay)" in other.stderr
+    assert {file: file.stat().st_mtime_ns for file in kept} == times
+    resumed = run(*words, "killed", "--resume", "--workers", 1)
+    assert resumed.exit_code == 0, resumed.stderr
+    assert not (dataset.parent / ".killed.results").exists()
+    assert run(*words, "whole", "--workers", 1).exit_code == 0
+    assert _held(dataset.parent / "killed") == _held(dataset.parent / "whole")
+
+
+def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
+    file = dataset / "data/chunk-000/episode_000001.parquet"
+    good = file.read_bytes()
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    file.write_bytes(b"PAR1 nothing")
+    first = run(*words, "--workers", 1)
+    assert first.exit_code == 1
+    assert "1 of 3 recordings left out; the others are written, and kept in" in first.stderr
+    file.write_bytes(good)
+    second = run(*words, "--workers", 1, "--resume")
+    assert second.exit_code == 0, second.stderr
+    assert (
+        json.loads((dataset.parent / "planned/meta/info.json").read_text())["total_episodes"] == 3
+    )
+    assert not (dataset.parent / ".planned.results").exists()
+
+
+def test_an_episode_is_the_same_after_it_was_kept(dataset, model):
+    recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
+    made = settings_of({"model": {"file": str(model)}}, settings.Run)
+    (task, *_) = tasks_of(made, settings.Replay(speed=2.0), recordings)
+    episode = replay_episode(task)
+    again = decoded(encoded(episode))
+    assert (again.task, again.layout, again.figures) == (
+        episode.task,
+        episode.layout,
+        episode.figures,
+    )
+    assert all(np.array_equal(again.rows[name], rows) for name, rows in episode.rows.items())
+
+
+def test_a_task_is_a_unit_of_work_for_another_process(dataset, model):
+    run = settings_of({"model": {"file": str(model)}}, settings.Run)
+    recordings = recordings_in([str(dataset)], LogOptions(unit=UNITS[1]))
+    tasks = tasks_of(run, settings.Replay(speed=2.0), recordings)
+    first, again = (replay_episode(pickle.loads(pickle.dumps(tasks[1]))) for _ in range(2))
+    assert pickle.dumps(first) == pickle.dumps(again)
+    assert first.rows["action"].shape == (38, 3)
+    assert first.task == "drop"
+    assert first.figures["worst_joint"] in ("shoulder_pan", "elbow_flex")
+
+
+def test_models_come_from_the_recording_itself(run, demo):
+    result = run("replay", demo, "--model", "from-log", "--joint", "elbow", "--json")
+    assert result.exit_code == 0, result.stderr
+    content = json.loads(result.stdout)
+    assert content["models"] == "models: identified from the recording"
+    assert content["joints"]["elbow"]["planned"]["rms_deg"] < 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "--model is missing: name a file that `identify` wrote"),
+        (("--model", "arm.toml", "--as", "lerobot"), "--as lerobot is a folder"),
+        (("--model", "arm.toml", "--speed", "0"), "--speed: got 0"),
+        (("--model", "arm.toml", "--joint", "knee"), "no joint 'knee'"),
+        (("--model", "arm.toml", "--start", "9"), "expected a moment of the recording"),
+        (("--model", "arm.toml", "--limits-deg", "knee=0:1"), "no joint 'knee'"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused(run, demo, model, arguments, message):  # noqa: ARG001
+    before = list_files(demo.parent)
+    result = run("replay", demo, *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert list_files(demo.parent) == before
+
+
+def test_several_recordings_are_not_one_file(run, dataset, model):
+    result = run("replay", dataset, *UNITS, "--model", model, "-o", "out.csv")
+    assert result.exit_code == 2
+    assert "3 recordings, and --as csv holds one: choose one (--episodes 0)" in result.stderr
+
+
+def test_the_fastest_replay_says_what_is_possible_and_what_is_not(run, demo, model):
+    result = run(
+        *("replay", demo, "--model", model, "--fastest", "--tolerance-deg", 2, "--json"),
+        *("-o", "out.csv"),
+    )
+    assert result.exit_code == 0, result.stderr
+    content = json.loads(result.stdout)
+    found = content["fastest"]
+    assert content["joints"]["elbow"]["planned"]["max_deg"] <= 2.0
+    assert 1.0 < found["speed"] < found["impossible"]["speed"]
+    assert found["impossible"]["lower_bound_deg"] > 2.0
+    assert set(found["errors_by_speed"][0]) == {
+        *("speed", "direct_max_deg", "shifted_max_deg", "planned_max_deg", "bound_max_deg")
+    }
+
+
+def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model):
+    result = run(
+        *("replay", demo, "--model", model, "--joint", "elbow", "--joint", "jaw"),
+        *("--max-step-deg", 2, "--smoothness", 0.1, "-o", "out.csv"),
+    )
+    assert result.exit_code == 0, result.stderr
+    steps = np.abs(np.diff(np.loadtxt("out.csv", delimiter=",", skiprows=1), axis=0)).max(axis=0)
+    assert steps[1] <= 2.0 + 1e-6
+    assert steps[2] <= 0.02 + 1e-6
+
+
+def test_a_tolerance_without_a_search_is_a_check(run, demo, model):
+    result = run("replay", demo, "--model", model, "--tolerance-deg", 1e-4, "-o", "out.csv")
+    assert result.exit_code == 1
+    assert "expected at most 0.0001; the requests are written all the same" in result.stderr
+    assert demo.with_name("out.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--fastest",), "--fastest needs --tolerance-deg or --tolerance-cm"),
+        (("--fastest", "--tolerance-cm", "1"), "--tolerance-cm is for a foot: name its leg"),
+        (("--retime", "varying"), "--retime varying has no effect without --fastest"),
+        (
+            ("--fastest", "--tolerance-deg", "1", "--speed", "2"),
+            "--speed is what --fastest finds",
+        ),
+    ],
+)
+def test_settings_of_the_search_that_make_no_sense_are_refused(
+    run, demo, model, arguments, message
+):
+    result = run("replay", demo, "--model", model, *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr

@@ -1,0 +1,185 @@
+"""Every command as users see it: what it prints, writes, shows and answers, held by snapshots.
+
+Each case is a line or more at the command line, run in this process in a folder with the files of
+``inputs``. Its snapshot holds standard output, standard error, exit status, the names of what was
+written, the content of text files, the text of pages and the arrays of their plots.
+
+    pytest tests/corpus                        compare
+    pytest tests/corpus --rewrite-snapshots    rewrite, then review the diff
+    pytest tests/corpus --keep-outputs FOLDER  keep what was written, to compare by diff -r
+
+Numbers are compared to 1e-6, because processors differ in the last bits of a sum; on one machine
+two folders of outputs agree to the byte.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from planner._version import __version__
+from planner.cli import cli
+from planner.cli.program import COMMANDS
+from tests.corpus.page_text import plots_of, text_of
+from tests.snapshots import NUMBER
+
+INPUTS = Path(__file__).parent / "inputs"
+
+CLAMPED = "--leg reference --unreachable clamp"
+
+CASES = {
+    "compare-json": "compare path.csv --limits-deg -30:40 --json",
+    "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
+    "compare-page": f"compare foot.csv {CLAMPED} --segments 5 --out found",
+    "completion-bash": "completion bash",
+    "completion-fish": "completion fish",
+    "completion-zsh": "completion zsh",
+    "excite-log": "excite --limits-deg -20 20 --duration-s 4 -o out.csv --expected-log out_log.csv",
+    "excite-random": "excite --limits-deg -20 20 --kind random-steps --duration-s 3 --joint knee "
+    "--model joint.toml --rate-hz 125 --seed 3 --json",
+    "excite-triangle": "excite --limits-deg -20 20 --kind triangle --duration-s 4",
+    "export-csv": "export requests.csv --format csv --unit ticks --zero-tick knee=100 --cycles 2",
+    "export-folders": [
+        "export requests.csv --format mcap -o bag.mcap",
+        "export requests.csv --format bag -o bag",
+        "export requests.csv --format lerobot --task walk -o episode --json",
+    ],
+    "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 --joint-names a,b,c "
+    "--velocities",
+    "fit-exact": "fit path.csv --segments 4 --on-samples --exact --joint hip --knots knots.csv",
+    "fit-figure": "fit path.csv --max-error 2 --figure fit.svg --json",
+    "fit-path": "fit path.csv --no-cyclic --max-rms 9 --start-deg 0 --required-s 0.08 --model "
+    "joint.toml",
+    "gait": "gait --samples 8",
+    "gait-json": "gait --samples 6 --heading-deg 90 --length 0.03 --json",
+    "gait-leg": "gait --samples 8 --leg front-left -o out.csv",
+    "identify-json": "identify log.csv --no-hold-out --hold 1 --tick-ms 8 --json",
+    "identify-page": "identify log.csv --report page.html --out out.toml",
+    "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
+    "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
+    "joint.toml --tolerance-deg 0.1 --report page.html",
+    "plan-foot": f"plan foot.csv {CLAMPED} --method foot-optimal --norm rms --json",
+    "plan-page": f"plan foot.csv {CLAMPED} --report page.html -o out.csv",
+    "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
+    "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "
+    "--no-reidentify -o out.csv",
+    "refine-json": "refine path.csv measured.csv --desired path.csv --model joint.toml "
+    "--no-reidentify --joint knee --sensor-delay-ms 0 --history learning.json -o out.csv --json",
+    "refine-page": "refine path.csv measured.csv --desired path.csv --no-cyclic --model joint.toml "
+    "--cycles 2 --no-reidentify --report page.html -o out.csv",
+    "replay": "replay demo.csv --model joint.toml --speed 1.5 --start 0.1 --end 0.8",
+    "replay-joints": "replay demo.csv --model joint.toml --track action --end 0.5 --as joints "
+    "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
+    "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
+    "-o planned",
+    "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
+    "reproduce-file": "reproduce --out path.csv",
+    "run": "run run.toml",
+    "run-check": ["run walk.toml --check", "run --template"],
+    "run-walk": "run walk.toml --out out --json",
+    "simulate": "simulate requests.csv --model joint.toml",
+    "simulate-desired": "simulate path.csv --desired path.csv --json",
+    "simulate-rest": "simulate path.csv --no-cyclic --start-deg knee=3 --joint knee -o out.csv",
+    "sweep-gaits": "sweep gaits.toml --workers 1",
+    "sweep-point": "sweep gaits.toml --at length=0.02 --at period_s=0.24 --out point --json",
+    "sweep-speeds": "sweep speeds.toml --workers 1 --json --out made",
+    "view-joints": "view path.csv --leg reference",
+    "view-page": f"view foot.csv {CLAMPED} --method optimal --html page.html",
+    "view-requests": f"view foot.csv {CLAMPED} --requests requests.csv --html page.html",
+    "program": ["", "--version", "plan --hepl", "plna"],
+    "help": [f"{command} --help" for command in COMMANDS],
+}
+"""Command lines by the names of their snapshots."""
+
+MASKS = (
+    (r"in \d+(\.\d+)? m?s\b", "in … s"),
+    (r"\b\d+(\.\d+)?(e-\d+)? s in all", "… s in all"),
+    (r"(?m)(?<=: )\d+(\.\d+)?(e-\d+)? s$", "… s"),
+    (r'(?<="versions": \{)[^}]*', "…"),
+    (r'(?<="seconds": \{)[^}]*', "…"),
+    (r"(?m)^(Versions|Seconds)\n(?:[\w -]+\n[\d.]+\w*\n)+", r"\1 …\n"),
+    (re.escape(f"request-planner {__version__}"), "request-planner VERSION"),
+)
+"""What differs from run to run: times and versions."""
+
+TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
+"""Endings of files whose content stands in a snapshot."""
+
+
+def masked(text: str) -> str:
+    """The text without what differs from run to run."""
+    for pattern, replacement in MASKS:
+        text = re.sub(pattern, replacement, text)
+    return text
+
+
+def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
+    """What was written into a folder besides the inputs, without the content of some endings."""
+    parts = []
+    for file in sorted(folder.rglob("*")):
+        name = str(file.relative_to(folder))
+        given = INPUTS / name
+        if file.is_dir() or (given.exists() and given.read_bytes() == file.read_bytes()):
+            continue
+        parts.append(f"==== {name}")
+        if file.suffix == ".html":
+            page = file.read_text("utf-8")
+            parts += [masked(text_of(page)), "---- plots", plots_of(page)]
+        elif file.suffix == ".svg":
+            texts = re.findall(r"<text[^>]*>([^<]*)</text>", file.read_text("utf-8"))
+            parts += [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
+        elif file.suffix in TEXTS and file.suffix not in skipped:
+            parts.append(masked(file.read_text("utf-8")).rstrip("\n"))
+    return parts
+
+
+@pytest.fixture
+def keep(request):
+    """Keep a folder of outputs, if asked to."""
+    into = request.config.getoption("keep_outputs")
+
+    def keep(name, folder):
+        if into is not None:
+            shutil.copytree(folder, into / name, dirs_exist_ok=True)
+
+    return keep
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_command_prints_writes_and_answers_what_it_did(
+    name, tmp_path, monkeypatch, snapshot, keep
+):
+    shutil.copytree(INPUTS, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    lines = [CASES[name]] if isinstance(CASES[name], str) else CASES[name]
+    parts = []
+    for line in lines:
+        result = CliRunner().invoke(cli, shlex.split(line))
+        if not isinstance(result.exception, SystemExit | None):
+            raise result.exception
+        parts += [f"$ request-planner {line}", f"status {result.exit_code}"]
+        for kind, text in (("stdout", result.stdout), ("stderr", result.stderr)):
+            parts += [f"---- {kind}", masked(text).rstrip("\n")] if text else []
+    keep(name, tmp_path)
+    snapshot.check(name, "\n".join([*parts, *written(tmp_path)]) + "\n")
+
+
+@pytest.mark.parametrize("name", ["reproduced", "virtually_reproduced"])
+def test_a_reproduction_prints_and_writes_what_it_did(name, request, snapshot, keep):
+    """The slowest commands, which other tests share; without CSVs, which results.json sums up.
+
+    The virtual robot magnifies the last bits of its first steps, so that only words are compared.
+    """
+    made = request.getfixturevalue(name)
+    keep(name, made.folder)
+    text = "\n".join([masked(made.printed), *written(made.folder, skipped=(".csv",))]) + "\n"
+    text = re.sub(r"(?<=CSV files: ).*", "out", text)
+    if name == "virtually_reproduced":
+        text = re.sub(rf"(?:(?:−?{NUMBER.pattern}|null)[ ,]*\s*)+", "# ", text)
+        text = re.sub(r" {2,}", " ", text)  # columns are as wide as their numbers
+    snapshot.check(name, text)

@@ -1,0 +1,211 @@
+"""Paths: radians that are degrees are refused, and a path at another rate is resampled."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.paths import (
+    joint_path,
+    read_foot_path,
+    read_joint_path,
+    resampled,
+    write_curve,
+    write_joint_path,
+)
+from planner.files.table import read_table, write_table
+
+PHASE = 2.0 * np.pi * np.arange(100) / 100
+
+
+def _written(file, column, values, times=None):
+    times = 0.01 * np.arange(len(values)) if times is None else times
+    write_table(file, ["t_s", column], np.column_stack([times, values]))
+    return file
+
+
+@pytest.mark.parametrize(
+    "degrees", [45.0 * np.sin(PHASE), 80.0 + np.sin(PHASE), 0.3 * np.arange(100) ** 2]
+)
+def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
+    file = _written(tmp_path / "path.csv", "pan_rad", degrees)
+    worst = int(np.argmax(np.abs(degrees)))
+    with pytest.raises(InvalidFile, match="if these are degrees, rename it pan_deg") as caught:
+        read_joint_path(file)
+    assert caught.value.line == worst + 2
+    assert f"got {degrees[worst]:g} rad" in str(caught.value)
+    read_joint_path(_written(tmp_path / "deg.csv", "pan_deg", degrees))
+
+
+@pytest.mark.parametrize(
+    "radians", [0.4 * np.arange(100), 0.4 * np.arange(100) + np.sin(PHASE), 6.2 * np.sin(PHASE)]
+)
+def test_a_joint_that_winds_may_pass_many_turns_and_any_joint_two(tmp_path, radians):
+    angles = read_joint_path(_written(tmp_path / "path.csv", "pan_rad", radians)).angles
+    np.testing.assert_allclose(angles[:, 0], radians, rtol=0.0, atol=1e-12)  # 12 decimals
+
+
+def test_columns_without_a_unit_are_named_together_and_keep_their_names(tmp_path):
+    (tmp_path / "path.csv").write_text("joint_1,joint_2\n0,1\n1,2\n")
+    with pytest.raises(InvalidFile) as caught:
+        read_joint_path(tmp_path / "path.csv")
+    assert str(caught.value) == (
+        f"{tmp_path / 'path.csv'}, line 1: columns 'joint_1', 'joint_2' have no unit; expected an "
+        "ending of the unit, such as joint_1_deg or joint_1_rad: rename or remove them"
+    )
+
+
+def test_shares_of_a_range_are_carried_as_if_a_percent_were_a_degree(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text("hip_deg,jaw_percent\n0,25\n1,50\n")
+    path = read_joint_path(file)
+    assert path.units == ("deg", "percent")
+    np.testing.assert_allclose(np.degrees(path.angles[:, 1]), [25.0, 50.0], rtol=1e-12)
+    file.write_text("jaw_range\n0.25\n0.5\n")
+    shares = read_joint_path(file)
+    np.testing.assert_allclose(shares.angles[:, 0], path.angles[:, 1], rtol=1e-12)
+    write_joint_path(file, shares.names, shares.angles, period=0.01, units=shares.units)
+    assert file.read_text() == "t_s,jaw_range\n0.0,0.25\n0.01,0.5\n"
+    file.write_text("hip_rad,jaw_range,wrist_percent\n0,0,0\n0,0,0\n")
+    with pytest.raises(InvalidFile, match="mixed units"):
+        read_joint_path(file)
+
+
+def test_uneven_times_are_refused_unless_the_path_is_resampled(tmp_path):
+    times = 0.01 * np.arange(100) + 0.002 * np.sin(7.0 * np.pi * np.arange(100) / 99)
+    file = _written(tmp_path / "path.csv", "pan_deg", 20.0 * np.sin(2.0 * np.pi * times), times)
+    with pytest.raises(InvalidFile, match="expected even steps; plan with --rate-hz to resample"):
+        read_joint_path(file)
+    path = joint_path(read_table(file), even=False).in_step(0.008, resample=True, cyclic=True)
+    assert path.angles.shape == (125, 1)
+    np.testing.assert_allclose(path.times, 0.008 * np.arange(125), rtol=0.0, atol=1e-12)
+    true = np.radians(20.0 * np.sin(2.0 * np.pi * path.times))
+    chord = np.radians(20.0) * (2.0 * np.pi * 0.014) ** 2 / 8.0  # of a straight line of 14 ms
+    np.testing.assert_allclose(path.angles[:, 0], true, rtol=0.0, atol=chord)
+
+
+@given(
+    st.integers(3, 60), st.sampled_from([0.004, 0.01, 0.02]), st.sampled_from([0.005, 0.008, 0.01])
+)
+def test_a_resampled_cycle_has_the_nearest_whole_number_of_samples(count, step, period):
+    rows = np.cos(2.0 * np.pi * np.arange(count) / count)[:, np.newaxis]
+    cycle = resampled(step * np.arange(count), rows, period, cyclic=True)
+    assert abs(len(cycle) - count * step / period) <= 0.5 + 1e-6
+    assert cycle[0] == rows[0]
+    once = resampled(step * np.arange(count), rows, period, cyclic=False)
+    assert (len(once) - 1) * period == pytest.approx((count - 1) * step, abs=1.02 * period)
+    same = resampled(step * np.arange(count), rows, step, cyclic=True)
+    np.testing.assert_allclose(same, rows, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "metre"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
+def test_a_foot_path_is_the_same_in_every_unit(tmp_path, unit, metre):
+    foot = np.column_stack([0.1 * np.sin(PHASE), 0.1 * np.cos(PHASE), 0.2 + 0.0 * PHASE])
+    write_table(tmp_path / "foot.csv", [f"{axis}_{unit}" for axis in "xyz"], metre * foot)
+    read = read_foot_path(tmp_path / "foot.csv").positions
+    np.testing.assert_allclose(read, foot, rtol=0.0, atol=1e-12)
+
+
+def test_a_foot_path_is_resampled_and_one_without_times_is_left_as_it_is(tmp_path):
+    foot = np.column_stack([np.sin(PHASE), np.cos(PHASE), 0.0 * PHASE])
+    names = ["t_s", "x_m", "y_m", "z_m"]
+    write_table(tmp_path / "foot.csv", names, np.column_stack([0.01 * np.arange(100), foot]))
+    path = read_foot_path(tmp_path / "foot.csv").in_step(0.02, resample=True, cyclic=True)
+    np.testing.assert_allclose(path.positions, foot[::2], rtol=0.0, atol=1e-12)
+    write_table(tmp_path / "bare.csv", names[1:], foot)
+    bare = read_foot_path(tmp_path / "bare.csv")
+    assert bare.in_step(0.02, resample=True, cyclic=True) is bare
+
+
+def test_a_curves_json_gives_it_back_to_the_last_digit_and_its_csv_the_knots(tmp_path):
+    curve = planner.PiecewiseLinear(
+        knots=[2.0, 5.5, 8.0 + 1 / 3], values=[1.0, -1.0, 0.5], samples=10, tick=0.008, cyclic=True
+    )
+    write_curve(tmp_path / "curve.json", curve)
+    again = planner.PiecewiseLinear.from_dict(json.loads((tmp_path / "curve.json").read_text()))
+    assert again.to_dict() == curve.to_dict()
+    assert (again.tick, again.samples, again.cyclic) == (0.008, 10, True)
+    write_curve(tmp_path / "curve.csv", curve)
+    table = read_table(tmp_path / "curve.csv")
+    assert table.names == ("knot_s", "value_deg")
+    knots, values = table.numbers(table.names).T
+    np.testing.assert_allclose(knots, 0.008 * curve.knots, rtol=0.0, atol=1e-12)  # 12 decimals
+    np.testing.assert_allclose(values, np.degrees(curve.values), rtol=0.0, atol=1e-12)
+
+
+def test_too_many_samples_are_refused_before_they_are_made():
+    with pytest.raises(InvalidInput, match="expected at most 10000000 samples; ask for a lower"):
+        resampled(np.arange(3.0), np.zeros((3, 1)), 1e-9, cyclic=True)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.008, 0.01, 0.02, 0.05])
+def test_a_joint_requested_at_another_rate_answers_as_before(period):
+    """A step's answer differs by what is left of the tick: at most one tick at top speed."""
+    joint = planner.JointModel.ers210a()
+    other = joint.requested_every(period)
+    assert other.period == pytest.approx(period, rel=1e-12)
+    assert other.tick <= joint.tick * (1.0 + 1e-12)
+    assert (other.lag, other.v_max, other.theta_0) == (joint.lag, joint.v_max, joint.theta_0)
+    angles = planner.simulate(joint, np.full(50, 0.5), cyclic=False, start=0.0)
+    others = planner.simulate(other, np.full(round(0.4 / period), 0.5), cyclic=False, start=0.0)
+    at = period * np.arange(len(others)) + other.tick
+    known = np.interp(at, joint.tick * (1 + np.arange(50)), angles)
+    np.testing.assert_allclose(others, known, rtol=0.0, atol=joint.v_max * joint.tick)
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, float("nan"), "a"])
+def test_a_period_that_is_none_is_refused(period):
+    with pytest.raises(InvalidInput, match=r"period: got .*, expected more than 0 s"):
+        planner.JointModel.ers210a().requested_every(period)
+
+
+@pytest.mark.parametrize("period", [1e-18, 1e9])
+def test_a_period_beyond_what_a_model_can_have_is_refused_with_its_range(period):
+    with pytest.raises(InvalidInput, match="expected one every 8e-07 to 80 s"):
+        planner.JointModel.ers210a().requested_every(period)
+
+
+def test_torques_on_joints_are_read_written_and_resampled_with_them(tmp_path):
+    file = tmp_path / "loaded.csv"
+    angles = np.radians([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0], [2.0, 3.0]])
+    loads = np.array([[0.1, -0.5], [0.2, -0.4], [0.3, -0.3], [0.2, -0.4]])
+    write_joint_path(file, ["hip", "knee"], angles, period=0.02, loads=loads)
+    path = read_joint_path(file)
+    assert path.names == ("hip", "knee")
+    np.testing.assert_allclose(path.loads, loads, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(read_joint_path(file, joints=["knee"]).loads, loads[:, 1:])
+    finer = path.in_step(0.01, resample=True, cyclic=True)
+    np.testing.assert_allclose(finer.loads[:3, 0], [0.1, 0.15, 0.2], rtol=0.0, atol=1e-12)
+    assert len(finer.loads) == len(finer.angles) == 8
+
+
+def test_a_joint_without_a_torque_carries_none(tmp_path):
+    file = tmp_path / "loaded.csv"
+    file.write_text("hip_deg,knee_deg,knee_load_Nm\n1,2,0.5\n3,4,0.6\n1,2,0.5\n")
+    np.testing.assert_array_equal(read_joint_path(file).loads, [[0, 0.5], [0, 0.6], [0, 0.5]])
+    assert read_joint_path(file, joints=["hip"]).loads is None
+
+
+def test_a_torque_on_a_joint_that_is_not_there_is_refused(tmp_path):
+    file = tmp_path / "loaded.csv"
+    file.write_text("hip_deg,hop_load_Nm\n1,0.5\n3,0.6\n")
+    with pytest.raises(InvalidFile, match=r"no joint 'hop' \(did you mean 'hip'\?\); joints: hip"):
+        read_joint_path(file)
+
+
+@pytest.mark.parametrize(("speed", "samples"), [(2.0, 50), (0.5, 200), (1.0, 100)])
+def test_a_path_at_another_speed_is_the_same_path_with_fewer_or_more_samples(
+    speed, samples, tmp_path
+):
+    file = tmp_path / "path.csv"
+    write_joint_path(file, ["hip"], np.sin(PHASE)[:, np.newaxis], period=0.01)
+    path = read_joint_path(file).in_step(0.01, resample=True, cyclic=True, speed=speed)
+    expected = np.sin(2.0 * np.pi * np.arange(samples) / samples)
+    np.testing.assert_allclose(path.angles[:, 0], expected, atol=5e-4)  # lines cut the arcs
+    np.testing.assert_allclose(path.times, 0.01 * np.arange(samples))

@@ -1,0 +1,111 @@
+"""What the model does not have is named where it shows, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from tests.identification.made import (
+    AIBO,
+    NOISE,
+    changed,
+    hobby_servo,
+    identified_rich,
+    identified_steps,
+    rich_log,
+    step_logs,
+)
+
+NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "acceleration limit")
+
+
+def named(found):
+    return {name for name in NAMES if any(name in text for text in found.warnings)}
+
+
+def stopped():
+    log = rich_log(noise=NOISE, rows=800)
+    return changed(log, angles=np.minimum(log.angles, 0.3))
+
+
+def rings():
+    (log,) = step_logs(amplitudes=(0.5,), quantum=0.0)
+    edges = np.flatnonzero(np.diff(log.requests)) + 1
+    angles = log.angles.copy()
+    for edge in edges:
+        rows = np.arange(edge, len(angles))
+        since = (rows - edge - 20.0).clip(0.0) * log.period
+        step = log.requests[edge] - log.requests[edge - 1]
+        angles[rows] += 0.3 * step * np.sin(50.0 * since) * np.exp(-25.0 * since)
+    return changed(log, angles=angles)
+
+
+def drifts():
+    log = rich_log(noise=NOISE, rows=800)
+    return changed(log, angles=log.angles + np.linspace(-0.05, 0.05, 800))
+
+
+def asymmetric():
+    return rich_log(replace(AIBO, v_offset=0.15 * AIBO.v_max), noise=NOISE, rows=800)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (stopped, "mechanical stop"),
+        (rings, "ringing:"),
+        (drifts, "slow drift"),
+        (asymmetric, "asymmetry:"),
+    ],
+)
+def test_what_the_model_does_not_have_is_named(make, name):
+    assert name in named(planner.identify(make(), hold_out=False))
+
+
+def test_rows_at_a_mechanical_stop_are_left_out_with_a_note():
+    log = stopped()
+    found = planner.identify(log, hold_out=False)
+    (said,) = (text for text in found.warnings if "mechanical stop" in text)
+    assert "stays at its largest angle, 0.3" in said
+    assert said.endswith("these rows are left out")
+    at_stop = log.angles == 0.3
+    assert np.mean(found.fits[0].used[at_stop]) <= 0.2  # its first rows, until the model is beyond
+    assert found.fits[0].used[~at_stop].mean() >= 0.9
+    assert found.verdict == "holds"
+    for name in ("v_max", "theta_0"):
+        assert abs(getattr(found.model, name) / getattr(AIBO, name) - 1.0) <= 0.05
+
+
+def test_a_loaded_hobby_servo_is_predicted_and_its_asymmetry_named():
+    rng = np.random.default_rng(0)
+    requests = np.repeat(rng.uniform(-1.2, 1.2, size=24), rng.integers(15, 60, size=24))
+    found = planner.identify(hobby_servo(requests, 0.02))
+    assert np.degrees(found.held_out_rms) <= 5.5
+    assert "asymmetry:" in named(found)
+    up, down = (found.model.v_max + way * found.model.v_offset for way in (1.0, -1.0))
+    assert abs(np.degrees(up) / 220.0 - 1.0) <= 0.1
+    assert 250.0 <= np.degrees(down) <= 350.0  # seldom reached: it still accelerates
+
+
+def test_logs_that_contradict_each_other_are_said_to():
+    one = replace(rich_log(noise=NOISE), name="first")
+    other = replace(rich_log(noise=NOISE, seed=1), name="second")
+    assert not any("contradict" in text for text in planner.identify([one, other]).warnings)
+    moved = replace(other, angles=other.angles + 0.05)
+    found = planner.identify([one, moved], hold_out=False)
+    (said,) = (text for text in found.warnings if "contradict" in text)
+    assert "higher in second than in first" in said
+
+
+def test_a_joint_like_the_model_shows_nothing():
+    assert not named(identified_steps())
+    assert not named(identified_rich())
+
+
+def test_a_log_in_which_the_joint_is_sent_nowhere_is_no_fault():
+    log = rich_log(noise=NOISE, rows=400)
+    idle = changed(log, requests=np.full(400, 0.1), angles=np.full(400, 0.1))
+    assert planner.identify([log, idle], hold_out=False).rms < 2.0 * NOISE

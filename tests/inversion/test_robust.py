@@ -1,0 +1,131 @@
+"""Plans for several models of one joint."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidInput
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.inversion.optimal import invert_optimal
+from planner.inversion.robust import drawn_models
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning import plan
+from tests.instances import REFERENCE_JOINTS
+
+ERS210A = JointModel.ers210a()
+
+SINE = 0.3 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+
+OTHERS = tuple(
+    replace(ERS210A, lag=lag, acceleration_time=acceleration, v_max=speed * ERS210A.v_max)
+    for lag, acceleration, speed in ((0.04, 0.048, 1.0), (0.04, 0.056, 0.9), (0.048, 0.06, 1.0))
+)
+
+MODELS = (ERS210A, *OTHERS)
+
+
+@pytest.fixture(scope="module")
+def identified():
+    """What a noisy log of the joint tells."""
+    rng = np.random.default_rng(3)
+    requests = np.repeat(rng.uniform(-0.6, 0.6, 12), 25)
+    angles = simulate(ERS210A, requests, cyclic=False, start=float(requests[0]))
+    noisy = angles + rng.normal(scale=0.01, size=len(angles))
+    times = ERS210A.tick * np.arange(len(angles))
+    return identify(Log(times=times, requests=requests, angles=noisy))
+
+
+def errors(models, requests, desired, *, norm="rms", **options):
+    """Errors of the models under requests [rad]."""
+    distances = [np.abs(simulate(each, requests, **options) - desired) for each in models]
+    return np.array([np.sqrt(np.mean(d**2)) if norm == "rms" else np.max(d) for d in distances])
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_for_one(
+    norm, cyclic
+):
+    options = {"cyclic": cyclic, "norm": norm}
+    alone = invert_optimal(ERS210A, SINE, **options)
+    start = {} if cyclic else {"start": float(SINE[0])}
+    before = errors(MODELS, alone.requests, SINE, norm=norm, cyclic=cyclic, **start)
+    mean, worst = (
+        invert_optimal(MODELS, SINE, robust=robust, **options) for robust in ("mean", "worst")
+    )
+    for made in (mean, worst):
+        expected = errors(MODELS, made.requests, SINE, norm=norm, cyclic=cyclic, **start)
+        np.testing.assert_allclose(made.errors_of_models, expected, rtol=0.0, atol=1e-12)
+        assert made.error == made.errors_of_models[0]
+        assert made.models == MODELS
+        assert made.error >= made.lower_bound - 1e-9
+    assert np.sum(mean.errors_of_models**2) <= np.sum(before**2)
+    # From rest the largest error is that of the start, which no requests can lessen.
+    assert worst.worst_error <= (0.8 if cyclic else 1.0) * np.max(before)
+    assert worst.worst_error <= 1.01 * mean.worst_error
+    assert (mean.robust, worst.robust) == ("mean", "worst")
+
+
+def test_limits_and_largest_steps_hold_for_several_models_too():
+    joint = REFERENCE_JOINTS[2]
+    made = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
+    assert made.largest_step <= 0.06 * (1.0 + 1e-12)
+    assert joint.limits[0] <= np.min(made.requests)
+    assert np.max(made.requests) <= joint.limits[1]
+    again = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
+    np.testing.assert_array_equal(again.requests, made.requests)
+
+
+def test_several_models_that_are_one_get_the_plan_of_that_one():
+    alone = invert_optimal(ERS210A, SINE)
+    made = invert_optimal([ERS210A] * 3, SINE)
+    assert made.rms <= alone.rms + 1e-4
+    single = invert_optimal([ERS210A], SINE)
+    np.testing.assert_array_equal(single.requests, alone.requests)
+    assert single.models == ()
+
+
+def test_models_are_drawn_from_an_identification_alike_every_time(identified):
+    models = drawn_models(identified)
+    assert models == drawn_models(identified)
+    assert len(models) == 9
+    assert models[0] is identified.model
+    for name, interval in identified.intervals.items():
+        values = np.array([getattr(model, name) for model in models])
+        assert np.ptp(values) > 0.0
+        width = interval.upper - interval.lower
+        assert np.all(np.abs(values - values[0]) <= 1.5 * width)
+
+
+def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
+    alone, made = invert_optimal(identified.model, SINE), invert_optimal(identified, SINE)
+    fresh = drawn_models(identified, pairs=12)[9:]
+    before, after = (errors(fresh, each.requests, SINE) for each in (alone, made))
+    assert np.max(after) <= 1.02 * np.max(before)
+    assert np.sqrt(np.mean(after**2)) <= 1.005 * np.sqrt(np.mean(before**2))
+
+
+def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
+    one = plan(MODELS, SINE, robust="worst")
+    np.testing.assert_array_equal(
+        one.requests[:, 0], invert_optimal(MODELS, SINE, robust="worst").requests
+    )
+    both = np.column_stack([SINE, 0.5 * SINE])
+    made = plan([MODELS[:2], identified], both)
+    assert [len(each.models) for each in made.inversions] == [2, 9]
+    with pytest.raises(InvalidInput, match="method 'optimal'"):
+        plan([MODELS[:2], ERS210A], both, method="closed_form")
+
+
+def test_models_of_different_periods_and_unknown_errors_are_refused():
+    with pytest.raises(InvalidInput, match="one request period"):
+        invert_optimal([ERS210A, replace(ERS210A, hold=2)], SINE)
+    with pytest.raises(InvalidInput, match="expected at least one"):
+        invert_optimal([], SINE)
+    with pytest.raises(InvalidInput, match="robust: got 'best', expected 'mean' or 'worst'"):
+        invert_optimal(ERS210A, SINE, robust="best")

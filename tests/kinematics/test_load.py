@@ -1,0 +1,210 @@
+"""Load torques against a pendulum by hand, against energy and against another formulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_up_robots import LEGS, Joint, Y, ers210a_leg, made_up_leg
+
+from kinematics import InvalidInput, InvalidPath, Leg, UnsupportedLeg
+from kinematics.load import GRAVITY
+
+ROUNDING = 1e-12
+"""Two routes to the same torque agree to this [N m]; the torques are of order 1."""
+
+DIFFERENCES = 1e-7
+"""Central differences of the energy with a step of 1e-5 rad are right to this [N m]."""
+
+G = 9.80665
+LENGTHS, CENTRES, MASSES, INERTIAS = (0.3, 0.2), (0.11, 0.13), (0.8, 0.5), (0.004, 0.003)
+PENDULUM = f"""<robot name="pendulum"><link name="base"/>
+<link name="upper"><inertial><origin xyz="0 0 {-CENTRES[0]}"/><mass value="{MASSES[0]}"/>
+<inertia ixx="0.001" iyy="{INERTIAS[0]}" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0 0 {-CENTRES[1]}"/><mass value="{MASSES[1]}"/>
+<inertia ixx="0.001" iyy="{INERTIAS[1]}" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="tip"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+<axis xyz="0 -1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+<origin xyz="0 0 {-LENGTHS[0]}"/><axis xyz="0 -1 0"/>
+<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
+<joint name="mount" type="fixed"><parent link="lower"/><child link="tip"/>
+<origin xyz="0 0 {-LENGTHS[1]}"/></joint></robot>"""
+"""Two links that hang down at 0 and swing forward (x) by positive angles."""
+
+
+@pytest.fixture
+def pendulum(tmp_path: Path) -> Leg:
+    path = tmp_path / "pendulum.urdf"
+    path.write_text(PENDULUM, encoding="utf-8")
+    return Leg.from_urdf(path, base="base", foot="tip")
+
+
+def by_hand(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """What two hinged links put on their joints [N m]: the textbook's equations of motion."""
+    (length, _), (c1, c2), (m1, m2), (i1, i2) = LENGTHS, CENTRES, MASSES, INERTIAS
+    both = q[:, 0] + q[:, 1]
+    coupling = m2 * length * c2 * np.cos(q[:, 1])
+    lower = i2 + m2 * c2**2
+    upper = i1 + m1 * c1**2 + m2 * length**2 + lower + 2.0 * coupling
+    turning = m2 * length * c2 * np.sin(q[:, 1])
+    first = upper * a[:, 0] + (lower + coupling) * a[:, 1]
+    first -= turning * (2.0 * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
+    first += (m1 * c1 + m2 * length) * G * np.sin(q[:, 0]) + m2 * c2 * G * np.sin(both)
+    second = (lower + coupling) * a[:, 0] + lower * a[:, 1] + turning * v[:, 0] ** 2
+    second += m2 * c2 * G * np.sin(both)
+    return -np.column_stack([first, second])
+
+
+def swing(count: int) -> np.ndarray:
+    phase = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([0.7 * np.sin(phase), 0.5 * np.cos(2.0 * phase) - 0.3])
+
+
+def test_gravity_returns_a_pendulum_as_the_formula_by_hand_says(pendulum: Leg) -> None:
+    poses = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 2))
+    expected = by_hand(poses, np.zeros_like(poses), np.zeros_like(poses))
+    np.testing.assert_allclose(pendulum.load_torques(poses), expected, rtol=0, atol=ROUNDING)
+    lifted = pendulum.load_torques([[0.5, 0.0]])
+    assert (lifted < 0.0).all()  # positive angles lift both links, and gravity lowers them
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_dynamics_of_a_pendulum_are_those_by_hand_at_central_differences(
+    pendulum: Leg, cyclic: bool
+) -> None:
+    path, period = swing(60), 0.02
+    before = np.roll(path, 1, axis=0) if cyclic else np.vstack([path[:1], path[:-1]])
+    after = np.roll(path, -1, axis=0) if cyclic else np.vstack([path[1:], path[-1:]])
+    speeds, accelerations = (after - before) / 0.04, (after - 2.0 * path + before) / 0.02**2
+    found = pendulum.load_torques(path, dynamics=True, period=period, cyclic=cyclic)
+    expected = by_hand(path, speeds, accelerations)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+
+
+def test_a_slow_motion_has_the_load_of_gravity_alone(pendulum: Leg) -> None:
+    slow = pendulum.load_torques(swing(60), dynamics=True, period=100.0)
+    # Speeds of 1e-3 rad/s and accelerations of 1e-5 rad/s^2 times inertias below 0.2 kg m^2.
+    np.testing.assert_allclose(slow, pendulum.load_torques(swing(60)), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", LEGS)
+def test_the_torque_of_gravity_is_the_slope_of_the_potential_energy(name: str) -> None:
+    import pinocchio
+
+    leg = ers210a_leg(name)
+    assert leg.masses is not None
+    model = leg.masses.robot.model
+    model.gravity.linear = np.array(GRAVITY)
+    data = model.createData()
+
+    def energy(pose: np.ndarray) -> float:
+        coordinates = leg.masses.robot.configuration(leg.masses.joints, pose)
+        return float(pinocchio.computePotentialEnergy(model, data, coordinates))
+
+    poses = np.random.default_rng(2).uniform(*leg.limits.finite, (10, 3))
+    step = 1e-5 * np.eye(3)
+    slopes = [[(energy(q + d) - energy(q - d)) / 2e-5 for d in step] for q in poses]
+    np.testing.assert_allclose(leg.load_torques(poses), -np.array(slopes), rtol=0, atol=DIFFERENCES)
+
+
+def test_mirrored_legs_carry_the_same_load() -> None:
+    poses = np.random.default_rng(3).uniform(-0.4, 0.6, (10, 3))
+    left, right = (ers210a_leg(f"front_{side}").load_torques(poses) for side in ("left", "right"))
+    np.testing.assert_allclose(left, right, rtol=0, atol=ROUNDING)
+
+
+def test_a_robot_on_its_head_carries_the_opposite_load(pendulum: Leg) -> None:
+    hanging = pendulum.load_torques(swing(10), gravity=(0.0, 0.0, G))
+    np.testing.assert_allclose(hanging, -pendulum.load_torques(swing(10)), rtol=0, atol=ROUNDING)
+    assert not pendulum.load_torques(swing(10), gravity=(0.0, G, 0.0)).any()  # along the axes
+
+
+def test_a_locked_joint_loads_the_others(tmp_path: Path, pendulum: Leg) -> None:
+    bent = Leg.from_urdf(tmp_path / "pendulum.urdf", base="base", foot="tip", locked={"elbow": 0.9})
+    both = pendulum.load_torques([[0.4, 0.9]])
+    np.testing.assert_allclose(bent.load_torques([[0.4]]), both[:, :1], rtol=0, atol=ROUNDING)
+
+
+def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
+    leg = made_up_leg(tmp_path, [Joint((0.0, 0.0, 0.1), Y)], (0.0, 0.0, 0.1))
+    with pytest.raises(UnsupportedLeg, match="no link beyond joint 'joint_1' has a mass"):
+        leg.load_torques([[0.1]])
+    with pytest.raises(UnsupportedLeg, match=r"Leg\.from_urdf"):
+        replace(leg, masses=None).load_torques([[0.1]])
+
+
+def test_what_cannot_be_used_is_refused(pendulum: Leg) -> None:
+    with pytest.raises(InvalidPath, match="expected \\(n, 2\\)"):
+        pendulum.load_torques([[0.1, 0.2, 0.3]])
+    for period in (None, 0.0, float("nan"), "0.02"):
+        with pytest.raises(InvalidInput, match="period: got"):
+            pendulum.load_torques([[0.1, 0.2]], dynamics=True, period=period)  # type: ignore[arg-type]
+    for gravity in ((0.0, 0.0), "down", (0.0, 0.0, float("inf"))):
+        with pytest.raises(InvalidInput, match="gravity: got"):
+            pendulum.load_torques([[0.1, 0.2]], gravity=gravity)  # type: ignore[arg-type]
+
+
+def test_the_load_of_a_real_arm_is_the_sum_over_its_links(recordings: Path) -> None:
+    """Independent of Pinocchio's algorithms: axes and centres of mass from the URDF by hand."""
+    import xml.etree.ElementTree as ElementTree
+
+    path = recordings / "so101" / "so101_new_calib.urdf"
+    if not path.is_file():
+        pytest.skip(f"no {path}")
+    arm = Leg.from_urdf(path, base="base_link", foot="gripper_frame_link")
+    root = ElementTree.parse(path).getroot()
+    joints = {joint.find("child").get("link"): joint for joint in root.findall("joint")}
+    poses = np.random.default_rng(4).uniform(*arm.limits.finite, (5, 5))
+    for pose, found in zip(poses, arm.load_torques(poses), strict=True):
+        angles = dict(zip(arm.joint_names, pose, strict=True))
+        expected = dict.fromkeys(arm.joint_names, 0.0)
+        for link in root.findall("link"):
+            mass = link.find("inertial/mass")
+            if mass is None:
+                continue
+            place, axes = placed(link.get("name"), joints, angles)
+            centre = (place @ numbers(link.find("inertial/origin"), "xyz", 1.0))[:3]
+            weight = float(mass.get("value")) * np.array(GRAVITY)
+            for joint, (point, axis) in axes.items():
+                if joint in expected:
+                    expected[joint] += axis @ np.cross(centre - point, weight)
+        np.testing.assert_allclose(found, list(expected.values()), rtol=0, atol=1e-9)
+
+
+def placed(link: str, joints: dict, angles: dict[str, float]) -> tuple[np.ndarray, dict]:
+    """A link's placement in the root frame, and a point and the direction of each axis above it."""
+    if link not in joints:
+        return np.eye(4), {}
+    joint = joints[link]
+    place, axes = placed(joint.find("parent").get("link"), joints, angles)
+    roll, pitch, yaw = numbers(joint.find("origin"), "rpy")
+    place = place @ frame(numbers(joint.find("origin"), "xyz"))
+    for axis, angle in (((0, 0, 1), yaw), ((0, 1, 0), pitch), ((1, 0, 0), roll)):
+        place = place @ turn(np.array(axis, dtype=float), angle)
+    if joint.get("type") != "fixed":
+        axis = numbers(joint.find("axis"), "xyz")
+        axes = {**axes, joint.get("name"): (place[:3, 3].copy(), place[:3, :3] @ axis)}
+        place = place @ turn(axis, angles.get(joint.get("name"), 0.0))
+    return place, axes
+
+
+def numbers(element: object, name: str, *more: float) -> np.ndarray:
+    text = "0 0 0" if element is None else element.get(name, "0 0 0")
+    return np.array([*map(float, text.split()), *more])
+
+
+def frame(translation: np.ndarray) -> np.ndarray:
+    place = np.eye(4)
+    place[:3, 3] = translation
+    return place
+
+
+def turn(axis: np.ndarray, angle: float) -> np.ndarray:
+    cross = np.cross(np.eye(3), axis)
+    place = np.eye(4)
+    place[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return place

@@ -1,0 +1,204 @@
+"""Learning from executed cycles: errors fall to the floor, noise and delays are not learnt."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
+
+import planner
+from planner.trajectory import Array
+
+KNOWN = planner.JointModel.ers210a()
+
+
+def rms(errors: Array) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def learnt(
+    joint: MadeJoint, desired: Array, trials: int, *, reidentify: bool = True
+) -> tuple[list[float], planner.Inversion]:
+    """True errors of the trials [rad], and the plan after them."""
+    plan = planner.invert_optimal(KNOWN, desired, cyclic=joint.cyclic)
+    errors = []
+    for _ in range(trials):
+        true, sensed = joint.play(plan.requests)
+        errors.append(rms(true - desired))
+        plan = planner.refine(plan, sensed, reidentify=reidentify)
+    return errors, plan
+
+
+@pytest.mark.parametrize("seed", [3, 9])
+def test_five_cycles_bring_a_joint_that_is_not_the_model_to_its_floor(seed: int) -> None:
+    """30 % off, with friction, gravity, speeds that differ: 1.5 times bound plus noise."""
+    joint = random_joint(seed)
+    desired = random_path(seed, 88, span=1.2, fastest=(0.03, 0.06)[seed % 2])
+    errors, _ = learnt(joint, desired, 5)
+    bound = planner.lower_bound(joint.model, desired, load=np.zeros(88))
+    noise = math.hypot(joint.noise, joint.count / math.sqrt(12.0))
+    assert min(errors) < 1.5 * math.hypot(bound, noise)
+    assert min(errors) < errors[0]
+
+
+def test_no_random_joint_diverges_without_another_model() -> None:
+    """Without identification, the harder case; ``scripts/bench learning`` plays 1,000."""
+    for seed in range(20, 28):
+        joint = random_joint(seed)
+        desired = random_path(seed, 60, span=1.0, fastest=0.05)
+        errors, _ = learnt(joint, desired, 5, reidentify=False)
+        noise = math.hypot(joint.noise, joint.count / math.sqrt(12.0))
+        assert errors[-1] < errors[0]
+        assert max(errors) < 1.05 * errors[0] + noise
+
+
+def test_a_servo_from_physics_is_learnt_on_the_wrong_model() -> None:
+    servo = random_servo(3)
+    desired = random_path(3, 100, span=1.2, fastest=0.06)
+    model = planner.JointModel(
+        v_max=5.0, theta_0=0.25, lag=0.01, acceleration_time=0.06, tick=0.005, hold=4
+    )
+    plan = planner.invert_optimal(model, desired, limits=(-2.0, 2.0))
+    errors = []
+    for _ in range(6):
+        true, sensed = servo.play(plan.requests)
+        errors.append(rms(true.mean(axis=0) - desired))
+        plan = planner.refine(plan, sensed, reidentify=False)
+    assert errors[-1] < 0.1 * errors[0]
+    assert np.all(np.abs(plan.requests) <= 2.0)
+
+
+def test_noise_alone_is_not_learnt() -> None:
+    """On the model itself with noise, the requests hardly change, and learning stops."""
+    desired = random_path(1, 88, span=1.0, fastest=0.03)
+    plan = planner.invert_optimal(KNOWN, desired)
+    joint = MadeJoint(KNOWN, noise=math.radians(0.3), seed=4)
+    _, sensed = joint.play(plan.requests, 5)
+    after = planner.refine(plan, sensed)
+    assert rms(after.disturbance) < 0.25 * math.radians(0.3) / math.sqrt(5.0)
+    assert after.learning.noise[0] == pytest.approx(math.radians(0.3), rel=0.25)
+
+
+def test_it_stops_at_the_speed_limit_and_says_so() -> None:
+    """The model itself, on a path that is too fast: all of the error is the bound."""
+    desired = random_path(2, 88, span=2.0, fastest=0.08)
+    plan = planner.invert_optimal(KNOWN, desired)
+    after = planner.refine(plan, planner.simulate(KNOWN, plan.requests))
+    assert np.array_equal(after.requests, plan.requests)
+    assert "from speed limits" in after.stopped
+    assert not plan.stopped
+    assert after.learning.floor[0] == pytest.approx(plan.rms, rel=0.05)
+
+
+def test_a_late_sensor_is_not_learnt_as_motion() -> None:
+    """Where it is known, or long and the whole of the difference; a short one is mentioned."""
+    desired = random_path(5, 88, span=1.0, fastest=0.03)
+    plan = planner.invert_optimal(KNOWN, desired)
+    for late, given in ((6, None), (2, 2 * KNOWN.period)):
+        joint = MadeJoint(KNOWN, noise=math.radians(0.05), late=late)
+        after = planner.refine(plan, joint.play(plan.requests, 3)[1], sensor_delay=given)
+        assert rms(joint.angles(after.requests) - desired) < math.radians(0.05)
+        assert after.learning.delays[0].removed == pytest.approx(late * KNOWN.period, rel=0.05)
+    after = planner.refine(plan, MadeJoint(KNOWN, late=2).play(plan.requests)[1])
+    assert after.learning.delays[0].seconds == pytest.approx(2 * KNOWN.period, rel=0.05)
+    assert any("sensor_delay=" in remark for remark in after.learning.remarks)
+
+
+def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
+    desired = random_path(6, 88, span=1.0, fastest=0.03)
+    plan = planner.invert_optimal(KNOWN, desired)
+    first = planner.refine(plan, planner.simulate(KNOWN, plan.requests) + 0.02)
+    worse = planner.refine(first, planner.simulate(KNOWN, first.requests) + 0.2, reidentify=False)
+    assert worse.learning.best == 0
+    assert worse.learning.gain < first.learning.gain
+    assert rms(worse.requests - plan.requests) < rms(first.requests - plan.requests)
+
+
+def test_several_cycles_identify_the_model_anew_where_that_predicts_better() -> None:
+    true = replace(KNOWN, v_max=0.75 * KNOWN.v_max, theta_0=1.2 * KNOWN.theta_0)
+    desired = random_path(3, 88, span=1.2, fastest=0.05)
+    plan = planner.invert_optimal(KNOWN, desired)
+    joint = MadeJoint(true, noise=math.radians(0.05))
+    after = planner.refine(plan, joint.play(plan.requests, 3)[1])
+    assert after.model.v_max == pytest.approx(true.v_max, rel=0.03)
+    assert any("identified anew" in remark for remark in after.learning.remarks)
+    assert planner.refine(plan, joint.play(plan.requests, 3)[1], reidentify=False).model == KNOWN
+
+
+def test_a_motion_from_rest_is_learnt_and_starts_where_it_did() -> None:
+    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag)
+    desired = np.radians(30.0) * (1.0 - np.cos(np.linspace(0.0, np.pi, 100)))
+    errors, plan = learnt(MadeJoint(true, cyclic=False), desired, 5)
+    assert errors[-1] < 0.1 * errors[0]
+    assert plan.requests[0] == planner.invert_optimal(KNOWN, desired, cyclic=False).requests[0]
+
+
+def test_the_next_requests_keep_the_limits_and_the_largest_step_of_the_plan() -> None:
+    desired = random_path(4, 88, span=1.2, fastest=0.05)
+    plan = planner.invert_optimal(KNOWN, desired, limits=(-0.8, 0.8), max_step=0.08)
+    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag)
+    for _ in range(2):
+        angles = planner.simulate(true, plan.requests)
+        plan = planner.refine(plan, angles, reidentify=False)
+        assert plan.largest_step <= 0.08 + 1e-9
+        assert np.max(np.abs(plan.requests)) <= 0.8
+    assert plan.learning.errors[1] < 0.5 * plan.learning.errors[0]
+
+
+def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> None:
+    phase = 2.0 * np.pi * np.arange(88) / 88
+    desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
+    plan = planner.plan(KNOWN, desired, names=["hip", "knee"], limits=(-0.6, 0.6))
+    true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0)
+    angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
+    after = planner.refine(plan, angles, reidentify=False)
+    after = planner.refine(after, np.stack([angles, angles]), reidentify=False)
+    assert after.names == plan.names
+    assert [len(each.learning.trials) for each in after.inversions] == [2, 2]
+    assert set(after.stopped) <= {"hip", "knee"}
+    with pytest.raises(planner.InvalidTrajectory, match=r"\(88, 2\) or \(cycles, 88, 2\)"):
+        planner.refine(plan, angles[:, 0])
+
+
+def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.learning.refine.MOST_SAMPLES_BOUNDED", 0)  # it takes seconds
+    walk = planner.reference_walk()
+    true = replace(KNOWN, v_max=0.95 * KNOWN.v_max, lag=1.2 * KNOWN.lag, v_offset=0.1)
+    plan = planner.invert_foot(KNOWN, walk.leg, walk.desired_foot)
+    errors = []
+    for _ in range(3):
+        angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
+        foot = walk.leg.foot_positions(angles)
+        errors.append(rms(np.linalg.norm(foot - walk.desired_foot, axis=1)))
+        plan = planner.refine(plan, angles, reidentify=False)
+    best = planner.invert_foot(true, walk.leg, walk.desired_foot)
+    assert errors[0] > 1.1 * best.rms
+    assert errors[-1] < 1.05 * best.rms
+    assert plan.learning.errors.min() == pytest.approx(min(errors))
+
+
+@pytest.mark.parametrize(
+    ("measured", "message"),
+    [
+        (np.zeros(87), r"got shape \(87,\), expected \(88,\) or \(cycles, 88\)"),
+        (np.full(88, np.nan), "88 of 88 angles are not finite, the first in cycle 0, row 0"),
+        (["a"] * 88, "expected angles"),
+    ],
+)
+def test_measurements_that_do_not_fit_are_refused(measured: object, message: str) -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
+    with pytest.raises(planner.InvalidTrajectory, match=message):
+        planner.refine(plan, measured)
+
+
+def test_degrees_and_no_plan_are_refused() -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
+    with pytest.raises(planner.InvalidInput, match="are they degrees"):
+        planner.refine(plan, np.degrees(plan.predicted))
+    with pytest.raises(planner.InvalidInput, match="plan: got"):
+        planner.refine(plan.requests, plan.predicted)
+    with pytest.raises(planner.InvalidInput, match="sensor_delay: got"):
+        planner.refine(plan, plan.predicted, sensor_delay=math.nan)

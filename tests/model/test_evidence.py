@@ -1,0 +1,93 @@
+"""What a model was tested on tells the error to expect, and which motion is outside of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.model.evidence import Evidence, Run, errors_by_acceleration
+from planner.model.joint import JointModel
+
+SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
+
+PHASE = 2.0 * np.pi * np.arange(200) / 200
+
+ROOT = np.sqrt(2.0)
+
+
+def sine(amplitude, frequency=1.0):
+    """A cycle and its period; the rms acceleration is (2 pi frequency)^2 amplitude / sqrt 2."""
+    return amplitude * np.sin(PHASE), 1.0 / frequency / 200
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "error"), [(0.0, 0.01), (2.0, 0.02), (4.0, 0.03), (8.0, 0.06)]
+)
+def test_the_error_grows_with_the_acceleration_of_a_motion(acceleration, error):
+    angles, period = sine(acceleration * ROOT / (2.0 * np.pi) ** 2)
+    # Differences of 200 samples a cycle miss a sine's acceleration by 1e-4 of it.
+    assert SEEN.error_of(angles, period=period, cyclic=True) == pytest.approx(error, rel=2e-4)
+
+
+def test_without_pairs_the_error_is_that_of_all_rows():
+    angles, period = sine(1.0)
+    assert Evidence(0.03).error_of(angles, period=period, cyclic=True) == 0.03
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "load", "outside"),
+    [
+        (0.1, 1.0, 0.5, ()),
+        (0.05, 7.5, 0.0, ("speed", "acceleration")),
+        (0.02, 3.0, 0.0, ("acceleration",)),
+        (1.3, 0.2, 0.0, ("angle",)),
+        (0.1, 1.0, -0.6, ("load",)),
+    ],
+)
+def test_motion_is_outside_where_it_exceeds_what_was_tested(amplitude, frequency, load, outside):
+    angles, period = sine(amplitude, frequency)
+    assert SEEN.exceeded(angles, period=period, cyclic=True, load=load) == outside
+
+
+def test_what_is_not_known_is_not_exceeded_but_for_a_load():
+    angles, period = sine(9.0, 10.0)
+    assert not Evidence(0.01).exceeded(angles, period=period, cyclic=True)
+    assert Evidence(0.01).exceeded(angles, period=period, cyclic=False, load=0.1) == ("load",)
+
+
+def test_errors_that_grow_with_the_acceleration_are_found_as_they_are():
+    """Sines whose error is 1 mrad and 2 mrad for each rad/s^2, in any order."""
+    runs, period, times = [], 0.02, 0.02 * np.arange(500)
+    for frequency in (0.1, 1.5, 0.5, 1.0):
+        angles = 0.3 * np.sin(2.0 * np.pi * frequency * times)
+        size = 0.3 * (2.0 * np.pi * frequency) ** 2 / ROOT
+        errors = (0.001 + 0.002 * size) * np.where(np.arange(500) % 2, 1.0, -1.0)
+        runs.append(Run(angles, errors, period))
+    (none, floor), (largest, error) = errors_by_acceleration(runs)
+    assert none == 0.0
+    # Parts of 2 s hold no whole number of slow cycles, so that their acceleration varies.
+    assert floor == pytest.approx(0.001, rel=0.2)
+    assert (error - floor) / largest == pytest.approx(0.002, rel=0.02)
+
+
+def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
+    assert not errors_by_acceleration([Run(np.zeros(500), np.ones(500), 0.02)])
+    assert not errors_by_acceleration([Run(PHASE[:10], PHASE[:10], 0.02)])
+    assert not errors_by_acceleration([])
+
+
+def test_a_model_carries_its_evidence_until_a_parameter_changes():
+    model = JointModel.ers210a().with_evidence(SEEN)
+    assert model == JointModel.ers210a()
+    assert model.evidence == SEEN
+    assert model.requested_every(0.02).evidence == SEEN
+    assert replace(model, lag=0.02).evidence is None
+    assert JointModel.ers210a().evidence is None
+
+
+def test_evidence_in_another_unit_is_scaled():
+    angles, period = sine(0.3)
+    told = SEEN.scaled(2.0).error_of(2.0 * angles, period=period, cyclic=True)
+    assert told == pytest.approx(2.0 * SEEN.error_of(angles, period=period, cyclic=True))

@@ -1,0 +1,295 @@
+"""Dry friction and load: Equation 2 with its further terms, and what must hold of any answer."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import casadi
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from planner.exceptions import InvalidInput
+from planner.model.joint import JointModel, acting, request_ages, rest_requests
+from planner.model.response import simulate
+from planner.model.sensitivity import Periods, sensitivities
+from planner.model.symbolic import exact_run, period
+from tests.independent import equation_2, from_rest, next_cycle
+from tests.instances import random_model
+from tests.strategies import models, trajectories
+
+SAME = 1e-12
+"""Two ways to run the same recursion over a few hundred ticks agree to this [rad]."""
+
+CLOSED = 2e-12
+"""How far a cycle may be from closed, at angles of a few radians [rad]."""
+
+HALF_STEP = 1e-6
+"""Half the distance of central differences [rad]."""
+
+AGREEMENT = 1e-5
+"""What is left of a cycle's 1e-12 rad after division by HALF_STEP, and room for amplification."""
+
+DRY = replace(
+    JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8
+)
+
+
+def loads(samples, seed=0):
+    """Torques within ±1 N m."""
+    return np.random.default_rng([samples, seed]).uniform(-1.0, 1.0, samples)
+
+
+def random_dry_model(rng, **options):
+    """A random joint with friction that feels loads within ±1 N m."""
+    model = random_model(rng, **options)
+    return replace(
+        model,
+        dead_band=rng.uniform(0.1, 0.6) * model.theta_0,
+        v_offset=rng.uniform(-0.5, 0.5) * model.v_max,
+        compliance=rng.uniform(0.0, 0.1),
+        speed_per_torque=rng.uniform(0.0, 0.4) * model.v_max,
+    )
+
+
+@given(models(friction=True), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_the_speed_is_equation_2_with_friction_and_load(model, error, load):
+    expected = equation_2(
+        error,
+        v_max=model.v_max,
+        theta_0=model.theta_0,
+        dead_band=model.dead_band,
+        v_offset=model.v_offset + model.speed_per_torque * load,
+    )
+    assert model.speed(error, load) == pytest.approx(expected, abs=1e-13 * model.v_max / 0.02)
+
+
+@given(models(friction=True), st.floats(-1.0, 1.0))
+def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
+    corners = model.corners(load)
+    assert np.all(np.diff(corners) >= 0.0)
+    inner = np.concatenate([[corners[0] - 1.0], corners, [corners[-1] + 1.0]])
+    gain = model.v_max / model.theta_0
+    for low, high, slope in zip(inner[:-1], inner[1:], (0.0, gain, 0.0, gain, 0.0), strict=True):
+        ends = model.speed(np.array([low, high]), load)
+        assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
+
+
+@given(models(friction=True), trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
+def test_from_rest_friction_and_load_are_the_sum_over_overlaps(model, requests, start, seed):
+    load = loads(len(requests), seed)
+    expected = from_rest(model, requests, start=start, load=load)
+    angles = simulate(model, requests, cyclic=False, start=start, load=load)
+    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
+
+
+@given(models(friction=True), trajectories(least=2), st.integers(0, 9))
+def test_a_cycle_with_friction_is_followed_by_itself(model, requests, seed):
+    load = loads(len(requests), seed)
+    angles = simulate(model, requests, load=load)
+    following = next_cycle(model, requests, angles[-1], load=load)
+    np.testing.assert_allclose(following, angles, rtol=0.0, atol=2.0 * CLOSED + SAME)
+
+
+@given(models(friction=True, overshoots=False, holds=(1, 2)), trajectories(least=2, most=12))
+def test_the_cycle_is_the_one_that_the_motion_from_its_start_settles_into(model, requests):
+    load = loads(len(requests))
+    last = float(requests[0] + model.sag(load[0]))
+    for _ in range(2000):
+        before, last = last, float(next_cycle(model, requests, last, load=load)[-1])
+        if abs(last - before) <= 1e-13:
+            break
+    assume(abs(last - before) <= 1e-13)  # some are drawn out by more than 2000 cycles
+    settled = next_cycle(model, requests, last, load=load)
+    np.testing.assert_allclose(simulate(model, requests, load=load), settled, rtol=0.0, atol=1e-9)
+
+
+@given(models(friction=True), trajectories(), st.floats(-1.0, 1.0), st.booleans())
+def test_a_constant_load_is_an_offset_of_requests_and_speeds(model, requests, load, cyclic):
+    expected = simulate(
+        replace(
+            model,
+            offset=model.offset + model.compliance * load,
+            v_offset=model.v_offset + model.speed_per_torque * load,
+        ),
+        requests,
+        cyclic=cyclic,
+    )
+    angles = simulate(model, requests, cyclic=cyclic, load=load)
+    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-9)
+
+
+@given(
+    models(friction=True, overshoots=False), trajectories(), st.integers(0, 19), st.floats(0.0, 1.0)
+)
+def test_raising_a_request_lowers_no_angle(model, requests, at, by):
+    load = loads(len(requests))
+    raised = requests.copy()
+    raised[at % len(requests)] += by
+    for options in ({"cyclic": False, "start": 0.0}, {"cyclic": False}, {"cyclic": True}):
+        before = simulate(model, requests, load=load, **options)
+        assert np.all(simulate(model, raised, load=load, **options) >= before - 1e-9)
+
+
+@given(models(friction=True), trajectories(), st.booleans())
+def test_mirroring_everything_mirrors_the_angles(model, requests, cyclic):
+    load = loads(len(requests))
+    mirrored = replace(model, offset=-model.offset, v_offset=-model.v_offset)
+    angles = simulate(mirrored, -requests, cyclic=cyclic, load=-load)
+    expected = -simulate(model, requests, cyclic=cyclic, load=load)
+    np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-9)
+
+
+@given(models(friction=True), trajectories(), st.booleans())
+def test_inside_the_dead_band_nothing_moves(model, shares, cyclic):
+    requests = 0.999 * model.dead_band * shares / 2.0
+    requests -= requests[0]
+    requests /= max(1.0, float(np.max(np.abs(requests))) / (0.999 * model.dead_band + 1e-300))
+    angles = simulate(replace(model, compliance=0.0), requests, cyclic=cyclic)
+    if model.dead_band:
+        np.testing.assert_array_equal(angles, requests[0] + model.offset)
+
+
+def test_large_errors_move_the_joint_at_its_own_top_speed_in_each_direction():
+    load, period = 0.5, DRY.period
+    faster = DRY.v_offset + DRY.speed_per_torque * load
+    for way, top in ((1.0, DRY.v_max + faster), (-1.0, DRY.v_max - faster)):
+        angles = simulate(DRY, np.full(20, 9.0 * way), cyclic=False, start=0.0, load=load)
+        np.testing.assert_allclose(np.diff(angles), way * top * period, rtol=1e-12)
+
+
+def test_a_joint_stops_short_of_its_request_by_the_dead_band_on_either_side():
+    for way in (1.0, -1.0):
+        requests = np.concatenate([[0.0], np.full(300, way)])
+        angles = simulate(DRY, requests, cyclic=False, load=0.3)
+        assert angles[-1] == pytest.approx(way * (1.0 - DRY.dead_band) + DRY.sag(0.3), abs=1e-12)
+
+
+def test_the_request_that_holds_an_angle_holds_it_in_the_middle_of_the_dead_band():
+    (request,) = rest_requests((DRY,), np.array([0.7]), (0.4,))
+    assert np.all(simulate(DRY, np.full(9, request), load=0.4) == pytest.approx(0.7, abs=1e-15))
+    for aside in (-0.99, 0.99):
+        requests = np.full(60, request + aside * DRY.dead_band)
+        moved = simulate(DRY, requests, cyclic=False, start=0.7, load=0.4)
+        np.testing.assert_allclose(moved, 0.7, rtol=0.0, atol=1e-15)
+
+
+def test_a_load_that_a_joint_does_not_feel_changes_nothing():
+    requests = loads(30)
+    model = JointModel.ers210a()
+    np.testing.assert_array_equal(simulate(model, requests, load=2.0), simulate(model, requests))
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("samples", [3, 24])
+@pytest.mark.parametrize(
+    "options",
+    [{"cyclic": True}, {"cyclic": False}, {"cyclic": False, "start": 0.05}],
+    ids=["cyclic", "from rest", "from a start"],
+)
+def test_sensitivities_are_the_slopes_of_the_simulation(options, samples, hold):
+    rng = np.random.default_rng([samples, hold])
+    model = random_dry_model(rng, whole=False, hold=hold, offset=True)
+    requests = rng.uniform(-2.0, 2.0, size=samples) * model.theta_0
+    load = loads(samples)
+    columns = []
+    for j in range(samples):
+        change = np.zeros(samples)
+        change[j] = HALF_STEP
+        ahead = simulate(model, requests + change, load=load, **options)
+        behind = simulate(model, requests - change, load=load, **options)
+        columns.append((ahead - behind) / (2.0 * HALF_STEP))
+    np.testing.assert_allclose(
+        sensitivities(model, requests, load=load, **options),
+        np.stack(columns, axis=1),
+        rtol=0.0,
+        atol=AGREEMENT,
+    )
+
+
+def test_a_cycle_that_stays_in_the_dead_band_moves_with_the_first_request():
+    slopes = sensitivities(DRY, [0.0, 0.01, -0.01, 0.02])
+    np.testing.assert_array_equal(slopes, np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)))
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
+def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing, hold):
+    rng = np.random.default_rng([3, hold])
+    samples = 9
+    plain = random_model(rng, whole=False, hold=hold, offset=True)
+    models_ = [random_dry_model(rng, whole=False, hold=hold, offset=True), plain]
+    torques = [loads(samples), None]
+    ages = Periods(models_, samples).ages
+    before = rng.uniform(-1.0, 1.0, (samples, 2))
+    errors = rng.uniform(-2.0, 2.0, (ages.width, samples, 2)) * [m.theta_0 for m in models_]
+    windows = before + errors - [m.offset for m in models_]
+    together = Periods(models_, samples, torques)(before, windows, smoothing)
+    for joint, model in enumerate(models_):
+        own = request_ages(model)
+        felt = slice(own.youngest - ages.youngest, own.oldest + 1 - ages.youngest)
+        angle, load = casadi.SX.sym("angle"), casadi.SX.sym("load")
+        requests, radius = casadi.SX.sym("requests", own.width), casadi.SX.sym("radius")
+        after = period(model, angle, requests, load=load, radius=radius)
+        slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
+        written = casadi.Function("period", [angle, requests, load, radius], [after, *slopes])
+        for k in range(samples):
+            torque = 0.0 if torques[joint] is None else torques[joint][k]
+            # A corner that is not rounded at all has no derivative; none is met here.
+            rounding = max(smoothing * model.theta_0, 1e-150)
+            answers = written(before[k, joint], windows[felt, k, joint], torque, rounding)
+            reached, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
+            assert together.reached[k, joint] == pytest.approx(reached[0], abs=1e-13)
+            assert together.by_angle[k, joint] == pytest.approx(by_angle[0], abs=1e-13)
+            np.testing.assert_allclose(
+                together.by_request[felt, k, joint], by_request, rtol=0.0, atol=1e-13
+            )
+
+
+def test_the_bending_is_the_slope_of_the_slopes():
+    rng = np.random.default_rng(8)
+    model = random_dry_model(rng, whole=False)
+    every = Periods([model], 9, [loads(9)])
+    before = rng.uniform(-1.0, 1.0, (9, 1))
+    windows = before + rng.uniform(-2.0, 2.0, (every.ages.width, 9, 1)) * model.theta_0
+    bending = every(before, windows, 0.3).bending
+    step = 1e-5
+    for j in range(len(windows)):
+        push = np.zeros_like(windows)
+        push[j] = step
+        above, below = (every(before, windows + s * push, 0.3).by_request[j] for s in (1.0, -1.0))
+        np.testing.assert_allclose(bending[j], (above - below) / (2.0 * step), atol=1e-6)
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_compiled_run_is_the_simulation_under_load(cyclic, hold):
+    rng = np.random.default_rng(hold)
+    model = random_dry_model(rng, whole=False, hold=hold, offset=True)
+    requests, load = rng.uniform(-1.0, 1.0, 40), loads(40)
+    angles = simulate(model, requests, cyclic=cyclic, load=load)
+    start = float(angles[-1] if cyclic else requests[0] + model.sag(load[0]))
+    numbers = np.maximum(acting(request_ages(model), 40, cyclic=cyclic), 0)
+    run = exact_run(model, 40)(start, requests[numbers], load)
+    np.testing.assert_allclose(run, angles, rtol=0.0, atol=CLOSED)
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        (
+            [0.0, 0.1],
+            r"load: got shape \(2,\), expected a torque \[N m\], or one for each of the 3",
+        ),
+        ("heavy", "load: got 'heavy'"),
+        (math.nan, "load: got values that are not finite"),
+        ([0.0, 0.0, -9.0], "load: got -9 N m at sample 2, against which the joint cannot move up"),
+        (50.0, "load: got 50 N m at sample 0, against which the joint cannot move down"),
+    ],
+)
+def test_a_load_that_cannot_be_is_refused(load, said):
+    for function in (simulate, sensitivities):
+        with pytest.raises(InvalidInput, match=said):
+            function(DRY, [0.0, 0.1, 0.2], load=load)

@@ -1,0 +1,244 @@
+"""A figure is one description: paper and screen draw the same arrays, spans and words."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import re
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from planner.report.figure import (
+    Axis,
+    Curve,
+    Figure,
+    Motion,
+    Movie,
+    Panel,
+    Span,
+    Timeline,
+    Words,
+    around,
+    near_limits,
+)
+from planner.report.matplotlib_figure import draw, draw_grid, to_inline_svg, to_svg
+from planner.report.plotly_figure import MOST_FRAMES, live, moving_leg, packed, plot
+from planner.report.style import DESIRED, DIRECT, MUTED, REQUESTED, Role
+
+SINGLE = 1e-6
+"""Single precision keeps numbers to this share of themselves."""
+
+X = np.array([0.0, 1.0, 2.0])
+
+
+def unpacked(numbers):
+    return np.frombuffer(base64.b64decode(numbers["bdata"]), dtype="<f4")
+
+
+def check_words(told):
+    """Plotly raises at any word or value that is not its own."""
+    plain = json.loads(re.sub(r"var\(--[\w-]+\)", "#123456", json.dumps(told, allow_nan=False)))
+    go.Figure(data=plain["data"], layout=plain["layout"])
+
+
+def check_same(figure):
+    """Both renderings have the same curves, panel by panel, but those that only a screen has."""
+    told, drawn = plot(figure), draw(figure)
+    check_words(told)
+    assert len(drawn.axes) == len(figure.panels)
+    for number, (panel, axes) in enumerate(zip(figure.panels, drawn.axes, strict=True), 1):
+        axis = "y" if number == 1 else f"y{number}"
+        traces = [trace for trace in told["data"] if trace["yaxis"] == axis]
+        shown = [trace for trace in traces if trace["visible"] is True]
+        assert [trace["name"] for trace in traces] == [curve.name for curve in panel.curves]
+        assert len(shown) == len(axes.lines)
+        for trace, line in zip(shown, axes.lines, strict=True):
+            assert trace["name"] == line.get_label()
+            for key, values in (("x", line.get_xdata()), ("y", line.get_ydata())):
+                scale = SINGLE * max(1.0, float(np.nanmax(np.abs(values), initial=0.0)))
+                np.testing.assert_allclose(unpacked(trace[key]), values, atol=scale, rtol=0.0)
+        shapes = [
+            shape
+            for shape in told["layout"]["shapes"]
+            if shape["type"] == "rect" and shape["yref"].split()[0] == axis
+        ]
+        for span, shape, patch in zip(panel.spans, shapes, axes.patches, strict=True):
+            ends = [(shape["x0"], shape["x1"]), (shape["y0"], shape["y1"])]
+            box = [(patch.get_x(), patch.get_width()), (patch.get_y(), patch.get_height())]
+            start, size = box[span.along == "y"]
+            assert ends[span.along == "y"] == (span.start, span.end)
+            assert (start, start + size) == pytest.approx((span.start, span.end))
+    entries = {text.get_text() for legend in drawn.legends for text in legend.get_texts()}
+    named = {t["name"] for t in told["data"] if t.get("showlegend", True) and t["visible"] is True}
+    assert named <= entries
+
+
+def figure_of(*panels, **more):
+    words = ("title", "caption")
+    return Figure("name", *words, Axis("time", "ms"), panels, **{"over_time": True, **more})
+
+
+def everything():
+    curves = (
+        Curve(DESIRED, X, np.array([1.0, math.nan, 3.0])),
+        Curve(REQUESTED, X, np.array([0.0, 4.0, 2.0]), held=True),
+        Curve(DIRECT, X, X, "at rest", hidden=True),
+        Curve(DIRECT, X, X, "knots", marks="rings", notes=("a", "b", "c")),
+        Curve(DIRECT, X, X, "cloud", marks="dots", opacity=0.5),
+        Curve(MUTED, X, X, legend=False),
+    )
+    spans = (
+        Span(0.5, 1.0, DIRECT, 0.2, words="lag 4", words_side="left", legend="why", hatch="//"),
+        Span(-0.5, 0.5, DIRECT, 0.2, along="y"),
+    )
+    first = Panel(
+        Axis("angle", "deg"), curves, "<hip>", spans=spans, words=(Words("v_max", 1.0, 2.0),)
+    )
+    return first, Panel(Axis("distance", "cm", from_zero=True), curves[:1], "foot", height=2.0)
+
+
+@pytest.mark.parametrize("clock", [None, 1000.0])
+def test_paper_and_screen_draw_the_same(clock):
+    check_same(figure_of(*everything(), clock=clock))
+
+
+def test_paper_and_screen_draw_the_same_plane():
+    names = Axis("", range=(2.5, -0.5), names={0.0: "<hip>", 1.0: "knee"})
+    for y, equal in ((names, False), (Axis("z", "cm"), True)):
+        check_same(figure_of(Panel(y, (Curve(DIRECT, X, X),)), over_time=False, equal=equal))
+
+
+def test_numbers_are_shown_in_their_units_with_their_notes():
+    told = plot(figure_of(*everything()))["data"]
+    assert told[0]["hovertemplate"] == "%{y:.2f} deg"
+    assert told[1]["line"]["shape"] == "hv"
+    assert told[2]["visible"] == "legendonly"
+    assert told[3]["hovertemplate"] == "%{y:.2f} deg · %{text}"
+    assert told[3]["marker"]["color"] == "rgba(0,0,0,0)"
+    assert told[4]["marker"]["opacity"] == 0.5
+    assert told[5]["hoverinfo"] == "skip"
+    assert told[6]["hovertemplate"].endswith(" cm")
+    (point,) = plot(figure_of(Panel(Axis("y", "deg", decimals=1), (Curve(DIRECT, X, X),)),
+                              over_time=False))["data"]  # fmt: skip
+    assert point["hovertemplate"] == "%{x:.2f} ms, %{y:.1f} deg<extra>%{fullData.name}</extra>"
+
+
+def test_all_panels_share_one_axis_of_time_which_ends_with_the_curves():
+    told = plot(figure_of(*everything(), views={"first": (0.0, 1.0)}))
+    assert {trace.get("xaxis", "x") for trace in told["data"]} == {"x"}
+    assert told["layout"]["xaxis"]["range"] == [0.0, 2.0]
+    assert told["views"] == {"first": [0.0, 1.0]}
+    above, below = (told["layout"][f"yaxis{n}"]["domain"] for n in ("", "2"))
+    assert above[1] == 1.0
+    assert below[0] == 0.0
+    assert above[0] > below[1]
+    assert 2.0 * (above[1] - above[0]) == pytest.approx(below[1] - below[0], abs=1e-5)
+
+
+def test_names_are_text_and_nothing_else():
+    told = plot(figure_of(*everything()))["layout"]["annotations"]
+    assert told[0]["text"] == "<b>&lt;hip&gt;</b>"
+    assert "v<sub>max</sub>" in {each["text"] for each in told}
+    svg = to_inline_svg(figure_of(*everything()))
+    assert "<hip>" not in svg
+    assert 'aria-label="title. axes: angle [deg], ' in svg
+    assert "panels: &lt;hip&gt;, foot; curves: desired, requested, knots, cloud" in svg
+
+
+def test_a_colour_that_the_page_does_not_know_is_refused():
+    strange = Curve(Role("x", "#123456", "#fff"), X, X)
+    with pytest.raises(KeyError, match="#123456"):
+        plot(figure_of(Panel(Axis("angle", "deg"), (strange,))))
+
+
+def test_the_same_figure_is_the_same_bytes():
+    figure = figure_of(*everything(), clock=1000.0)
+    assert json.dumps(plot(figure)) == json.dumps(plot(figure))
+    assert to_svg(draw(figure)) == to_svg(draw(figure))
+    assert packed(X) == packed(X.copy())
+
+
+def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
+    timeline = Timeline(0.008, 2)
+    one = timeline.curve(np.array([10.0, 20.0]), DIRECT, notes=("a", "b"))
+    np.testing.assert_array_equal(one.y, [10.0, 20.0, 10.0])
+    np.testing.assert_array_equal(one.x, [0.0, 8.0, 16.0])
+    assert one.notes == ("a", "b", "a")
+    two = timeline.cycles(np.array([[1.0, 2.0], [3.0, 4.0]]), DIRECT)
+    np.testing.assert_array_equal(two.y, [1.0, 2.0, 1.0, math.nan, 3.0, 4.0, 3.0])
+    np.testing.assert_array_equal(two.x, [0.0, 8.0, 16.0, math.nan, 0.0, 8.0, 16.0])
+    once = Timeline(0.008, 2, cyclic=False)
+    np.testing.assert_array_equal(once.curve(np.array([1.0, 2.0]), DIRECT).x, [0.0, 8.0])
+
+
+def test_long_motions_are_in_seconds():
+    short, long = Timeline(0.008, 88), Timeline(0.008, 3400)
+    assert (short.axis.words, short.axis.range) == ("time [ms]; it repeats", (0.0, 704.0))
+    assert (long.axis.words, long.axis.range) == (
+        "time [s]; it repeats",
+        (0.0, pytest.approx(27.2)),
+    )
+    assert (short.axis.decimals, long.axis.decimals) == (0, 3)
+
+
+def test_a_motion_of_a_hair_is_shown_in_a_degree():
+    panel = Panel(Axis("angle", "deg", least=1.0), (Curve(DIRECT, X, 1e-9 * X),))
+    assert panel.y_range == pytest.approx((-0.5, 0.5))
+    assert Panel(Axis("angle", "deg", least=1.0), (Curve(DIRECT, X, X),)).y_range is None
+
+
+def test_limits_are_drawn_where_the_requests_come_near():
+    requests = Curve(REQUESTED, X, np.array([0.0, 10.0, 5.0]))
+    drawn = near_limits((-5.0, 100.0), requests, end=2.0)
+    assert [curve.y[0] for curve in drawn] == [-5.0]
+    assert near_limits(None, requests, end=2.0) == ()
+    low, high = around([X, X - 5.0])
+    assert low < -5.0
+    assert high > 2.0
+
+
+def test_several_figures_are_drawn_as_one():
+    figure = figure_of(*everything())
+    drawn = draw_grid([figure] * 3, columns=2, width=3.6)
+    assert (
+        len(drawn.get_axes() or [a for f in drawn.subfigs for g in f.subfigs for a in g.axes]) == 6
+    )
+    assert to_svg(drawn).count("title") >= 3
+
+
+def motion(samples):
+    points = np.zeros((samples, 3, 3))
+    points[:, 1:, 2] = -0.0501
+    points[:, 2, 0] = np.linspace(0.0, 0.1, samples)
+    return Motion(DIRECT, points, points[:, 2, 0])
+
+
+def test_a_leg_is_shown_in_centimetres_with_its_ground_and_its_error():
+    told = moving_leg(Movie((motion(3),), 0.008, cyclic=True, ground=-0.0501))
+    (only,) = told["motions"]
+    assert only["points"][1] == [[0.0, 0.0, 0.0], [0.0, 0.0, -5.01], [5.0, 0.0, -5.01]]
+    assert only["distances"] == [0.0, 5.0, 10.0]
+    assert only["rms"] == pytest.approx(math.sqrt(125.0 / 3.0), abs=0.005)
+    assert told["ground"] == -5.01
+    assert only["colour"] == "var(--direct)"
+
+
+def test_a_long_motion_is_thinned_and_keeps_its_time():
+    movie = Movie((motion(2 * MOST_FRAMES + 1),), 0.002, cyclic=False)
+    told = live(figure_of(*everything(), movie=movie))
+    assert len(told["motions"][0]["points"]) <= MOST_FRAMES
+    assert told["period"] == pytest.approx(0.006)
+    assert told["ground"] is None
+
+
+def test_a_legend_of_many_entries_stays_inside_its_figure():
+    names = ("requested", "measured", "model, fitted", "model, rows held out", "residual")
+    curves = tuple(Curve(DIRECT, X, X, name) for name in (*names, "held out", "± 2 noise"))
+    drawn = draw(figure_of(Panel(Axis("angle", "deg"), curves)))
+    drawn.draw_without_rendering()
+    (legend,) = drawn.legends
+    assert legend.get_window_extent().x1 <= drawn.bbox.x1
+    assert len({text.get_window_extent().x0 for text in legend.get_texts()}) > 1  # columns

@@ -1,0 +1,220 @@
+"""The report in a browser: its plots, its leg and its tables do what a reader asks of them."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.page import live_head, live_scripts
+from planner.report.plotly_figure import plot
+from planner.report.style import DIRECT, ROLES
+
+LEG, JOINTS = "figure8_foot_paths", "joints_by_method"
+
+PHONE, DESK = 400, 1280
+"""Widths of screens [px]."""
+
+BEYOND = 1
+"""Rounding may make a page this much wider than its screen [px]."""
+
+ALL_DRAWN = (
+    "Object.keys(live.figures).every((name) => 'drawn' in document.getElementById(name).dataset)"
+)
+
+SCROLL_THROUGH = """(async () => {
+  for (const name of Object.keys(live.figures)) {
+    document.getElementById(name).scrollIntoView();
+    await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 20)));
+  }
+  scrollTo(0, 0);
+})()"""
+
+
+@pytest.fixture(scope="module")
+def report(folder):
+    return folder / "report.html"
+
+
+@pytest.fixture
+def quiet(browser):
+    """The browser; afterwards, no page may have complained or asked anybody for anything."""
+    yield browser
+    assert browser.complaints == []
+    assert browser.ask("live.errors") == []
+    assert browser.asked_of_others == []
+
+
+def _open(browser, report, **taste):
+    """Open the page at its leg and its joints, and wait until both are drawn."""
+    browser.open(report, **taste)
+    browser.ask(f"document.getElementById('{JOINTS}').scrollIntoView({{ block: 'center' }})")
+    for name in (LEG, JOINTS):
+        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
+
+
+def _plot(expression):
+    plot = f"document.querySelector('#{JOINTS} .canvas')"
+    return f"(() => {{ const plot = {plot}; return {expression}; }})()"
+
+
+def _place(browser, across, down):
+    """Where a point of the first panel is on the screen [px], which is scrolled there."""
+    corner = _plot(
+        "(() => { plot.scrollIntoView(); const { left, top } ="
+        "plot.querySelector('.nsewdrag').getBoundingClientRect(); return [left, top]; })()"
+    )
+    left, top = browser.ask(corner)
+    return left + across, top + down
+
+
+def _moment(browser):
+    return browser.ask("live.moment")
+
+
+@pytest.mark.parametrize(
+    ("width", "dark"), [(DESK, False), (DESK, True), (PHONE, False), (PHONE, True)]
+)
+def test_every_figure_comes_to_life_and_fits_the_screen(quiet, report, width, dark):
+    _open(quiet, report, width=width, dark=dark)
+    quiet.ask(SCROLL_THROUGH)
+    quiet.wait_for(ALL_DRAWN)
+    assert quiet.ask("document.documentElement.scrollWidth") <= width + BEYOND
+    assert quiet.ask("document.querySelectorAll('figure.alive .canvas .main-svg').length") > 0
+    picture = Image.open(io.BytesIO(quiet.screenshot())).convert("RGB")
+    assert picture.width == width
+    assert (sum(picture.getpixel((2, 2))) < 3 * 64) == dark
+    assert len(picture.getcolors(1 << 24)) > 50  # an empty page has a few
+
+
+def test_plots_change_their_colours_with_the_page(quiet, report):
+    _open(quiet, report)
+    colour = _plot("plot.data.find((trace) => trace.name === 'direct').line.color")
+    assert quiet.ask(colour) == ROLES["direct"].light
+    quiet.prefer(dark=True)
+    quiet.wait_for(f"{colour} === '{ROLES['direct'].dark}'")
+    assert quiet.ask(_plot("plot.layout.font.color")) == ROLES["ink"].dark
+
+
+def test_the_slider_moves_the_leg_and_the_line_in_the_plots(quiet, report):
+    _open(quiet, report)
+    foot = f"document.querySelector('#{LEG} .bones').getAttribute('points').split(' ').at(-1)"
+    before = quiet.ask(foot)
+    quiet.ask(
+        f"(() => {{ const slider = document.querySelector('#{LEG} input');"
+        "slider.value = 44; slider.dispatchEvent(new Event('input')); })()"
+    )
+    assert quiet.ask(foot) != before
+    assert _moment(quiet) == pytest.approx(44 * 0.008)
+    assert quiet.ask(f"document.querySelector('#{LEG} .clock').textContent") == "352 ms"
+    quiet.wait_for(_plot("plot.layout.shapes[0].x0 === 352"))
+
+
+def test_play_moves_the_leg_and_pause_stops_it(quiet, report):
+    _open(quiet, report)
+    press = f"document.querySelector('#{LEG} .play').click()"
+    quiet.ask(press)
+    quiet.wait_for("live.moment > 0.02")
+    quiet.ask(press)
+    stopped = _moment(quiet)
+    quiet.ask("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert _moment(quiet) == stopped
+
+
+def test_the_leg_follows_the_pointer_in_a_plot_which_tells_values_with_units(quiet, report):
+    _open(quiet, report)
+    x, y = _place(quiet, 90, 40)
+    quiet.point("mouseMoved", x, y)
+    quiet.wait_for("live.moment > 0")
+    quiet.wait_for(_plot("plot.querySelector('.hoverlayer').textContent.includes(' deg')"))
+    assert " ms" in quiet.ask(_plot("plot.querySelector('.hoverlayer').textContent"))
+
+
+def test_a_zoom_is_one_of_all_joints_and_outlives_a_change_of_colours(quiet, report):
+    _open(quiet, report)
+    x, y = _place(quiet, 50, 60)
+    quiet.point("mouseMoved", x, y)
+    quiet.point("mousePressed", x, y, button="left", clickCount=1)
+    quiet.point("mouseMoved", x + 120, y, button="left")
+    quiet.point("mouseReleased", x + 120, y, button="left", clickCount=1)
+    quiet.wait_for(_plot("plot.layout.xaxis.range[0] > 20"))
+    span = quiet.ask(_plot("plot.layout.xaxis.range"))
+    assert 100 < span[1] - span[0] < 400
+    assert quiet.ask(
+        _plot("plot.data.every((trace) => trace.xaxis === undefined || trace.xaxis === 'x')")
+    )
+    quiet.prefer(dark=True)
+    quiet.wait_for(_plot(f"plot.layout.font.color === '{ROLES['ink'].dark}'"))
+    assert quiet.ask(_plot("plot.layout.xaxis.range")) == span
+
+
+def test_plots_that_follow_the_same_moment_are_zoomed_in_time_together(quiet, tmp_path):
+    times = np.arange(11.0)
+    plots = {
+        name: plot(
+            Figure(
+                name, "", "", Axis("time"),
+                (Panel(Axis("angle", "deg"), (Curve(DIRECT, scale * times, times),)),),
+                over_time=True, clock=clock,
+            )
+        )
+        for name, scale, clock in (
+            ("first", 1.0, 1000.0), ("second", 0.001, 1.0), ("alone", 1.0, None)
+        )
+    }  # fmt: skip
+    figures = "".join(f'<figure id="{name}"><svg></svg></figure>' for name in plots)
+    page = tmp_path / "page.html"
+    page.write_text(f"<!doctype html>{live_head()}{figures}{live_scripts(plots)}")
+    quiet.open(page)
+    quiet.wait_for(ALL_DRAWN)
+    canvas = "document.querySelector('#{} .canvas')".format
+    quiet.ask(f"Plotly.relayout({canvas('first')}, {{ 'xaxis.range': [2, 5] }}).then(() => 0)")
+    quiet.wait_for(f"{canvas('second')}.layout.xaxis.range.join() === '0.002,0.005'")
+    assert quiet.ask(f"{canvas('alone')}.layout.xaxis.range") == [0, 10]
+    quiet.ask(f"Plotly.relayout({canvas('second')}, {{ 'xaxis.range': [0, 0.01] }}).then(() => 0)")
+    quiet.wait_for(f"{canvas('first')}.layout.xaxis.range.join() === '0,10'")
+
+
+def test_an_entry_of_the_legend_hides_its_curve_in_every_panel(quiet, report):
+    _open(quiet, report)
+    shown = _plot(
+        "plot.data.filter((trace) => trace.name === 'direct' && trace.visible === true).length"
+    )
+    entries = f"[...document.querySelectorAll('#{JOINTS} .entry')]"
+    entry = f"{entries}.find((each) => each.textContent === 'direct')"
+    assert quiet.ask(shown) == 4  # three joints and the foot
+    quiet.ask(f"{entry}.click()")
+    quiet.wait_for(f"{shown} === 0")
+    assert quiet.ask(f"{entry}.ariaPressed") == "false"
+    quiet.ask(f"{entry}.click()")
+    quiet.wait_for(f"{shown} === 4")
+
+
+def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
+    button = "document.querySelector('.scroll[aria-label=\"Foot distances\"] + .copy')"
+    _open(quiet, report)
+    quiet.ask("navigator.clipboard.writeText = async (text) => { live.copied = text; }")
+    quiet.ask(f"{button}.click()")
+    quiet.wait_for("live.copied !== undefined")
+    rows = [line.split("\t") for line in quiet.ask("live.copied").splitlines()]
+    assert len({len(row) for row in rows}) == 1
+    direct = results["foot"]["direct"]
+    (row,) = [row for row in rows if row[0].startswith("direct")]
+    assert row[1:3] == [f"{direct['L2']:.2f}", f"{direct['paper']['L2']:.2f}"]
+    assert row[3].startswith(("-", "+", "0"))
+    quiet.wait_for(f"{button}.textContent === 'copied'")
+
+
+def test_on_paper_the_still_pictures_stand_in(quiet, report):
+    _open(quiet, report)
+    still = f"getComputedStyle(document.querySelector('#{JOINTS} > svg')).display"
+    assert quiet.ask(still) == "none"
+    quiet.prefer(dark=False, media="print")
+    assert quiet.ask(still) == "block"
+    assert (
+        quiet.ask(f"getComputedStyle(document.querySelector('#{JOINTS} .live')).display") == "none"
+    )
+    assert quiet.printed()[:5] == b"%PDF-"

@@ -1,0 +1,76 @@
+"""The figures of the paper: the same on paper and on a screen, from the experiment's numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.evaluation.paper import STEP_AMPLITUDES, published
+from planner.report.paper.agreement import COMPARED, agreement_pairs
+from planner.report.paper.figures import paper_figures
+from tests.report.test_figure import check_same
+
+
+@pytest.fixture(scope="module")
+def reproduction(reproduced):
+    return reproduced.answer
+
+
+@pytest.fixture(scope="module")
+def figures(reproduction):
+    return {figure.name: figure for figure in paper_figures(reproduction)}
+
+
+def curve_of(panel, name):
+    return next(curve for curve in panel.curves if curve.name == name)
+
+
+def test_every_figure_is_the_same_on_paper_and_on_a_screen(figures):
+    assert {name.split("_")[0] for name in figures} >= {f"figure{k}" for k in range(1, 9)}
+    for figure in figures.values():
+        check_same(figure)
+
+
+def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):
+    figure = figures["figure8_foot_paths"]
+    paths = {curve.name: curve for curve in figure.panels[0].curves}
+    for motion in figure.movie.motions:
+        if not motion.hidden:
+            path = paths[motion.role.label]
+            foot = 100.0 * motion.points[:, -1]
+            np.testing.assert_allclose(path.x[:-1], foot[:, 0], atol=1e-9)
+            np.testing.assert_allclose(path.y[:-1], foot[:, 2], atol=1e-9)
+
+
+def test_the_step_tests_shade_lag_and_acceleration_time(reproduction, figures):
+    period = 1000.0 * reproduction.model.period
+    for number, amplitude in enumerate(STEP_AMPLITUDES, 3):
+        (panel,) = figures[f"figure{number}_step_{amplitude:g}"].panels
+        response = reproduction.steps[amplitude]
+        lag, acceleration = panel.spans
+        assert (lag.start, lag.end) == (
+            period * response.step,
+            period * (response.step + response.lag),
+        )
+        assert acceleration.start == lag.end
+        assert acceleration.end - acceleration.start == pytest.approx(
+            period * response.acceleration
+        )
+        assert lag.words == f"lag {response.lag} ticks"
+        angles = curve_of(panel, "actual").y[:-1]
+        np.testing.assert_array_equal(angles, np.degrees(response.angles))
+
+
+def test_every_figure_of_table_2_stands_beside_the_paper_s(reproduction, figures):
+    pairs = agreement_pairs(reproduction)
+    assert len(pairs) == 18
+    assert {pair.comparison for pair in pairs} == set(COMPARED)
+    for pair in pairs:
+        ours = reproduction.table2[pair.joint][pair.comparison]
+        paper = published(pair.joint, pair.comparison)
+        distances = {"L₂": (ours.rms, paper.L2.mean), "L∞": (ours.max, paper.Linf.mean)}
+        assert (pair.ours, pair.paper) == distances[pair.norm]
+    (panel,) = figures["table2_agreement"].panels
+    drawn = curve_of(panel, "the paper's model, here")
+    np.testing.assert_array_equal(drawn.x, [pair.ours for pair in pairs])
+    assert drawn.notes[0] == f"{pairs[0].joint}, L₂"

@@ -1,0 +1,175 @@
+"""The page about a plan: its verdict, remarks and figures, and what a browser makes of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from kinematics import Limits
+from planner.evaluation.plan_outcome import PlanOutcome
+from planner.report.plan import cards, joint_rows, joints_table, plan_page, remarks, verdict
+
+SAME = 1e-12
+"""The same figure by another route [m, rad]."""
+
+DIGITS = 1.1
+"""How many times itself a size is that is rounded up to two digits, at most: 1.0 from above."""
+
+WALK = planner.reference_walk()
+SERVO = planner.JointModel.ers210a()
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    made = planner.invert_foot(SERVO, WALK.leg, WALK.desired_foot)
+    lower, upper = WALK.leg.limits
+    limits = zip(lower.tolist(), upper.tolist(), strict=True)
+    return PlanOutcome(
+        names=WALK.joint_names,
+        models=(SERVO,) * 3,
+        desired=WALK.desired,
+        requests=made.requests,
+        predicted=made.predicted,
+        cyclic=True,
+        limits=dict(zip(WALK.joint_names, limits, strict=True)),
+        leg=WALK.leg,
+        foot=WALK.desired_foot,
+    )
+
+
+def page_of(outcome, **about):
+    return plan_page(outcome, **{"title": "leg <1>", "method": "foot-optimal", **about})
+
+
+def test_the_outcome_is_what_simulation_and_leg_say(outcome):
+    direct = np.column_stack([planner.simulate(SERVO, column) for column in WALK.desired.T])
+    np.testing.assert_array_equal(outcome.direct, direct)
+    distance = WALK.leg.foot_positions(direct) - WALK.desired_foot
+    np.testing.assert_allclose(
+        outcome.distances["direct"], np.linalg.norm(distance, axis=1), atol=SAME
+    )
+    assert outcome.distances["planned"].max() < outcome.distances["direct"].max()
+
+
+def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
+    head, tail = verdict(outcome)
+    said = re.fullmatch(r"The foot stays within ([\d.]+) cm of its path", head)
+    largest = 100.0 * outcome.distances["planned"].max()
+    assert largest <= float(said[1]) <= DIGITS * largest
+    said = re.search(r"up to ([\d.]+) cm", tail)
+    largest = 100.0 * outcome.distances["direct"].max()
+    assert largest <= float(said[1]) <= DIGITS * largest
+    head, _ = verdict(replace(outcome, leg=None, foot=None))
+    assert re.fullmatch(r"The joints stay within [\d.]+ degrees of their paths", head)
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(5.046, "5.1"), (0.0612, "0.062"), (3.0, "3"), (101.0, "110"), (0.0, "0")]
+)
+def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, error, told):
+    errors = np.zeros((len(WALK.desired), 1))
+    errors[3] = np.radians(error)
+    one = replace(
+        outcome, names=["elbow"], models=(SERVO,), desired=WALK.desired[:, :1],
+        requests=outcome.requests[:, :1], predicted=WALK.desired[:, :1] + errors,
+        leg=None, foot=None,
+    )  # fmt: skip
+    head, _ = verdict(one)
+    assert head == f"The joint stays within {told} degrees of its path"
+
+
+def test_a_path_that_is_too_fast_is_remarked(outcome):
+    (said,) = [each for each in remarks(outcome, unreachable=0, missed=()) if "faster" in each]
+    steps = np.abs(np.roll(WALK.desired, -1, axis=0) - WALK.desired)
+    shares = (steps > SERVO.v_max * SERVO.period).mean(axis=0)
+    for name, share in zip(WALK.joint_names, shares, strict=True):
+        assert f"{name} ({100 * share:.0f} % of the path" in said
+    fastest = WALK.joint_names[int(np.argmax(steps.max(axis=0)))]
+    assert f"top speed of: {fastest} (" in said
+    assert any(card.words.startswith(f"{fastest}, the fastest") for card in cards(outcome))
+    slow = replace(outcome, desired=0.1 * WALK.desired)
+    assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
+
+
+def test_what_goes_wrong_is_remarked(outcome):
+    free = replace(WALK.leg, limits=Limits(np.full(3, -3.0), np.full(3, 3.0)))
+    mirrored = replace(free, near=WALK.desired[0] * [1.0, 1.0, -1.0]).joint_angles(
+        WALK.desired_foot
+    )
+    jumping = np.vstack([WALK.desired[:40], mirrored[40:]])
+    jumped = replace(outcome, desired=jumping)
+    said = " ".join(remarks(jumped, unreachable=7, missed=["the foot is 2 cm off"]))
+    assert "the foot is 2 cm off." in said
+    assert "7 of 88 positions are out of the leg's reach" in said
+    assert "the distances count them" in said
+    assert "jumps to another pose" in said
+    assert 39 in jumped.jumps
+    assert 'class="verdict no"' in page_of(jumped)
+    assert 'class="verdict no"' not in page_of(outcome)
+
+
+def test_requests_at_a_limit_are_counted(outcome):
+    first = outcome.names[0]
+    tight = {**outcome.limits, first: (-10.0, float(outcome.requests[:, 0].max()))}
+    rows = joint_rows(replace(outcome, limits=tight))
+    assert rows[0].at_limit >= 1
+    assert rows[0].limits[0] == pytest.approx(np.degrees(-10.0))
+    free = replace(outcome, limits={first: (-np.inf, np.inf)})
+    assert joint_rows(free)[0].at_limit == 0
+    assert "none" in joints_table(free).rows[0].cells
+
+
+def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
+    given = WALK.desired_foot + np.array([0.0, 0.0, 0.01])
+    (said,) = remarks(replace(outcome, foot_given=given), unreachable=7, missed=())[:1]
+    distances = np.linalg.norm(outcome.feet["planned"] - given, axis=1)
+    assert f"{100.0 * np.sqrt(np.mean(distances**2)):.3f} cm rms" in said
+    assert "all distances here are to the clamped path" in said
+
+
+def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
+    exact = replace(outcome, bounds={outcome.names[0]: 0.0})
+    cells = joints_table(exact).rows[0].cells
+    assert "bound 0" in cells
+    assert "inf" not in str(cells)
+
+
+def test_every_name_is_escaped_and_every_request_shown(outcome):
+    page = page_of(replace(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
+    assert "<b>" not in page
+    assert "leg &lt;1&gt;" in page
+    assert "&lt;x&gt;.csv" in page
+    assert page.count("<td>") > 3 * len(outcome.requests)
+    assert "a&lt;b&gt;" in page
+    assert f"{np.degrees(outcome.requests[5, 2]):.3f}" in page
+
+
+def test_the_page_needs_nothing_else(outcome):
+    page = page_of(outcome)
+    assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page)
+    assert page == page_of(outcome)
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (1280, True), (390, False)])
+def test_every_figure_comes_to_life_and_fits_the_screen(outcome, browser, tmp_path, width, dark):
+    file = tmp_path / "plan.html"
+    file.write_text(page_of(outcome), encoding="utf-8")
+    browser.open(file, width=width, dark=dark)
+    figures = browser.ask("Object.keys(live.figures)")
+    assert figures == ["foot_side", "foot_front", "foot_distances", "joint_0", "joint_1", "joint_2"]
+    for name in figures:
+        browser.ask(f"document.getElementById('{name}').scrollIntoView()")
+        browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
+    assert browser.ask("document.documentElement.scrollWidth") <= width
+    assert browser.complaints == []
+    assert browser.ask("live.errors") == []
+    assert browser.requests == [file.as_uri()]
+
+
+def test_a_path_from_rest_has_a_page_too(outcome):
+    once = replace(outcome, cyclic=False)
+    assert "it repeats" not in page_of(once)

@@ -1,0 +1,81 @@
+"""The page about a replay: the promise, the slider, the joints, and how fast it can be."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner import JointModel, Log, fastest, replay, simulate
+from planner.report.replay import replay_page
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+
+
+def logs(*names, size=0.5):
+    requests = size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, 80))) / 2.0
+    angles = simulate(SERVO, requests, cyclic=False)
+    times = SERVO.period * np.arange(80)
+    return [Log(times=times, requests=requests, angles=angles, joint=name) for name in names]
+
+
+def live(page):
+    found = re.search(r'<script type="application/json" id="live-figures">(.*?)</script>', page)
+    return json.loads(found[1])
+
+
+@pytest.fixture(scope="module")
+def made():
+    return replay([*logs("elbow", size=3.0), *logs("gripper")], SERVO, speed=2.0)
+
+
+def test_the_page_says_what_is_promised_and_what_is_passed_on(made):
+    page = replay_page(made, title="demo.csv", words="follows the state")
+    assert "Replay at 2 times the speed" in page
+    assert "request-planner replay · demo.csv" in page
+    assert "Follows the state" not in page
+    assert "The path is faster than the joint can be: elbow" in page
+    assert (
+        "These joints get their recorded requests at the same moments: gripper (a gripper)" in page
+    )
+    assert page == replay_page(made, title="demo.csv", words="follows the state")
+
+
+def test_a_slider_shows_every_joint_at_a_moment(made):
+    figures = live(replay_page(made, title="demo.csv", words="follows the state"))
+    moment = figures["moment"]
+    assert moment["kind"] == "moment"
+    assert [each["name"] for each in moment["joints"]] == ["elbow", "gripper"]
+    kinds = {each["name"]: each["values"] for each in moment["kinds"]}
+    assert len(kinds["path"][0]) == moment["samples"] == len(made.moments)
+    assert kinds["predicted"][1] is None
+    assert {"joint_0", "joint_1"} < set(figures)
+    assert figures["joint_0"]["clock"] == 1000.0
+
+
+def test_an_arm_moves_through_the_episode():
+    place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
+    leg = Leg.from_urdf(**place)
+    made = replay(logs(*leg.joint_names), SERVO)
+    figures = live(replay_page(made, title="demo.csv", words="follows the state", arm=leg))
+    assert figures["arm"]["kind"] == "leg"
+    assert [each["name"] for each in figures["arm"]["motions"]] == [
+        "desired",
+        "direct",
+        "optimised",
+    ]
+    assert "moment" not in figures
+
+
+def test_the_curve_of_errors_over_speed_is_on_the_page():
+    found = fastest(logs("elbow"), SERVO, tolerance=0.02)
+    page = replay_page(
+        found.replay, title="demo.csv", words="follows the state", found=found, verdict="within 1"
+    )
+    names = [each["name"] for each in live(page)["speeds"]["data"]]
+    assert names[-4:] == ["direct", "best time shift", "optimised", "lower bound"]
+    assert "How fast it can be" in page
+    assert "Within 1." in page

@@ -1,0 +1,133 @@
+"""The page with the moving robot: what the viewer in it is told, without a browser."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kinematics import Leg, urdf_path
+from kinematics.scene import Scene
+from planner.exceptions import MissingExtra
+from planner.report.scene import MOST_FRAMES, SIDES, motions, scene_page, tube
+from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL
+
+PERIOD = 0.008
+
+ROUNDING = 1e-12
+"""Positions of some decimetres [m]."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+
+
+def _shown(leg, samples=40):
+    phase = 2.0 * np.pi * np.arange(samples)[:, None] / samples
+    desired = np.array([0.1, 0.3, 1.0]) + 0.3 * np.sin(phase + np.array([0.0, 1.0, 2.0]))
+    each = [desired, 0.8 * desired, 0.95 * desired]
+    return motions(*((angles, leg.foot_positions(angles)) for angles in each))
+
+
+def _page(scene, shown, **settings):
+    pytest.importorskip("meshcat", reason="needs the extra meshcat")
+    return scene_page(scene, shown, **{"period": PERIOD, "cyclic": True, "title": "t", **settings})
+
+
+def _commands(page):
+    umsgpack = pytest.importorskip("umsgpack", reason="needs the extra meshcat")
+    (listed,) = re.findall(r"const commands = (\[.*?\]);", page)
+    return [umsgpack.unpackb(base64.b64decode(each)) for each in json.loads(listed)]
+
+
+@pytest.fixture(scope="module")
+def commands(scene, leg):
+    return _commands(_page(scene, _shown(leg)))
+
+
+def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
+    drawn = {each["path"]: each["object"] for each in commands if each["type"] == "set_object"}
+    for name, role in (("desired", DESIRED), ("direct", DIRECT), ("planned", FOOT_OPTIMAL)):
+        paths = [path for path in drawn if path.startswith(f"/meshcat/{name}/")]
+        assert len(paths) == 6  # five shapes of four links, and the foot's trace
+        assert {drawn[path]["materials"][0]["color"] for path in paths} == {int(role.light[1:], 16)}
+    robot = [path for path in drawn if path.startswith("/meshcat/robot/")]
+    assert not any("front_left" in path for path in robot)
+    assert any("/hind_right_ball/" in path for path in robot)
+
+
+def test_the_ground_lies_below_every_foot(commands, leg):
+    ground = [each for each in commands if each["path"].startswith("/meshcat/ground")]
+    (drawn,) = [each for each in ground if each["type"] == "set_object"]
+    (placed,) = [each for each in ground if each["type"] == "set_transform"]
+    thickness = drawn["object"]["geometries"][0]["depth"]
+    top = placed["matrix"][14] + 0.5 * thickness
+    lowest = min(float(motion.foot[:, 2].min()) for motion in _shown(leg))
+    assert lowest - 2.0 * thickness < top < lowest
+
+
+def test_the_foot_is_animated_along_its_path_in_real_time_and_for_ever(commands, leg):
+    (told,) = [each for each in commands if each["type"] == "set_animation"]
+    assert told["options"] == {"play": True, "repetitions": float("inf")}
+    clips = {each["path"]: each["clip"] for each in told["animations"]}
+    assert len(clips) == 12
+    clip = clips["/meshcat/planned/front_left_ball"]
+    assert clip["fps"] == 1.0 / PERIOD
+    keys = {track["name"]: track["keys"] for track in clip["tracks"]}
+    foot = _shown(leg)[2].foot
+    values = np.array([key["value"] for key in keys[".position"]])
+    assert [key["time"] for key in keys[".position"]] == list(range(41))
+    assert np.max(np.abs(values - np.concatenate([foot, foot[:1]]))) <= ROUNDING
+    assert len(keys[".quaternion"]) == 41
+
+
+def test_a_motion_from_rest_does_not_join_its_ends_and_a_long_one_is_thinned(scene, leg):
+    page = _page(scene, _shown(leg, samples=2 * MOST_FRAMES + 1), cyclic=False)
+    (told,) = [each for each in _commands(page) if each["type"] == "set_animation"]
+    clip = told["animations"][0]["clip"]
+    assert len(clip["tracks"][0]["keys"]) == -(-(2 * MOST_FRAMES + 1) // 3)
+    assert clip["fps"] == pytest.approx(1.0 / (3.0 * PERIOD))
+
+
+def test_the_page_is_the_same_every_time_and_asks_nobody(scene, leg):
+    page = _page(scene, _shown(leg), title="a <walk>")
+    assert page == _page(scene, _shown(leg), title="a <walk>")
+    assert "<title>a &lt;walk&gt;</title>" in page
+    assert not re.findall(r"<(?:script|img|link)[^>]*(?:src|href)=\"(?!data:)", page)
+    assert "default-src 'none'" in page
+
+
+def test_what_is_not_installed_is_named(scene, leg, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "meshcat", None)
+    with pytest.raises(MissingExtra, match=r"request-planner\[meshcat\]"):
+        scene_page(scene, _shown(leg), period=PERIOD, cyclic=True, title="t")
+
+
+@given(
+    arrays(np.float64, st.tuples(st.integers(2, 9), st.just(3)), elements=st.floats(-1.0, 1.0)),
+    st.booleans(),
+)
+def test_a_tube_has_its_radius_everywhere(points, closed):
+    points = np.round(points, 3)  # steps below a millimetre have no direction to speak of
+    vertices, faces = tube(points, 0.01, closed=closed)
+    ends = np.roll(points, -1, axis=0) if closed else points[1:]
+    starts = points if closed else points[:-1]
+    moving = np.any(ends != starts, axis=1)
+    assert len(vertices) == 2 * SIDES * moving.sum()
+    assert len(faces) == 2 * SIDES * moving.sum()
+    rings = vertices.reshape(-1, 2, SIDES, 3)
+    middles = np.stack([starts[moving], ends[moving]], axis=1)
+    assert np.allclose(np.linalg.norm(rings - middles[:, :, None], axis=3), 0.01, atol=ROUNDING)
+    assert faces.size == 0 or faces.max() == len(vertices) - 1

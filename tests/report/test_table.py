@@ -1,0 +1,58 @@
+"""A table is one description: a page and a terminal have the same cells, escaped on the page."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from planner.report.table import NOTHING, Column, Row, Table, percent, text_table
+
+PARTS = ("ours", "paper", "diff.")
+
+
+def table(**more):
+    columns = (Column("knee", PARTS, joined="{0} / {1} ({2})"), Column("<words>", words=True))
+    rows = (
+        Row("L2", (("1.00\n± 0.1", "2.00", "−50 %"), "a & b"), "direct"),
+        Row("Linf", (("3.00", NOTHING, NOTHING), "five\nsix"), "direct", "beyond"),
+        Row("L2", (("4.00", "4.00", "0 %"), ""), "shift"),
+    )
+    return Table("what", columns, rows, **more)
+
+
+def test_columns_of_a_text_table_line_up():
+    told = text_table(["joint", "rms"], [["a", "1.5"], ["long", "10.25"]])
+    assert told == "joint    rms\na        1.5\nlong   10.25"
+
+
+def test_a_terminal_joins_the_parts_of_a_cell_and_puts_the_subject_first():
+    lines = table().text().splitlines()
+    assert re.split("  +", lines[0]) == ["what", "knee", "<words>"]
+    assert re.split("  +", lines[1]) == ["direct, L2", "1.00 ± 0.1 / 2.00 (−50 %)", "a & b"]
+    assert re.split("  +", lines[2]) == ["direct, Linf", "3.00", "five (six)"]
+
+
+def test_a_terminal_shows_a_subject_once_where_it_has_a_column():
+    lines = table(apart=True).text().splitlines()
+    assert re.split("  +", lines[1])[:2] == ["direct", "L2"]
+    assert lines[2].split() == ["Linf", "3.00", "five", "(six)"]
+    assert lines[3].startswith("shift")
+
+
+def test_a_page_has_every_part_in_a_cell_and_every_subject_once():
+    html = str(table(label="Table <2>").__html__())
+    assert 'aria-label="Table &lt;2&gt;"' in html
+    assert '<th scope="rowgroup" rowspan="2">direct</th>' in html
+    assert html.count(">direct<") == 1
+    assert "<td class=part>1.00 <small>± 0.1</small></td><td>2.00</td><td>−50 %</td>" in html
+    assert "<td class=words>a &amp; b</td>" in html
+    assert '<th scope="colgroup" colspan="3">knee</th>' in html
+    assert '<th scope="col" class="words">&lt;words&gt;</th>' in html
+    rows = [re.findall(r"<t[hd]", row) for row in re.findall(r"<tr.*?</tr>", html, re.DOTALL)]
+    assert [len(row) for row in rows] == [3, 5, 6, 5, 6]
+
+
+def test_a_share_of_nothing_is_no_percentage():
+    assert percent(0.0125) == "1.25 %"
+    assert percent(0.5, 0) == "50 %"
+    assert percent(math.inf) == "bound 0"

@@ -1,0 +1,171 @@
+"""Commands write only to the outputs that are named, and never run what they read."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+
+from kinematics import urdf_path
+
+EVIL = "__import__('os').system('touch hacked')"
+"""What a file of data may hold, and nobody may run."""
+
+PATH = "t_s,hip_deg,knee_deg\n" + "".join(f"{0.008 * k:.3f},{k % 5},{-k % 7}\n" for k in range(20))
+LOG = "t_s,requested_deg,actual_deg\n" + "".join(
+    f"{0.01 * k:.2f},{20 * (k // 30 % 2)},{18 * (k // 30 % 2)}\n" for k in range(180)
+)
+RUN = '[path]\nfile = "desired.csv"\n[plan]\nmethod = "closed-form"\n[output]\nreport = "r.html"\n'
+
+WRITING = {
+    "plan": ["plan", "desired.csv", "--method", "closed-form", "-o", "out/a.csv"],
+    "fit": ["fit", "desired.csv", "--joint", "knee", "--segments", "4", "-o", "out/a.csv"],
+    "simulate": ["simulate", "desired.csv", "-o", "out/a.csv"],
+    "identify": ["identify", "log.csv", "-o", "out/a.toml", "--report", "out/a.html"],
+    "compare": ["compare", "desired.csv", "--segments", "4", "--out", "out/results"],
+    "export": ["export", "desired.csv", "--format", "csv", "-o", "out/a.csv"],
+    "excite": ["excite", "--limits-deg", "-9", "9", "--duration-s", "4", "-o", "out/a.csv"],
+    "gait": ["gait", "-o", "out/a.csv"],
+    "run": ["run", "run.toml", "--out", "out/results"],
+}
+
+HOSTILE = {
+    "a column": ("desired.csv", f"t_s,{EVIL}_deg\n0,1\n0.008,2\n", ["plan", "desired.csv"]),
+    "a cell": ("desired.csv", f"knee_deg\n1\n{EVIL}\n", ["plan", "desired.csv"]),
+    "a formula": ("desired.csv", 'knee_deg\n1\n"=1+1"\n', ["plan", "desired.csv"]),
+    "a log's column": ("log.csv", f"t_s,{EVIL}\n0,1\n", ["identify", "log.csv"]),
+    "a model": ("m.toml", f'v_max = "{EVIL}"\n', ["simulate", "desired.csv", "--model", "m.toml"]),
+    "a run file": ("run.toml", f'[path]\nfile = "{EVIL}"\n', ["run", "run.toml"]),
+    "a run file's output": (
+        "run.toml",
+        RUN.replace("r.html", "../hacked"),
+        ["run", "run.toml", "--out", "out"],
+    ),
+    "a run file's absolute output": (
+        "run.toml",
+        RUN.replace("r.html", "/tmp/hacked"),
+        ["run", "run.toml", "--out", "out"],
+    ),
+    "JSON": ("log.json", json.dumps({"entries": [{"position": EVIL}]}), ["identify", "log.json"]),
+    "a pickle called CSV": (
+        "log.csv",
+        "cos\nsystem\n(S'touch hacked'\ntR.",
+        ["identify", "log.csv"],
+    ),
+    "a pickle called Parquet": (
+        "log.parquet",
+        "cos\nsystem\n(S'touch hacked'\ntR.",
+        ["identify", "log.parquet"],
+    ),
+    "a robot": (
+        "r.urdf",
+        f'<robot name="{EVIL}"><link name="{EVIL}"/></robot>',
+        ["gait", "--leg", "r.urdf", "--base", "a", "--foot", "b"],
+    ),
+    "a bag's description": (
+        "bag/metadata.yaml",
+        "!!python/object/apply:os.system ['touch hacked']\n",
+        ["identify", "bag"],
+    ),
+    "a bag's text": (
+        "bag/metadata.yaml",
+        f'rosbag2_bagfile_information: !!python/name:os.system "{EVIL}"\n',
+        ["identify", "bag"],
+    ),
+}
+"""A file, what it holds, and who reads it."""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "desired.csv").write_text(PATH)
+    (tmp_path / "log.csv").write_text(LOG)
+    (tmp_path / "run.toml").write_text(RUN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "temporary").mkdir()
+    return tmp_path
+
+
+@pytest.fixture
+def watched(forks, folder):
+    """A run of the program in the folder: its status, what it says in lines, and what it did."""
+
+    def watched(*arguments):
+        done = forks.run(
+            folder,
+            *arguments,
+            environment={
+                "TMPDIR": str(folder / "temporary"),
+                "MPLCONFIGDIR": str(folder / "temporary" / "matplotlib"),
+            },
+            watch=True,
+        )
+        return done.returncode, done.stderr.splitlines(), done.report
+
+    return watched
+
+
+def _names(folder):
+    return {file.relative_to(folder).parts[0] for file in folder.iterdir()}
+
+
+def steps(changes, folder, out):
+    """Changes of the results in ``out`` or of what is in them, by a command that ran in a folder.
+
+    A kill between two of these, and no other, could be told from the results.
+    """
+    inside = f"{folder / out}{os.sep}"
+    return [
+        event
+        for event, *paths in changes
+        if any(f"{folder / path}{os.sep}".startswith(inside) for path in paths)
+    ]
+
+
+@pytest.mark.parametrize("name", WRITING)
+def test_nothing_is_written_but_where_it_was_said_and_a_folder_of_results_by_renames(
+    name, folder, watched
+):
+    before = _names(folder)
+    status, said, report = watched(*WRITING[name])
+    assert status in (0, 1), said
+    assert list((folder / "out").iterdir()), said
+    allowed = (str(folder / "out"), "out/", str(folder / "temporary"), os.devnull)
+    for event, *paths in report["changes"]:
+        written = [path for path in paths if "/" in path]
+        assert written, (event, paths)
+        for path in written:
+            assert path.startswith(allowed), (event, path)
+    assert _names(folder) == before
+    if name == "run":  # a folder, put in its place as those of compare and reproduce are
+        # It is new, and then takes the place of the last one, which is moved away first.
+        again = watched(*WRITING[name])[2]["changes"]
+        for changes, renames in ((report["changes"], 1), (again, 2)):
+            assert len(changes) > 10
+            assert steps(changes, folder, "out/results") == ["os.rename"] * renames
+    left = {file.name for file in (folder / "temporary").iterdir()}
+    assert left <= {"matplotlib"}, "temporary files are left"
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_no_data_is_ever_run(name, folder, watched):
+    file, content, arguments = HOSTILE[name]
+    (folder / file).parent.mkdir(exist_ok=True)
+    (folder / file).write_text(content)
+    before = _names(folder)
+    status, said, report = watched(*arguments)
+    assert status == 2, said
+    assert len(said) == 1, said
+    run = [event for event in report["others"] if event != "marshal.loads"]  # imports
+    assert run == []
+    assert _names(folder) == before
+    assert list((folder / "out").iterdir()) == []
+
+
+def test_a_shipped_robot_is_read_without_running_anything(watched):
+    robot = str(urdf_path("ers210a.urdf"))
+    arguments = ["--leg", robot, "--base", "body", "--foot", "front_left_ball"]
+    status, said, report = watched("gait", *arguments, "-o", "out/a.csv")
+    assert status == 0, said
+    assert [event for event in report["others"] if event != "marshal.loads"] == []

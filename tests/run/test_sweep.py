@@ -1,0 +1,207 @@
+"""Sweeps: points that are planned as their run files are, and the front of speed and error."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import shlex
+
+import numpy as np
+import pytest
+
+import planner
+from planner.evaluation.swept import Outcome, Requirement, Swept
+from planner.exceptions import InvalidFile
+from planner.files.paths import write_joint_path
+from planner.run.settings import HalfEllipse
+from planner.run.sweep import evaluate, number_of_points, read_sweep, sweep, walking_speed
+from planner.run.tasks import Results
+
+GAIT = """
+[leg]
+name = "reference"
+
+[path.half_ellipse]
+samples = 40
+forward = 0.03
+hip_height = 0.09
+height = 0.01
+
+[plan]
+method = "optimal"
+
+[sweep.parameters]
+"""
+
+
+class InThisProcess:
+    """An engine without workers, and what it was asked to run."""
+
+    def __init__(self):
+        self.ran = []
+
+    def run(self, function, tasks):
+        for number, task in tasks:
+            self.ran.append(task.name)
+            yield (number, task), function(task.argument)
+
+
+@pytest.fixture
+def swept(tmp_path):
+    """What a sweep file comes to, and the engine."""
+
+    def swept(text, *, resume=False):
+        file = tmp_path / "sweep.toml"
+        file.write_text(text)
+        engine = InThisProcess()
+        space = read_sweep(str(file))
+        results = Results(tmp_path / "results", {}, resume=resume)
+        return sweep(space, results, engine, progress=lambda _: None), engine
+
+    return swept
+
+
+def test_a_grid_has_all_combinations_and_a_point_out_of_reach_a_reason(swept):
+    made, engine = swept(GAIT + "length = [0.02, 0.2]\nperiod_s = [0.4, 0.5]\n")
+    assert [each.point[0] for each in made.outcomes] == [0.02, 0.02, 0.2, 0.2]
+    periods = [each.point[1] for each in made.outcomes]
+    assert periods == pytest.approx([0.4, 0.496, 0.4, 0.496], abs=1e-12)
+    assert [each.planned for each in made.outcomes] == [True, True, False, False]
+    assert made.outcomes[2].reason.startswith("foot out of reach at ")
+    assert len(engine.ran) == 4
+
+
+def test_the_speed_of_a_gait_is_twice_its_length_in_its_time_on_the_ground(swept):
+    made, _ = swept(GAIT + "length = [0.02]\nground_fraction = [0.5, 0.75]\n")
+    for outcome, fraction in zip(made.outcomes, (0.5, 0.75), strict=True):
+        assert outcome.speed == pytest.approx(100.0 * 0.04 / (fraction * 40 * 0.008), rel=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
+def test_the_speed_is_that_along_the_heading(heading):
+    walk = HalfEllipse(heading_deg=heading)
+    foot = planner.half_ellipse(heading=math.radians(heading))
+    assert walking_speed(foot, walk, 0.008) == pytest.approx(0.04893 * 2 / (44 * 0.008))
+
+
+def test_steps_are_even_from_the_first_to_the_last_value(tmp_path):
+    file = tmp_path / "sweep.toml"
+    file.write_text(GAIT + "length = [0.01, 0.02]\n[sweep]\nsteps = 3\n")
+    space = read_sweep(str(file))
+    assert space.values["length"] == pytest.approx([0.01, 0.015, 0.02])
+    assert number_of_points(space) == 3
+
+
+def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
+    phase = 2.0 * np.pi * np.arange(60) / 60
+    angles = np.column_stack([0.3 * np.sin(phase), 0.1 * np.cos(phase)])
+    write_joint_path(tmp_path / "path.csv", ["hip", "knee"], angles, period=0.008)
+    text = '[path]\nfile = "path.csv"\n[sweep]\nat_error_deg = 0.5\n[sweep.parameters]\n'
+    made, _ = swept(text + "speed = [0.5, 1.0, 4.0]\n")
+    assert (made.speed_unit, made.error_unit) == ("times", "deg")
+    assert [each.speed for each in made.outcomes] == [0.5, 1.0, 4.0]
+    *others, last = made.outcomes
+    assert last.error > 10.0 * max(each.error for each in others)
+    assert last.reason.startswith("error above 0.5; hip would have to exceed its top speed on ")
+    assert made.best is others[1]
+
+
+def test_smoothness_is_a_parameter_of_any_path(swept):
+    made, _ = swept(GAIT + "smoothness = [0.0, 0.2]\n")
+    assert all(each.planned for each in made.outcomes)
+    plain, smooth = made.outcomes
+    assert plain.error <= smooth.error
+
+
+def test_a_search_stays_in_its_ranges_is_the_same_again_and_resumes(swept):
+    """By CMA-ES, with 24 plans of 40 samples: of a front, and of a required error."""
+    pytest.importorskip("cma", reason="needs the extra sweep")
+    text = GAIT + "length = [0.01, 0.04]\nperiod_s = [0.3, 0.8]\n[sweep]\nmethod = 'cma'\n"
+    text += "evaluations = 24\nat_error_cm = 0.3\n"
+    first, engine = swept(text)
+    assert 12 < len(first.outcomes) == len(engine.ran) <= 24
+    for each in first.outcomes:
+        assert 0.01 <= each.point[0] <= 0.04
+        assert 0.296 <= each.point[1] <= 0.804
+    assert first.best is not None
+    assert first.best.error <= 0.3
+    start = [each for each in first.outcomes[:4] if each.error <= 0.3]
+    assert first.best.speed >= max((each.speed for each in start), default=0.0)
+    again, engine = swept(text, resume=True)
+    assert again == first
+    assert engine.ran == []
+
+
+def test_the_front_has_no_point_that_another_beats_in_both():
+    rng = np.random.default_rng(2)
+    outcomes = tuple(Outcome((float(k),), *rng.random(2)) for k in range(60))
+    outcomes = (*outcomes, Outcome((60.0,), reason="none"))
+    made = Swept("a.toml", ("length",), outcomes, "cm/s", "cm", Requirement("speed", 0.5))
+    for each in made.front:
+        assert not any(other.speed >= each.speed and other.error < each.error for other in outcomes)
+    beaten = [each for each in outcomes if each.planned and each not in made.front]
+    for each in beaten:
+        assert any(o.speed >= each.speed and o.error <= each.error for o in made.front)
+    assert list(made.front) == sorted(made.front, key=lambda each: each.speed)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (GAIT + "lenght = [0.1]\n", 15, "unknown key .*lenght.*did you mean '(length|height)'"),
+        (GAIT + "length = [0.2, 0.1]\n", 15, "expected a list of rising numbers"),
+        (GAIT + "length = [0.0, 0.1]\n", 15, "length: got 0, expected .*above 0"),
+        (GAIT + "period_s = [0.01]\n", 15, "4 to 1000000 requests, which are 0.008 s apart"),
+        (GAIT + "speed = [1.0, 2.0]\n", 15, "is of the path of a file; use .*period_s"),
+        (GAIT, 14, "is empty, expected values of one or more of length, height"),
+        (GAIT + "length = [0.1]\n[sweep]\nat_speed = 2.0\n", 17, "is for the path of a file"),
+        (GAIT + "length = [0.1]\n[sweep]\nat_error_deg = 2.0\n", 17, "is for the path of joints"),
+        (GAIT + "length = [0.1]\n[sweep]\nseed = 1\n", 17, "no effect with .*grid"),
+        (GAIT + "length = [0.1, 0.2]\n[sweep]\nmethod = 'cma'\n", 17, "needs two parameters"),
+        (GAIT.replace('name = "reference"', "") + "length = [0.1]\n", 14, "a gait needs a leg"),
+    ],
+)
+def test_what_is_wrong_with_a_sweep_is_said_with_its_line(text, line, message, tmp_path):
+    file = tmp_path / "sweep.toml"
+    file.write_text(text)
+    with pytest.raises(InvalidFile, match=message) as caught:
+        read_sweep(str(file))
+    assert caught.value.line == line
+
+
+def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\nperiod_s = [0.4, 0.6]\n")
+    result = cli_run("sweep", "gaits.toml", "--json", "--workers", "1")
+    assert result.exit_code == 0, result.stderr
+    document = json.loads(result.stdout)
+    with (tmp_path / "gaits" / "points.csv").open() as stream:
+        table = {int(row["point"]): row for row in csv.DictReader(stream)}
+    assert [int(row["point"]) for row in table.values() if row["on_front"] == "True"]
+    assert len(document["commands"]) == len(document["front"]) >= 2
+    for number, command in document["commands"].items():
+        again = cli_run(*shlex.split(command)[1:], "--json")
+        assert again.exit_code == 0, again.stderr
+        found = json.loads(again.stdout)["foot"]["rms_cm"]
+        assert found == pytest.approx(float(table[int(number)]["error_cm"]), rel=1e-12)
+    assert (tmp_path / "gaits" / "report.html").exists()
+    assert not (tmp_path / ".gaits.results").exists()
+
+
+def test_a_parquet_has_the_table_of_the_csv(tmp_path, monkeypatch, cli_run):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.2]\n")
+    assert cli_run("sweep", "gaits.toml", "--workers", "1", "--out", "made").exit_code == 0
+    made = parquet.read_table(tmp_path / "made" / "points.parquet").to_pylist()
+    with (tmp_path / "made" / "points.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["reason"] or None for row in rows] == [each["reason"] for each in made]
+    assert float(rows[0]["error_cm"]) == made[0]["error_cm"]
+    assert made[1]["error_cm"] is None
+
+
+def test_an_outcome_is_json_whatever_happens():
+    content = {"leg": {"name": "reference"}, "path": {"half_ellipse": {"length": 0.5}}}
+    assert "out of reach" in json.loads(evaluate((content, "")))["reason"]

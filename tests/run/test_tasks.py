@@ -1,0 +1,230 @@
+"""Tasks in parallel: the same results however they are run, and none lost whatever dies."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.exceptions import InvalidInput
+from planner.run import tasks as engine
+from planner.run.tasks import (
+    Failure,
+    Results,
+    SchedulerLost,
+    Task,
+    carry_out,
+    engine_of,
+    results_beside,
+)
+from tests.run import work
+
+
+def run(function, tasks, results, *, workers=None, scheduler=None, **more):
+    """The tasks that fail."""
+    with engine_of(workers, scheduler) as place:
+        return carry_out(function, tasks, results, place, **more)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def importable(tmp_path_factory):
+    """Let other processes import the tests; the package they import is the one tested here."""
+    folder = tmp_path_factory.mktemp("path")
+    (folder / "tests").symlink_to(Path(__file__).resolve().parents[1], target_is_directory=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)  # for spawned processes, which take over this list
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)  # for commands
+        yield
+
+
+@pytest.fixture
+def results(tmp_path):
+    return Results(tmp_path / "results", {"power": 2})
+
+
+def test_every_task_has_its_result_and_an_empty_list_of_tasks_none(results):
+    assert run(work.square, work.tasks(), results, workers=2) == []
+    assert [results.read(task) for task in work.tasks()] == [b"%d" % k**2 for k in range(8)]
+    assert run(work.square, [], results) == []
+
+
+def test_one_worker_and_two_give_the_same_bytes(tmp_path):
+    for workers in (1, 2):
+        made = Results(tmp_path / str(workers), {"power": 2})
+        run(work.square, work.tasks(), made, workers=workers)
+    assert work.held(tmp_path / "1") == work.held(tmp_path / "2") != {}
+
+
+def test_a_task_that_fails_is_reported_and_the_rest_goes_on(results):
+    with pytest.warns(UserWarning, match="four is even"):
+        failures = run(work.refuse_three, work.tasks(), results, workers=2)
+    assert failures == [Failure("task 3", "episode: got nothing, expected samples")]
+    assert [task in results for task in work.tasks()] == [k != 3 for k in range(8)]
+
+
+def test_a_task_whose_worker_is_killed_is_tried_again(tmp_path, results):
+    tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
+    assert run(work.kill_once, tasks, results, workers=2) == []
+    assert results.read(tasks[3]) == b"9"
+
+
+def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(results):
+    (failure,) = run(work.kill_always, work.tasks(), results, workers=2)
+    assert failure.task == "task 3"
+    assert "its process died, 2 times" in failure.reason
+    assert len(work.held(results.folder)) == 7
+
+
+def test_a_worker_uses_one_thread_and_this_process_what_it_did(results, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    task = Task("threads", "OMP_NUM_THREADS")
+    run(work.threads, [task], results, workers=1)
+    assert results.read(task) == b"1"
+    assert engine.os.environ["OMP_NUM_THREADS"] == "7"
+
+
+def test_only_what_is_missing_is_computed(results):
+    tasks = work.tasks()
+    run(work.square, tasks[:5], results, workers=1)
+    for task in tasks[:5]:
+        results.write(task, b"kept")
+    seen = []
+    run(work.square, tasks, results, workers=1, progress=seen.append)
+    assert sorted(seen, key=tasks.index) == tasks, "progress counts them all"
+    assert [results.read(task) for task in tasks] == [b"kept"] * 5 + [b"25", b"36", b"49"]
+
+
+def test_a_result_is_not_used_for_other_inputs(results):
+    task = Task("task 2", 2, inputs="digest of the file")
+    results.write(task, b"4")
+    assert task in results
+    assert replace(task, inputs="digest of the changed file") not in results
+
+
+def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
+    settings, task = {"speed": 1.5, "joints": ("hip", "knee")}, Task("task", 2)
+    first = results_beside(tmp_path / "out", settings)
+    first.write(task, b"4")
+    assert task in results_beside(tmp_path / "out", settings, resume=True)
+    again = results_beside(tmp_path / "out", settings)
+    assert (task in again, again.removed) == (False, 1)
+    again.remove()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_for_other_settings_are_not_mixed(tmp_path):
+    Results(tmp_path / "a", {"speed": 1.5})
+    with pytest.raises(InvalidInput, match=r"--resume: .* other settings \(speed\); set what was"):
+        Results(tmp_path / "a", {"speed": 2.0}, resume=True)
+    (tmp_path / "a" / "settings.json").write_text("[]")
+    with pytest.raises(InvalidInput, match="other settings"):
+        Results(tmp_path / "a", {"speed": 1.5}, resume=True)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InvalidInput, match="cannot be written"):
+        Results(tmp_path / "file" / "a", {})
+
+
+def test_the_tasks_in_flight_do_not_grow_with_their_number():
+    """Of 10,000 tasks no more are taken than are in flight or handed over."""
+    taken = 0
+
+    def numbered():
+        nonlocal taken
+        for number, task in enumerate(work.tasks(10_000)):
+            taken += 1
+            yield number, task
+
+    ahead = 0
+    with engine_of(workers=2) as place:
+        outcomes = place.run(work.square, numbered())
+        for done, _ in zip(range(300), outcomes, strict=False):
+            ahead = max(ahead, taken - done)
+        outcomes.close()
+    assert ahead <= 4, "two tasks a worker: one that runs, one that is handed over"
+
+
+@pytest.mark.parametrize("finished", [1, 4, 7])
+def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, tmp_path, results):
+    """Kill -9 once some results are there. Its workers hold the pipe that is read to its end."""
+    folder = tmp_path / "killed"
+    command = [sys.executable, "-P", "-m", "tests.run.work", folder]
+    killed = subprocess.run([*command, str(finished)], capture_output=True, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    before = {name: (folder / name).stat().st_mtime_ns for name in work.held(folder)}
+    assert finished <= len(before) < 8 or finished == 7
+    run(work.square, work.tasks(), Results(folder, {"power": 2}, resume=True), workers=2)
+    run(work.square, work.tasks(), results, workers=2)
+    assert work.held(folder) == work.held(results.folder)
+    assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """A Dask scheduler and two workers, on the loopback interface: its address and its process."""
+    pytest.importorskip("distributed", reason="needs the extra cluster")
+    begun = [sys.executable, "-P", "-m"]
+    log, folder = subprocess.PIPE, tmp_path_factory.mktemp("workers")
+    local = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    scheduler = subprocess.Popen(
+        [*begun, "distributed.cli.dask_scheduler", *local], stderr=log, text=True
+    )
+    found = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
+    address = next(filter(None, found))[1]
+    worker = [*begun, "distributed.cli.dask_worker", address, "--nworkers", "2", "--nthreads", "1"]
+    worker += ["--no-dashboard", "--local-directory", folder]
+    workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "ARRIVAL", 60.0)
+        patch.setattr(engine, "PATIENCE", 60.0)  # a machine at work may take that long to begin
+        yield address, scheduler
+    for process in (workers, scheduler):
+        process.kill()
+        process.wait()
+    scheduler.stderr.close()
+
+
+def test_a_cluster_gives_the_same_bytes(tmp_path, results, cluster):
+    """So does one whose worker dies over a task: Dask tries it again."""
+    tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
+    assert run(work.kill_once, tasks, results, scheduler=cluster[0]) == []
+    here = Results(tmp_path / "here", {"power": 2})
+    run(work.square, work.tasks(), here, workers=2)
+    assert work.held(results.folder) == work.held(here.folder) != {}
+
+
+def test_a_task_that_fails_on_a_cluster_is_reported(results, cluster):
+    tasks, address = work.tasks(), cluster[0]
+    with pytest.warns(UserWarning, match="four is even"):
+        (failure,) = run(work.refuse_three, tasks, results, scheduler=address)
+    assert failure == Failure("task 3", "episode: got nothing, expected samples")
+
+
+def test_a_scheduler_that_goes_away_leaves_what_was_finished(results, cluster):
+    """The last test that uses it."""
+
+    def end(_):
+        if len(work.held(results.folder)) == 2:
+            scheduler.kill()
+
+    address, scheduler = cluster
+    with pytest.raises(SchedulerLost, match=r"went away; what was finished is kept, and --resume"):
+        run(work.square, work.tasks(50), results, scheduler=address, progress=end)
+    assert 2 <= len(work.held(results.folder)) < 50
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "http://127.0.0.1:8786"])
+def test_a_scheduler_that_is_not_there_is_one_clear_error(address, results, monkeypatch):
+    pytest.importorskip("distributed", reason="needs the extra cluster")
+    monkeypatch.setattr(engine, "PATIENCE", 0.2)
+    with pytest.raises(InvalidInput, match=r"--scheduler: (nothing answers|got '.*', expected)"):
+        run(work.square, work.tasks(), results, scheduler=address)
+    assert run(work.square, [], results, scheduler=address) == []

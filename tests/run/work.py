@@ -1,0 +1,77 @@
+"""Tasks for tests of the engine, and commands that are killed; other processes import them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+from pathlib import Path
+
+from planner.exceptions import InvalidInput
+from planner.run.tasks import Results, Task, carry_out, engine_of
+
+
+def square(number):
+    """A result."""
+    return str(number**2).encode()
+
+
+def refuse_three(number):
+    """No result for one task."""
+    if number == 3:
+        raise InvalidInput("episode: got nothing, expected samples")
+    if number == 4:
+        warnings.warn("four is even", UserWarning, stacklevel=1)
+    return square(number)
+
+
+def kill_once(argument):
+    """A task whose process is killed the first time."""
+    number, mark = argument
+    if number == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def kill_always(number):
+    """A task whose process is killed every time."""
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def threads(name):
+    """What a worker's linear algebra is told about threads."""
+    return os.environ[name].encode()
+
+
+def tasks(count=8):
+    """Some tasks."""
+    return [Task(f"task {number}", number) for number in range(count)]
+
+
+def run_and_die_after(folder, finished):
+    """Carry out tasks, resuming, and kill the whole command once some have a result."""
+    results = Results(folder, {"power": 2}, resume=True)
+
+    def progress(_):
+        if len(held(folder)) >= finished:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with engine_of(workers=2) as engine:
+        carry_out(square, tasks(), results, engine, progress=progress)
+
+
+def held(folder):
+    """The results in a folder, by file."""
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in Path(folder).glob("??/*")
+        if not file.name.startswith(".")
+    }
+
+
+if __name__ == "__main__":
+    run_and_die_after(sys.argv[1], int(sys.argv[2]))

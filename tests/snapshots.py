@@ -1,0 +1,89 @@
+"""Texts kept in files: what a test compares an answer with, and what rewrites them.
+
+Wording must agree to the letter. Integers must agree exactly; other numbers to 1e-6 and one unit of
+the last printed digit, as another processor rounds differently in the last bits. Where the numbers
+agree, the file keeps its own when it is rewritten, so that a diff shows what changed and no more.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from pathlib import Path
+
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+
+TOLERANCE = 1e-6
+"""Numbers may differ by this, absolute below 1 and relative above."""
+
+
+class Snapshot:
+    """Snapshots in the folder ``snapshots`` beside a test.
+
+    Args:
+        folder: That folder.
+        rewrite: Whether to write what was got instead of comparing with it.
+    """
+
+    def __init__(self, folder: Path, *, rewrite: bool) -> None:
+        self._folder = folder
+        self._rewrite = rewrite
+
+    def check(self, name: str, got: str) -> None:
+        """Compare a text with the file of this name, or rewrite the file."""
+        file = self._folder / f"{name}.txt"
+        kept = file.read_text("utf-8") if file.exists() else ""
+        got = _with_close_lines_of(kept, got)
+        if got == kept:
+            return
+        if self._rewrite:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(got, "utf-8")
+            return
+        lines = difflib.unified_diff(
+            kept.splitlines(), got.splitlines(), str(file), "got", lineterm="", n=1
+        )
+        shown = "\n".join(line if len(line) < 1000 else f"{line[:1000]} …" for line in lines)
+        raise AssertionError(
+            f"{shown}\nwhere this is meant: pytest --rewrite-snapshots, and review the diff"
+        )
+
+
+def close(first: str, second: str) -> bool:
+    """Whether two texts agree in their words, and in their numbers up to rounding."""
+    if first == second:
+        return True
+    if NUMBER.sub("#", first) != NUMBER.sub("#", second):
+        return False
+    pairs = zip(NUMBER.findall(first), NUMBER.findall(second), strict=True)
+    return all(one == other or _near(one, other) for one, other in pairs)
+
+
+def _near(one: str, other: str) -> bool:
+    steps = [_last_digit(text) for text in (one, other)]
+    if steps == [None, None]:
+        return int(one) == int(other)
+    a, b = float(one), float(other)
+    room = TOLERANCE * max(1.0, abs(a)) + 1.01 * max(step or 0.0 for step in steps)
+    return abs(a - b) <= room
+
+
+def _last_digit(text: str) -> float | None:
+    """What one unit of the last printed digit is worth; None for an integer."""
+    mantissa, _, exponent = text.lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return 10.0 ** (int(exponent or 0) - decimals) if decimals or exponent else None
+
+
+def _with_close_lines_of(kept: str, got: str) -> str:
+    """The text, with those lines of the kept one that are close to it."""
+    if kept == got:
+        return got
+    old, new = kept.split("\n"), got.split("\n")
+    masked = [[NUMBER.sub("#", line) for line in lines] for lines in (old, new)]
+    matcher = difflib.SequenceMatcher(None, *masked, autojunk=False)
+    for i, j, length in matcher.get_matching_blocks():
+        for k in range(length):
+            if close(old[i + k], new[j + k]):
+                new[j + k] = old[i + k]
+    return "\n".join(new)

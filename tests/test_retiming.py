@@ -1,0 +1,96 @@
+"""How fast a recording can be replayed: witnesses, proofs, and factors that vary along it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner import InvalidInput, JointModel, Log, fastest, replay, simulate
+from planner.exceptions import Infeasible
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+PERIOD = SERVO.period
+TOLERANCE = 0.02
+
+
+def log(requests, joint="elbow", **others):
+    angles = simulate(SERVO, requests, cyclic=False)
+    times = PERIOD * np.arange(len(requests))
+    return Log(times=times, requests=requests, angles=angles, joint=joint, **others)
+
+
+def swing(size, count):
+    return size * (1.0 - np.cos(np.linspace(0.0, 2.0 * np.pi, count))) / 2.0
+
+
+@pytest.fixture(scope="module")
+def constant():
+    """A swing of 0.8 rad in three seconds, as fast as it may be."""
+    return fastest(log(swing(0.8, 150)), SERVO, tolerance=TOLERANCE)
+
+
+def test_the_replay_keeps_the_tolerance(constant):
+    (joint,) = constant.replay.joints
+    assert np.max(np.abs(joint.errors["planned"])) <= TOLERANCE
+    assert constant.speed == constant.constant
+    assert constant.factors[:-1] == pytest.approx(constant.speed)
+
+
+def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):
+    assert constant.speed < constant.impossible.speed < 1.1 * constant.speed
+    assert constant.impossible.bound > 1.0
+    made = replay(log(swing(0.8, 150)), SERVO, speed=constant.impossible.speed, norm="max")
+    assert made.max_error > TOLERANCE
+
+
+def test_the_curve_orders_plans_and_bounds(constant):
+    for each in constant.curve:
+        assert each.bound <= each.planned * (1.0 + 1e-6)
+    kept = [each.planned <= 1.0 for each in constant.curve]
+    assert kept == sorted(kept, reverse=True)
+    assert constant.speed in [each.speed for each in constant.curve]
+    assert constant.curve[0].direct > 1.0
+
+
+def test_a_varying_factor_is_faster_where_it_can_be():
+    requests = np.concatenate([swing(0.8, 100), swing(0.2, 150)])
+    found = fastest(log(requests), SERVO, tolerance=TOLERANCE, retime="varying")
+    (joint,) = found.replay.joints
+    assert np.max(np.abs(joint.errors["planned"])) <= TOLERANCE
+    assert found.speed > 1.05 * found.constant
+    assert (found.factors >= 0.0).all()
+    moments = found.replay.moments
+    assert moments[0] == 0.0
+    assert moments[-1] == pytest.approx(PERIOD * 249, abs=found.factors[-2] * PERIOD)
+    bends = np.abs(np.diff(found.factors[:-1])) / PERIOD
+    assert np.max(bends) <= 2.0 * found.constant * 1.05
+
+
+def test_a_share_of_a_range_may_be_off_by_as_many_percent():
+    found = fastest(log(swing(0.8, 150), "jaw", unit="1"), SERVO, tolerance=np.radians(2.0))
+    (joint,) = found.replay.joints
+    assert 0.01 < np.max(np.abs(joint.errors["planned"])) <= 0.02
+
+
+def test_a_tolerance_that_no_speed_keeps_is_refused():
+    requests = 0.4 * np.sign(np.sin(np.arange(60)))
+    times = PERIOD * np.arange(60)
+    noise = Log(times=times, requests=requests, angles=requests + 1e-6 * times, joint="elbow")
+    with pytest.raises(Infeasible, match="times as far off as allowed"):
+        fastest(noise, SERVO, tolerance=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "tolerance: got none, or two"),
+        ({"tolerance": 0.1, "foot_tolerance": 0.1}, "tolerance: got none, or two"),
+        ({"tolerance": -1.0}, "expected more than 0"),
+        ({"foot_tolerance": 0.01}, "needs the leg"),
+        ({"tolerance": 0.1, "retime": "wild"}, "expected 'constant' or 'varying'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments, message):
+    with pytest.raises(InvalidInput) as refusal:
+        fastest(log(swing(0.8, 150)), SERVO, **arguments)
+    assert message in str(refusal.value)

@@ -1,0 +1,53 @@
+"""The shortest cycle of a foot within a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner import InvalidInput, JointModel, invert_foot, shortest_cycle
+from planner.shortest_cycle import in_samples
+
+JOINT = JointModel.ers210a()
+TOLERANCE = 0.004
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+
+
+@pytest.fixture(scope="module")
+def circle(leg):
+    """A circle of 1 cm around the foot of a bent leg [m], in 24 samples."""
+    middle = leg.foot_positions(np.radians([[0.0, 10.0, 60.0]]))[0]
+    phase = 2.0 * np.pi * np.arange(24) / 24
+    return middle + 0.01 * np.column_stack([np.cos(phase), np.zeros(24), np.sin(phase)])
+
+
+def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monkeypatch):
+    monkeypatch.setattr(
+        shortest_cycle, "OPTIONS", replace(shortest_cycle.OPTIONS, fewest=11, proofs=0)
+    )
+    found = shortest_cycle.shortest_cycle(
+        JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
+    )
+    assert found.plan.max_error <= TOLERANCE
+    assert found.period == pytest.approx(found.samples * JOINT.period)
+    if found.samples > 11:
+        shorter = in_samples(circle, found.samples - 1)
+        assert invert_foot(JOINT, leg, shorter, norm="max").max_error > TOLERANCE
+    assert found.too_short is None  # no proof was asked for
+
+
+def test_a_path_in_as_many_samples_is_itself(circle):
+    assert in_samples(circle, 24) == pytest.approx(circle)
+    assert in_samples(circle, 12) == pytest.approx(circle[::2])
+
+
+def test_a_tolerance_above_0_is_needed(leg, circle):
+    with pytest.raises(InvalidInput, match="expected more than 0 m"):
+        shortest_cycle.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)

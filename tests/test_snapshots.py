@@ -1,0 +1,36 @@
+"""What counts as the same text: words to the letter, numbers up to rounding."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.snapshots import Snapshot, close
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [
+        ("rms 1.234 deg", "rms 1.235 deg", True),
+        ("rms 1.234 deg", "rms 1.236 deg", False),
+        ("rms 1.234 deg", "rms 1.234 rad", False),
+        ("0.123456789012", "0.123456789999", True),
+        ("0.12345678", "0.12346678", False),
+        ("1e-12", "0.0", True),
+        ("24 samples", "25 samples", False),
+        ("-0.000 deg", "0.000 deg", True),
+    ],
+)
+def test_words_agree_to_the_letter_and_numbers_up_to_rounding(first, second, same):
+    assert close(first, second) is same
+
+
+def test_a_changed_line_is_shown_and_rewritten_and_close_ones_are_kept(tmp_path):
+    kept, got = "a 1.0000001\nb\nc\n", "a 1.0000002\nB\nc\n"
+    (tmp_path / "it.txt").write_text(kept)
+    with pytest.raises(AssertionError) as caught:
+        Snapshot(tmp_path, rewrite=False).check("it", got)
+    assert "-b\n+B\n" in str(caught.value)
+    assert "1.0000002" not in str(caught.value)
+    assert (tmp_path / "it.txt").read_text() == kept
+    Snapshot(tmp_path, rewrite=True).check("it", got)
+    assert (tmp_path / "it.txt").read_text() == "a 1.0000001\nB\nc\n"
