@@ -5,9 +5,9 @@ from __future__ import annotations
 import errno
 import json
 import os
+import secrets
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -44,20 +44,17 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         except OSError as error:
             raise cannot_write(path, error) from error
         return
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.new-")
-    except OSError as error:
-        raise cannot_write(path, error) from error
-    new = Path(name)
+    new = _beside(target, "new")
     try:
         try:
-            with os.fdopen(handle, "wb") as stream:
+            with new.open("xb") as stream:
                 stream.write(content)
         except OSError as error:
             raise cannot_write(path, error) from error
         yield
         try:
-            new.chmod(_permissions(target))
+            if target.exists():
+                new.chmod(target.stat().st_mode & 0o777)
             new.replace(target.resolve())
         except OSError as error:
             raise cannot_write(path, error) from error
@@ -85,13 +82,13 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     path = str(path) or "."
     target = _target(path)
     _check_replaceable(path, target)
+    new = _beside(target, "new")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        new = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.new-"))
-    except OSError as error:
-        raise _cannot_make(path, error) from error
-    try:
-        new.chmod(0o755)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            new.mkdir()
+        except OSError as error:
+            raise _cannot_make(path, error) from error
         yield new
         if export:
             manifest = {"export": export, "files": list_files(new)}
@@ -166,6 +163,14 @@ def _target(path: Path | str) -> Path:
         raise InvalidFile(path, "is no name of a folder; choose another one") from error
 
 
+def _beside(target: Path, age: str) -> Path:
+    """An unused hidden name beside a file or folder.
+
+    Chosen before anything is made, so that a signal at any moment finds the name to clear away.
+    """
+    return target.with_name(f".{target.name}.{age}-{secrets.token_hex(8)}")
+
+
 def _cannot_make(path: Path | str, error: OSError) -> InvalidFile:
     return InvalidFile(path, f"cannot be made ({reason(error)}); choose another folder")
 
@@ -187,15 +192,6 @@ def _is_device(target: Path) -> bool:
     return not stat.S_ISREG(mode)
 
 
-def _permissions(target: Path) -> int:
-    """Those of the file that is replaced, or those that any new file would get."""
-    if target.exists():
-        return target.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
-
-
 def _files_below(folder: Path) -> Iterator[str]:
     return (file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir())
 
@@ -205,7 +201,7 @@ def _replace(target: Path, new: Path) -> None:
     if not target.exists() or not any(target.iterdir()):
         new.replace(target)
         return
-    last = Path(tempfile.mkdtemp(dir=target.parent, prefix=f".{target.name}.old-"))
+    last = _beside(target, "old")
     target.replace(last)
     try:
         new.replace(target)

@@ -30,9 +30,10 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(staging.os, "fdopen", full)
-    with pytest.raises(InvalidFile, match=r"cannot be written \(no space left on device\)"):
-        write_text(file, "new")
+    with monkeypatch.context() as disk:
+        disk.setattr(staging.Path, "open", full)
+        with pytest.raises(InvalidFile, match=r"cannot be written \(no space left on device\)"):
+            write_text(file, "new")
     assert file.read_text() == "old"
     assert list_files(tmp_path) == ["plan.csv"]
 
