@@ -8,6 +8,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidTrajectory
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 LARGEST = 1e9
 """An angle [rad], or anything else there is one of per sample, beyond this is a mistake."""

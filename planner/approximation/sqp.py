@@ -28,9 +28,8 @@ from planner.approximation.problem import (
     feasible_values,
     fixed_variables,
 )
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 
-Mask = npt.NDArray[np.bool_]
 Kind = TypeVar("Kind", bound=np.generic)
 
 

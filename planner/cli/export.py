@@ -17,14 +17,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("requests", type=types.INPUT)
 @options.settings(*options.EXPORT, "path.joints")
-@click.option(
-    "-o",
-    "--output",
-    type=types.INPUT,
-    default="-",
-    metavar="OUT",
-    help="The file, or folder, to write; '-' is standard output.  [default: -]",
-)
+@options.output_or_folder
 @click.option(
     "--period-s",
     type=float,

@@ -25,6 +25,14 @@ output = click.option(
     default="-",
     help="Where to write the CSV; '-' is standard output.  [default: -]",
 )
+output_or_folder = click.option(
+    "-o",
+    "--output",
+    type=types.INPUT,  # a folder has a check of its own, types.OUTPUT takes files only
+    default="-",
+    metavar="OUT",
+    help="The file, or folder, to write; '-' is standard output.  [default: -]",
+)
 PARALLEL = (
     click.option(
         "--workers",

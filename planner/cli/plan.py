@@ -60,7 +60,6 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
-    from planner.files.paths import write_joint_path
     from planner.files.text import write_text
     from planner.run.pages import plan_report
     from planner.run.plan import document, misses, summary
@@ -80,14 +79,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     deliver(
         document(run, answer, missed),
         summary(run, answer),
-        lambda file: write_joint_path(
-            file,
-            desired.names,
-            answer.requests,
-            period=desired.period,
-            units=desired.units,
-            loads=answer.loads,
-        ),
+        lambda file: desired.write_requests(file, answer.requests, answer.loads),
         output=output,
         as_json=as_json,
     )

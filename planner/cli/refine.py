@@ -89,7 +89,6 @@ def refine(
         request-planner refine requests.csv measured.csv --desired path.csv --model arm.toml \\
             --history learning.json -o requests.csv
     """  # noqa: D301
-    from planner.files.paths import write_joint_path
     from planner.files.text import write_text
     from planner.run.learning import (
         document,
@@ -127,14 +126,7 @@ def refine(
     deliver(
         document(answer),
         summary(answer),
-        lambda file: write_joint_path(
-            file,
-            desired.names,
-            answer.requests,
-            period=desired.period,
-            units=desired.units,
-            loads=answer.loads,
-        ),
+        lambda file: desired.write_requests(file, answer.requests, answer.loads),
         output=output,
         as_json=as_json,
     )

@@ -52,14 +52,7 @@ if TYPE_CHECKING:
     solver="Our own solver, or one of CasADi's with the same problem.",
 )
 @partial(log_options, without=["joint"])
-@click.option(
-    "-o",
-    "--output",
-    type=types.INPUT,
-    default="-",
-    metavar="OUT",
-    help="The file, or folder, to write; '-' is standard output.  [default: -]",
-)
+@options.output_or_folder
 @click.option(
     "--report", type=types.OUTPUT, help="Write a page (HTML) about the replay of one recording."
 )

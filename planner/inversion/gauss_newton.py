@@ -20,7 +20,6 @@ import numpy as np
 
 from planner.inversion.kkt_step import (
     Damping,
-    Mask,
     Quadratic,
     Regularisation,
     Step,
@@ -30,7 +29,7 @@ from planner.inversion.kkt_step import (
 from planner.inversion.qp_step import qp_step
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.sensitivity import Response
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 
 
 class Stage(NamedTuple):

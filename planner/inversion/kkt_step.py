@@ -19,13 +19,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.inversion.tracking_problem import Indices, Windows
 from planner.model.sensitivity import Response
-from planner.trajectory import Array
-
-Mask = npt.NDArray[np.bool_]
+from planner.trajectory import Array, Mask
 
 LEAST_PIVOT = 1e-14
 """Added to the matrix's diagonal, relative to its largest entry: a saturated cycle is singular."""

@@ -25,19 +25,17 @@ import numpy.typing as npt
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT, checked_limits
 from planner.inversion.closed_form import switching_time
-from planner.inversion.foot.arguments import range_of_each
+from planner.inversion.foot.arguments import range_of_each, steps_of_each
 from planner.inversion.stream_arguments import (
     Given,
-    Mask,
     StepArguments,
-    checked_max_step,
     checked_models,
     checked_preview,
 )
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
 from planner.model.symbolic import Runs
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 from planner.validation import is_one_of, shown
 
 OnBad = Literal["hold", "raise"]
@@ -159,7 +157,7 @@ class Stream:
         self._lower, self._upper = range_of_each(pair, joints, joints="joints")
         for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
-        self._step = checked_max_step(max_step, joints)
+        self._step = steps_of_each(max_step, joints, joints="joints")
         self._arguments = StepArguments(self.names, self.models, self.preview)
         self._lay_out()
         self.reset()

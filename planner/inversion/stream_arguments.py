@@ -7,14 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, checked_model
-from planner.trajectory import LARGEST, Array
+from planner.trajectory import LARGEST, Array, Mask
 from planner.validation import as_reals, as_whole, shown
-
-Mask = npt.NDArray[np.bool_]
 
 MOST_PREVIEW = 1000
 """Longest preview [rows]: time and memory of a tick grow with its square."""
@@ -158,19 +155,3 @@ def checked_preview(preview: object, period: float) -> int:
             f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
         )
     return rows
-
-
-def checked_max_step(max_step: npt.ArrayLike | None, joints: int) -> Array:
-    """Largest change of each joint's request [rad], (joints,), inf where there is no limit."""
-    if max_step is None:
-        return np.full(joints, math.inf)
-    try:
-        steps = np.broadcast_to(as_reals(max_step), joints).copy()
-    except (TypeError, ValueError, OverflowError):
-        steps = np.zeros(joints)
-    if not np.all(steps > 0.0):
-        raise InvalidInput(
-            f"max_step: got {shown(max_step)}, expected more than 0 rad, one number or one for "
-            f"each of the {joints} joints"
-        )
-    return steps

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.inversion.error_norm import error_norm
+from planner.inversion.foot.arguments import axis_scales
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.optimal import invert_optimal
@@ -68,17 +69,14 @@ class PlannedJoints(NamedTuple):
         plan = self.plan
         if isinstance(plan, Inversion):
             return error_norm(angles[:, 0] - plan.desired, plan.norm)
-        roots = np.sqrt(plan.weights / np.max(plan.weights))
-        away = (plan.leg.foot_positions(angles) - plan.wanted) * roots
-        return error_norm(np.linalg.norm(away, axis=1), plan.norm)
+        return plan.error_of(angles)
 
     def size(self, deviations: Array) -> float:
         """Error that independent deviations of the joints (k,) [rad] make, rms."""
         plan = self.plan
         if isinstance(plan, Inversion):
             return float(deviations[0])
-        roots = np.sqrt(plan.weights / np.max(plan.weights))
-        jacobians = plan.leg.jacobians(plan.predicted) * roots[:, np.newaxis]
+        jacobians = plan.leg.jacobians(plan.predicted) * axis_scales(plan.weights)[:, np.newaxis]
         return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
 
     def planned(self, disturbance: Array) -> Inversion | FootInversion:

@@ -425,6 +425,10 @@ def near_limits(
     )
 
 
+POSES = 5
+"""Moments at which a leg or an arm is sketched on paper."""
+
+
 def leg_sketches(poses: Array, across: int) -> list[Curve]:
     """A leg's links at some moments [m], shape (poses, joints + 1, 3); the first stands out."""
     sketches = []

@@ -11,6 +11,7 @@ import numpy as np
 from planner._version import __version__
 from planner.model.evidence import untested_words
 from planner.report.figure import (
+    POSES,
     Axis,
     Figure,
     Motion,
@@ -50,9 +51,6 @@ METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_
 
 VIEWS = {"side": (0, "x"), "front": (1, "y")}
 """What a view has across [index and name of the axis]; upward it has z."""
-
-POSES = 5
-"""Moments at which the leg is sketched on paper."""
 
 AT_LIMIT = math.radians(1e-6)
 """A request this close to a limit is at it [rad]."""

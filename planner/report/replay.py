@@ -11,6 +11,7 @@ import numpy as np
 from planner._version import __version__
 from planner.inversion.error_norm import error_norm
 from planner.report.figure import (
+    POSES,
     Axis,
     Curve,
     Figure,
@@ -45,9 +46,6 @@ if TYPE_CHECKING:
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}
 """By a log's unit: what the page shows, and how many of it one is."""
-
-POSES = 5
-"""Moments at which an arm is sketched on paper."""
 
 FAST = 0.16
 """Opacity of the parts that are faster than the joint."""

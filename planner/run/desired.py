@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidFile
-from planner.files.paths import FootPath, JointPath, foot_path, is_foot_path, joint_path
+from planner.files.paths import (
+    FootPath,
+    JointPath,
+    foot_path,
+    is_foot_path,
+    joint_path,
+    write_joint_path,
+)
 from planner.files.table import Table, read_table
 from planner.files.units import LEAST_DEG, SHARES
 from planner.gait import half_ellipse
@@ -109,6 +116,12 @@ class Desired:
     def unit(self, joint: int) -> Literal["deg", "percent"]:
         """The unit of a joint's degrees: "deg", or "percent" of its range."""
         return "deg" if self.units is None or self.units[joint] not in SHARES else "percent"
+
+    def write_requests(self, path: Path | str, requests: Array, loads: Array | None) -> None:
+        """Write the joints' requests [rad] and torques [N m], (n, k), as CSV in their units."""
+        write_joint_path(
+            path, self.names, requests, period=self.period, units=self.units, loads=loads
+        )
 
 
 def find_leg(leg: settings.Leg, folder: str = "") -> LegPlace | None:

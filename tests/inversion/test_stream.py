@@ -204,7 +204,7 @@ def test_the_first_request_holds_the_joints_where_they_are():
         ({"preview": 0.2}, "200 ms are 25 rows of 8 ms"),
         ({"limits": (1.0, -1.0)}, "limits of joint_1: the lower one"),
         ({"limits": (np.zeros(3), 1.0)}, "limits: got"),
-        ({"max_step": 0.0}, "max_step: got 0.0, expected more than 0 rad"),
+        ({"max_step": 0.0}, r"max_step: got 0\.0, expected an angle above 0 \[rad\]"),
         ({"max_step": [0.1, 0.1]}, "max_step: got"),
         ({"on_bad": "warn"}, "on_bad: got 'warn', expected 'hold' or 'raise'"),
     ],

@@ -27,9 +27,7 @@ from planner.approximation.problem import (
     residuals,
 )
 from planner.approximation.qp import QP, ValuesQP, polished, run_osqp
-from planner.trajectory import Array
-
-Mask = npt.NDArray[np.bool_]
+from planner.trajectory import Array, Mask
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,6 +87,12 @@ def steps_of_each(max_step: npt.ArrayLike | None, count: int, *, joints: str) ->
     return np.array([checked_max_step(step) for step in steps.tolist()])
 
 
+def axis_scales(weights: Array) -> Array:
+    """Factors of the three axes, the heaviest 1: the root of each weight, shape (3,)."""
+    scales: Array = np.sqrt(weights / np.max(weights))
+    return scales
+
+
 def load_of_each(
     load: npt.ArrayLike | None, models: Sequence[JointModel], samples: int, *, joints: str
 ) -> tuple[Array | None, ...]:

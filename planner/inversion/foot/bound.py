@@ -27,6 +27,7 @@ from planner.inversion.bounds.reachable_set import (
     reachable_set,
 )
 from planner.inversion.error_norm import error_norm
+from planner.inversion.foot.arguments import axis_scales
 from planner.inversion.foot.bundle_method import (
     Column,
     LagrangianRelaxation,
@@ -116,14 +117,14 @@ def foot_bound(
         The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`. A solver
         that fails makes it weaker, never wrong.
     """
-    roots = np.sqrt(weights / np.max(weights))
-    errors = np.linalg.norm((leg.foot_positions(angles) - desired) * roots, axis=1)
+    scales = axis_scales(weights)
+    errors = np.linalg.norm((leg.foot_positions(angles) - desired) * scales, axis=1)
     known = error_norm(errors, norm)
     if known <= ATTAINED * leg.chain.size:
         return 0.0
     loads = [None] * len(models) if loads is None else loads
     lower, upper = attainable_angles(models, limits, len(desired), start=start, loads=loads)
-    distance = Distance(leg.chain, lower, upper, desired, roots / known)
+    distance = Distance(leg.chain, lower, upper, desired, scales / known)
     starts: list[float | None] = (
         [None] * len(models) if start is None else [float(angle) for angle in start]
     )

@@ -27,13 +27,12 @@ from planner.inversion.foot.arguments import (
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
-from planner.inversion.kkt_step import Mask
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.smoothing import SAME_ERROR, allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel, Loads, rest_angles
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 from planner.validation import as_flag, as_reals, freeze, shown
 
 LEAST_FOOT_MOTION = 1e-9

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm
 from planner.inversion.error_norm import error_norm, relative_gap
-from planner.inversion.foot.arguments import joints_of, load_of_each
+from planner.inversion.foot.arguments import axis_scales, joints_of, load_of_each
 from planner.inversion.foot.bound import foot_bound
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -113,9 +113,12 @@ class FootInversion:
     @property
     def error(self) -> float:
         """What was minimised [m]: in the plan's norm, the axes weighted, the heaviest by 1."""
-        roots = np.sqrt(self.weights / np.max(self.weights))
-        distances = np.linalg.norm((self.foot - self.wanted) * roots, axis=1)
-        return error_norm(distances, self.norm)
+        return self.error_of(self.predicted)
+
+    def error_of(self, angles: Array) -> float:
+        """The same of other angles [m]; ``angles`` [rad], shape (n, k)."""
+        away = (self.leg.foot_positions(angles) - self.wanted) * axis_scales(self.weights)
+        return error_norm(np.linalg.norm(away, axis=1), self.norm)
 
     @cached_property
     def lower_bound(self) -> float:
