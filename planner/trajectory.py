@@ -13,6 +13,9 @@ Mask = npt.NDArray[np.bool_]
 LARGEST = 1e9
 """An angle [rad], or anything else there is one of per sample, beyond this is a mistake."""
 
+SAME = 1e-6
+"""Relative difference of two values that are equally large to a reader."""
+
 MOST_SAMPLES = 10_000_000
 """Longest trajectory that is made from a number alone [samples]: a day at 100 Hz and more."""
 
@@ -69,3 +72,12 @@ def as_trajectory(
         )
     trajectory.setflags(write=False)
     return trajectory
+
+
+def index_of_largest(values: Array) -> int:
+    """The first of the values that are as large as the largest, up to rounding.
+
+    Two samples of a symmetric motion differ in the last bits, in another way on every processor.
+    """
+    largest = float(np.max(values))
+    return int(np.argmax(values >= largest - SAME * abs(largest)))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.closed_form import switching_time
 from planner.inversion.result import Inversion
-from planner.trajectory import Array
+from planner.trajectory import Array, index_of_largest
 
 Reason = Literal["saturated", "limit", "corner", "free", "after_end"]
 
@@ -150,7 +150,7 @@ def difference(closed_form: Inversion, optimal: Inversion) -> Difference:
     return Difference(
         rms=_rms(apart),
         largest=float(np.max(np.abs(apart))),
-        largest_at=int(np.argmax(np.abs(apart))),
+        largest_at=index_of_largest(np.abs(apart)),
         intervals=tuple(intervals),
     )
 

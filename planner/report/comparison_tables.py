@@ -15,6 +15,7 @@ from planner.evaluation.foot_comparison import FootComparison
 from planner.evaluation.joint_comparison import METHODS, JointComparison
 from planner.model.evidence import untested_words
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
+from planner.trajectory import index_of_largest
 
 SHOWN = "closed_form_paper"
 """The closed form whose differences are listed and drawn; JSON has those of both rules."""
@@ -75,7 +76,7 @@ def plans_table(joints: Sequence[JointComparison]) -> Table:
     for joint in joints:
         for method, plan in joint.plans.items():
             apart = np.degrees(plan.requests - joint.plans["optimal"].requests)
-            most = int(np.argmax(np.abs(apart)))
+            most = index_of_largest(np.abs(apart))
             differs = (NOTHING,) * 3
             if method != "optimal":
                 rms = math.sqrt(float(np.mean(apart**2)))

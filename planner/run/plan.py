@@ -23,6 +23,7 @@ from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
 from planner.run.load import Load
 from planner.run.models import model_words
+from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
     from planner.inversion.foot.result import FootInversion
@@ -392,7 +393,7 @@ def _beyond_limits(
     """What is said of requests [rad] beyond the limits [rad] of their joint."""
     lower, upper = limits
     excess = np.maximum(lower - requests, requests - upper)
-    worst = int(np.argmax(excess))
+    worst = index_of_largest(excess)
     if excess[worst] <= ROUNDING:
         return None
     return FailedCheck(

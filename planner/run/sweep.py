@@ -37,7 +37,7 @@ from planner.run.run import Prepared, RunFile, prepare, speaking_of
 from planner.run.schema import About, Settings, Unfit, settings_of, understand
 from planner.run.settings import HalfEllipse, Run
 from planner.run.tasks import Engine, Results, Task, carry_out
-from planner.trajectory import Array
+from planner.trajectory import Array, index_of_largest
 
 TARGETS = 5
 """Trade-offs between speed and error that a search for a front pursues at once."""
@@ -480,7 +480,7 @@ def _measured(prepared: Prepared, answer: Answer) -> dict[str, Any]:
         )
     else:
         planned, direct = (np.degrees(outcome.errors[kind]) for kind in ("planned", "direct"))
-    slowest = int(np.argmax(outcome.too_fast))
+    slowest = index_of_largest(outcome.too_fast)
     walk = run.path.half_ellipse
     return {
         "speed": run.path.speed or 1.0

@@ -35,7 +35,7 @@ CLAMPED = "--leg reference --unreachable clamp"
 CASES = {
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
     "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
-    "compare-page": f"compare foot.csv {CLAMPED} --segments 5 --out found",
+    "compare-page": f"compare stride.csv {CLAMPED} --segments 5 --out found",
     "completion-bash": "completion bash",
     "completion-fish": "completion fish",
     "completion-zsh": "completion zsh",
@@ -63,8 +63,8 @@ CASES = {
     "identify-two": "identify log.csv log.csv --requested requested_deg --unit deg -q",
     "plan-closed-form": "plan path.csv --method closed-form --segments 4 --rule exact --model "
     "joint.toml --tolerance-deg 0.1 --report page.html",
-    "plan-foot": f"plan foot.csv {CLAMPED} --method foot-optimal --norm rms --json",
-    "plan-page": f"plan foot.csv {CLAMPED} --report page.html -o out.csv",
+    "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
+    "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
     "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "
     "--no-reidentify -o out.csv",
@@ -89,7 +89,7 @@ CASES = {
     "sweep-point": "sweep gaits.toml --at length=0.02 --at period_s=0.24 --out point --json",
     "sweep-speeds": "sweep speeds.toml --workers 1 --json --out made",
     "view-joints": "view path.csv --leg reference",
-    "view-page": f"view foot.csv {CLAMPED} --method optimal --html page.html",
+    "view-page": f"view stride.csv {CLAMPED} --method optimal --html page.html",
     "view-requests": f"view foot.csv {CLAMPED} --requests requests.csv --html page.html",
     "program": ["", "--version", "plan --hepl", "plna"],
     "help": [f"{command} --help" for command in COMMANDS],

@@ -22,7 +22,7 @@ from planner.report.identification.words import (
 )
 from planner.report.style import CLOSED_FORM, DIRECT, GRID, INK, MUTED, OPTIMAL, REQUESTED, Role
 from planner.report.table import signed
-from planner.trajectory import Array
+from planner.trajectory import Array, index_of_largest
 
 MOST_POINTS = 1500
 """Points of each kind of a cloud that are drawn, evenly chosen: enough to see a shape, and a light
@@ -314,7 +314,7 @@ def close_up(fit: LogFit) -> npt.NDArray[np.intp]:
     ends = np.searchsorted(log.times, log.times + CLOSE_UP, side="right")
     whole = log.times + CLOSE_UP <= log.times[np.flatnonzero(rows)[-1]]
     found = summed[ends] - summed[:-1]
-    start = int(np.argmax(np.where(whole, found, -1.0))) if whole.any() else 0
+    start = index_of_largest(np.where(whole, found, -1.0)) if whole.any() else 0
     return np.arange(start, ends[start])
 
 
