@@ -20,7 +20,8 @@ from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion, Method
 from planner.inversion.robust import ModelOrModels, checked_models
-from planner.model.joint import JointModel, checked_load
+from planner.model.joint import JointModel
+from planner.model.load import checked_load
 from planner.robot.schedule import as_rows
 from planner.trajectory import Array
 from planner.validation import as_reals, is_one_of, shown

@@ -104,7 +104,7 @@ def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Arr
     """What the joints do under the requests of a file [rad], and the load that it has, (n, k)."""
     from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path
-    from planner.run.outputs import simulated
+    from planner.model.response import simulate_joints
 
     given = read_joint_path(requests, joints=desired.names)
     given.check_period(desired.period)
@@ -114,7 +114,7 @@ def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Arr
             f"got {len(given.angles)} requests, expected {len(desired.angles)}, one per sample; "
             "show the path that they were planned for",
         )
-    angles = simulated(desired, given.angles, cyclic=cyclic, loads=given.loads)
+    angles = simulate_joints(desired.models, given.angles, cyclic=cyclic, loads=given.loads)
     return angles, given.loads
 
 

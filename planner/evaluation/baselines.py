@@ -10,7 +10,7 @@ import numpy as np
 from planner.evaluation.metrics import Distance
 from planner.exceptions import InvalidTrajectory
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate_joints
 from planner.trajectory import Array
 
 
@@ -45,7 +45,7 @@ def direct(models: Sequence[JointModel], desired: Array) -> Array:
         raise InvalidTrajectory(
             f"desired: got shape {desired.shape}, expected (n, {len(models)}), one column per model"
         )
-    angles = np.column_stack([simulate(model, desired[:, j]) for j, model in enumerate(models)])
+    angles = simulate_joints(models, desired, cyclic=True)
     angles.setflags(write=False)
     return angles
 

@@ -13,7 +13,7 @@ from kinematics.leg import Leg
 from planner.evaluation.metrics import RequestMotion, request_motion
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate_joints
 from planner.trajectory import Array
 
 
@@ -80,14 +80,7 @@ class PlanOutcome:
     @cached_property
     def direct(self) -> Array:
         """What the joints do when the desired angles are requested as they are [rad], (n, k)."""
-        loads = [None] * len(self.models) if self.loads is None else self.loads.T
-        columns = zip(self.models, self.desired.T, loads, strict=True)
-        return np.column_stack(
-            [
-                simulate(model, angles, cyclic=self.cyclic, load=load)
-                for model, angles, load in columns
-            ]
-        )
+        return simulate_joints(self.models, self.desired, cyclic=self.cyclic, loads=self.loads)
 
     @cached_property
     def feet(self) -> Mapping[str, Array]:

@@ -16,7 +16,8 @@ from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_le
 from planner.inversion.bounds.saturation_relaxation import without_load
 from planner.inversion.error_norm import error_norm
 from planner.inversion.optimal import invert_optimal
-from planner.model.joint import JointModel, checked_load, checked_model
+from planner.model.joint import JointModel, checked_model
+from planner.model.load import checked_load
 from planner.model.response import checked_start
 from planner.trajectory import as_trajectory
 

@@ -24,7 +24,8 @@ from planner.inversion.line_inverse import (
 from planner.inversion.pattern_search import refined_curve
 from planner.inversion.result import Inversion
 from planner.inversion.tracking_problem import TrackingProblem, track
-from planner.model.joint import JointModel, checked_load, checked_model
+from planner.model.joint import JointModel, checked_model
+from planner.model.load import checked_load
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag
 

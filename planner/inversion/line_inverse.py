@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
-from planner.model.joint import JointModel, SpeedLaw, checked_load, checked_model, speed_law
+from planner.model.joint import JointModel, SpeedLaw, checked_model, speed_law
+from planner.model.load import checked_load
 from planner.model.response import advance
 from planner.trajectory import Array
 from planner.validation import is_one_of, shown

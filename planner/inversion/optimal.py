@@ -40,7 +40,8 @@ from planner.inversion.robust import (
 )
 from planner.inversion.smoothing import smoothed
 from planner.inversion.tracking_problem import TrackingProblem, track, within_attainable_range
-from planner.model.joint import JointModel, checked_load
+from planner.model.joint import JointModel
+from planner.model.load import checked_load
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 

@@ -28,7 +28,8 @@ from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import State, minimise
 from planner.inversion.smoothing import smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
-from planner.model.joint import JointModel, Loads, checked_model
+from planner.model.joint import JointModel, checked_model
+from planner.model.load import Loads
 from planner.model.sensitivity import Response
 from planner.trajectory import Array
 from planner.validation import is_one_of, shown

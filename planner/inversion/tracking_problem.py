@@ -13,15 +13,8 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import Limits, Norm
 from planner.inversion.error_norm import error_norm
-from planner.model.joint import (
-    JointModel,
-    Loads,
-    RequestAges,
-    acting,
-    request_ages,
-    rest_requests,
-    sags,
-)
+from planner.model.joint import JointModel, RequestAges, acting, request_ages
+from planner.model.load import Loads, rest_requests, sags
 from planner.model.response import steady_cycle
 from planner.model.sensitivity import Periods, Response, periods, request_ages_of_all
 from planner.model.symbolic import exact_run

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -15,7 +14,8 @@ from planner.inversion.foot.result import FootInversion
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.load import load_columns
+from planner.model.response import simulate_joints
 from planner.trajectory import Array
 from planner.validation import freeze
 
@@ -56,12 +56,8 @@ class PlannedJoints(NamedTuple):
 
     def respond(self, requests: Array) -> Array:
         """Angles of the models, without a disturbance [rad], (n, k)."""
-        columns = zip(self.models, requests.T, self.starts, self.loads, strict=True)
-        return np.column_stack(
-            [
-                simulate(model, column, cyclic=self.cyclic, start=start, load=load)
-                for model, column, start, load in columns
-            ]
+        return simulate_joints(
+            self.models, requests, cyclic=self.cyclic, starts=self.starts, loads=self.loads
         )
 
     def error(self, angles: Array) -> float:
@@ -91,7 +87,7 @@ class PlannedJoints(NamedTuple):
                 limits=plan.limits,
                 norm=plan.norm,
                 weights=plan.weights,
-                load=None if not plan.loads else _columns(plan.loads, len(disturbance)),
+                load=load_columns(plan.loads, len(disturbance)),
                 max_step=plan.max_step,
                 smoothness=plan.smoothness,
                 disturbance=disturbance,
@@ -116,10 +112,6 @@ class PlannedJoints(NamedTuple):
         return replace(
             one, desired=plan.desired, disturbance=column, load_of_pose=plan.load_of_pose
         )
-
-
-def _columns(loads: Sequence[Array | None], samples: int) -> Array:
-    return np.column_stack([np.zeros(samples) if load is None else load for load in loads])
 
 
 def _within_limits(desired: Array, plan: Inversion, model: JointModel) -> Array:

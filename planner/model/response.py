@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import repeat
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel, SpeedLaw, Window, checked_load, checked_model
+from planner.model.joint import JointModel, SpeedLaw, Window, checked_model
+from planner.model.load import Loads, checked_load
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag, as_number, shown
 
@@ -99,6 +100,38 @@ def simulate(
     sampled = angles[:: model.hold].copy()
     sampled.setflags(write=False)
     return sampled
+
+
+def simulate_joints(
+    models: Sequence[JointModel],
+    requests: Array,
+    *,
+    cyclic: bool,
+    starts: Sequence[float | None] | Array | None = None,
+    loads: Array | Loads | None = None,
+) -> Array:
+    """Angles of several joints under their requests, each by :func:`simulate`.
+
+    Args:
+        models: The joints.
+        requests: Requests [rad], shape (n, joints).
+        cyclic: Whether they repeat for ever.
+        starts: From rest: angle of each joint one tick before the first request [rad], or None.
+        loads: Torques on the joints [N m], shape (n, joints), or for each joint shape (n,) or None.
+
+    Returns:
+        Angles [rad], shape (n, joints).
+    """
+    none = [None] * len(models)
+    each_load = loads.T if isinstance(loads, np.ndarray) else loads or none
+    each_start = none if starts is None else starts
+    columns = zip(models, requests.T, each_start, each_load, strict=True)
+    return np.column_stack(
+        [
+            simulate(model, column, cyclic=cyclic, start=start, load=load)
+            for model, column, start, load in columns
+        ]
+    )
 
 
 def advance(angle: Any, targets: Any, *, weights: Any, speed: SpeedLaw) -> Any:

@@ -18,15 +18,13 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import (
     JointModel,
-    Loads,
     RequestAges,
     acting,
-    checked_load,
     checked_model,
     request_ages,
-    sags,
     weights_by_tick,
 )
+from planner.model.load import Loads, checked_load, sags
 from planner.model.response import simulate
 from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze

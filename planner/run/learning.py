@@ -20,6 +20,7 @@ from planner.inversion.result import Inversion
 from planner.learning.history import Learning, SensorDelay, Trial
 from planner.learning.refine import refine
 from planner.model.joint import JointModel
+from planner.model.load import load_columns
 from planner.report.learning import LearningOutcome, Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
@@ -76,12 +77,10 @@ class Refined:
     @property
     def loads(self) -> Array | None:
         """Torques on the joints [N m], shape (n, k); None for none."""
-        count, found = len(self.executed), list[Any]()
+        loads: list[Array | None] = []
         for plan in self.plans.values():
-            found += plan.loads if isinstance(plan, FootInversion) else [plan.load]
-        if not found or all(load is None for load in found):
-            return None
-        return np.column_stack([np.zeros(count) if load is None else load for load in found])
+            loads += plan.loads if isinstance(plan, FootInversion) else [plan.load]
+        return load_columns(loads, len(self.executed))
 
 
 def read_executed(path: str, prepared: Prepared) -> Array:

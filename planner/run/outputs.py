@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from kinematics.scene import Scene
 from planner.files.paths import write_foot_path, write_joint_path
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import to_json, write_text
-from planner.model.response import simulate
+from planner.model.response import simulate_joints
 from planner.report.comparison_tables import verdict_line
 from planner.report.page import versions
 from planner.report.scene import Motion, motions, scene_page
@@ -83,24 +81,13 @@ def shown_motions(
         loads: Torques on them for which the requests are planned [N m], like ``planned``.
     """
     order = [desired.names.index(name) for name in leg.joint_names]
-    direct = simulated(desired, desired.angles, cyclic=cyclic, loads=loads)
+    direct = simulate_joints(desired.models, desired.angles, cyclic=cyclic, loads=loads)
     angles = [each[:, order] for each in (desired.angles, direct, planned)]
     feet = [leg.foot_positions(each) for each in angles]
     if desired.foot is not None:
         feet[0] = desired.foot
     first, second, third = zip(angles, feet, strict=True)
     return motions(first, second, third)
-
-
-def simulated(
-    desired: Desired, requests: Array, *, cyclic: bool, loads: Array | None = None
-) -> Array:
-    """What the joints do under requests [rad] and loads [N m], shape (n, k)."""
-    torques = [None] * len(desired.models) if loads is None else loads.T
-    each = zip(desired.models, requests.T, torques, strict=True)
-    return np.column_stack(
-        [simulate(model, column, cyclic=cyclic, load=load) for model, column, load in each]
-    )
 
 
 def _write_paths(folder: Path, run: RunFile, answer: Answer) -> None:

@@ -16,6 +16,7 @@ from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.model.evidence import Expectation, expectation, untested_words
+from planner.model.load import load_columns
 from planner.planning import plan
 from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
@@ -72,10 +73,7 @@ class Answer:
         """Torques on the joints for which the requests are [N m], shape (n, k); None for none."""
         together = self.together
         each = together.loads if together else [plan.load for plan in self.inversions.values()]
-        if all(load is None for load in each):
-            return None
-        idle = np.zeros(len(self.requests))
-        return np.column_stack([idle if load is None else load for load in each])
+        return load_columns(each, len(self.requests))
 
     @cached_property
     def expected(self) -> tuple[Expectation, ...]:

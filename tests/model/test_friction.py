@@ -12,7 +12,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
-from planner.model.joint import JointModel, acting, request_ages, rest_requests
+from planner.model.joint import JointModel, acting, request_ages
+from planner.model.load import rest_requests
 from planner.model.response import simulate
 from planner.model.sensitivity import Periods, sensitivities
 from planner.model.symbolic import exact_run, period

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from planner.exceptions import InvalidInput
 from planner.inversion.arguments import checked_limits, checked_max_step
-from planner.model.joint import JointModel, checked_load
+from planner.model.joint import JointModel
+from planner.model.load import checked_load
 from planner.trajectory import Array
 from planner.validation import as_reals, shown
 

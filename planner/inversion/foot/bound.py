@@ -38,7 +38,8 @@ from planner.inversion.foot.bundle_method import (
     zero_multipliers,
 )
 from planner.inversion.foot.configuration_minima import Distance
-from planner.model.joint import JointModel, Loads, sags
+from planner.model.joint import JointModel
+from planner.model.load import Loads, sags
 from planner.trajectory import Array
 
 MOST_SAMPLES_BOUNDED = 1000

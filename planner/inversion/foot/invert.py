@@ -31,7 +31,8 @@ from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.smoothing import SAME_ERROR, allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
-from planner.model.joint import JointModel, Loads, rest_angles
+from planner.model.joint import JointModel
+from planner.model.load import Loads, rest_angles
 from planner.trajectory import Array, Mask
 from planner.validation import as_flag, as_reals, freeze, shown
 

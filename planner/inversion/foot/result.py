@@ -15,7 +15,7 @@ from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.foot.arguments import axis_scales, joints_of, load_of_each
 from planner.inversion.foot.bound import foot_bound
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import simulate_joints
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -74,15 +74,8 @@ class FootInversion:
     @cached_property
     def predicted(self) -> Array:
         """Angles of the exact models under the requests, plus the disturbance [rad], (n, k)."""
-        starts = [None] * len(self.models) if self.start is None else self.start
-        loads = self.loads or [None] * len(self.models)
-        columns = zip(self.models, self.requests.T, starts, loads, strict=True)
-        angles = np.stack(
-            [
-                simulate(model, r, cyclic=self.cyclic, start=start, load=load)
-                for model, r, start, load in columns
-            ],
-            axis=1,
+        angles = simulate_joints(
+            self.models, self.requests, cyclic=self.cyclic, starts=self.start, loads=self.loads
         )
         if self.disturbance is not None:
             angles += self.disturbance
