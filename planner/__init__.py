@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
     from planner.inversion.stream import Stream
-    from planner.learning.history import Learning, SensorDelay, Trial
+    from planner.inversion.trials import Learning, SensorDelay, Trial
     from planner.learning.refine import refine
     from planner.model.joint import JointModel
     from planner.model.response import simulate
@@ -140,7 +140,7 @@ _HOMES = {
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
     "planner.inversion.stream": ("Stream",),
-    "planner.learning.history": ("Learning", "SensorDelay", "Trial"),
+    "planner.inversion.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -13,13 +13,11 @@ from planner.inversion.arguments import Norm, Solver
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.error_norm import error_norm, relative_gap
+from planner.inversion.trials import Learning
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.learning.history import Learning
 
 Method = Literal["closed_form", "optimal"]
 

@@ -21,8 +21,8 @@ from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, Plan
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
+from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
-from planner.learning.history import Learning, Trial
 from planner.learning.planned_joints import PlannedJoints
 from planner.learning.reidentification import better_model
 from planner.learning.sensor_delay import (
@@ -217,7 +217,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         noise = _noise(joints, trials, trials[now].mean - joints.respond(requests))
     delays = delays_of(joints, cycles, joints.respond(requests), removed)
     remarks += remarks_on_delays(joints, delays, noise.deviation)
-    found = _replayed(joints, trials, max(anew), noise)
+    found = _estimated(joints, trials, max(anew), noise)
     made = joints.planned(found.disturbance)
     base = trials[found.base]
     whole = joints.respond(made.requests.reshape(requests.shape)) + found.measured
@@ -252,11 +252,11 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     return replace(made, learning=learning)  # type: ignore[return-value]  # of the plan's type
 
 
-class Replay(NamedTuple):
-    """What the trials have taught.
+class Estimate(NamedTuple):
+    """The disturbance as it is estimated from the trials: (21) of ``docs/math.md``.
 
     Attributes:
-        disturbance: With which the next requests are to be made [rad], (n, k).
+        disturbance: With which the next requests are planned [rad], (n, k).
         measured: The disturbance as it was measured in the trial they start from [rad], (n, k).
         base: That trial.
         gain: Share of what is newly found that is made up for.
@@ -268,7 +268,9 @@ class Replay(NamedTuple):
     gain: float
 
 
-def _replayed(joints: PlannedJoints, trials: Sequence[Trial], since: int, noise: Noise) -> Replay:
+def _estimated(
+    joints: PlannedJoints, trials: Sequence[Trial], since: int, noise: Noise
+) -> Estimate:
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d).
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
@@ -290,7 +292,7 @@ def _replayed(joints: PlannedJoints, trials: Sequence[Trial], since: int, noise:
         power = noise.power / trials[base].cycles
         new = learnt(seen - before, power, joints.models, cyclic=joints.cyclic)
         used = before + gain * new
-    return Replay(used, seen, base, gain)
+    return Estimate(used, seen, base, gain)
 
 
 def _noise(joints: PlannedJoints, trials: Sequence[Trial], error: Array) -> Noise:

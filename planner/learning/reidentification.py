@@ -10,7 +10,7 @@ import numpy as np
 from planner.exceptions import PlannerError
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.learning.history import Trial
+from planner.inversion.trials import Trial
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array

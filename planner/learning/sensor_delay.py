@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.inversion.trials import Learning, SensorDelay
 from planner.learning.disturbance import latency
-from planner.learning.history import Learning, SensorDelay
 from planner.learning.planned_joints import PlannedJoints
 from planner.trajectory import Array
 

@@ -83,8 +83,8 @@ def speed_law(
     by the function that clips. These restate f in other forms and must change with it:
     its zeros in ``model/load.py``; its derivatives in ``model/sensitivity.py``,
     ``identification/simulation.py`` and ``sensitivities.py``; where it saturates in
-    ``inversion/line_inverse.py``, ``inversion/smoothing.py`` and ``bounds/hull_cuts.py``; its
-    symmetry in the lead of ``inversion/line_inverse.py``; and the conditions of
+    ``identification/parameters.py``, ``inversion/line_inverse.py`` and ``bounds/hull_cuts.py``;
+    its symmetry in the lead of ``inversion/line_inverse.py``; and the conditions of
     ``inversion/bounds``.
 
     Args:

@@ -17,7 +17,7 @@ from planner.files.paths import read_joint_path
 from planner.files.text import read_json, to_json, write_text
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
-from planner.learning.history import Learning, SensorDelay, Trial
+from planner.inversion.trials import Learning, SensorDelay, Trial
 from planner.learning.refine import refine
 from planner.model.joint import JointModel
 from planner.model.load import load_columns

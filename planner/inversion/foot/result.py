@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +14,10 @@ from planner.inversion.arguments import Norm
 from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.foot.arguments import axis_scales, joints_of, load_of_each
 from planner.inversion.foot.bound import foot_bound
+from planner.inversion.trials import Learning
 from planner.model.joint import JointModel
 from planner.model.response import simulate_joints
 from planner.trajectory import Array
-
-if TYPE_CHECKING:
-    from planner.learning.history import Learning
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

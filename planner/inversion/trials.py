@@ -1,4 +1,4 @@
-"""What a plan has learnt from: the cycles that were executed, and what was made of them."""
+"""Trials: the executed cycles that a plan has learnt from, and the state of learning."""
 
 from __future__ import annotations
 
