@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -41,6 +41,9 @@ class ShiftOptions:
 
 
 OPTIONS = ShiftOptions()
+
+Kind = Literal["resent", "direct", "shifted", "planned"]
+"""Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
 
 
 def replay(
@@ -267,17 +270,19 @@ class JointReplay:
             best = float(around.x)
         return best * period, angles(best)
 
+    def error_of(self, kind: Kind) -> Array:
+        """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
+
+        Only what this kind needs is simulated: the best time shift takes dozens of simulations.
+        """
+        assert self.predicted is not None, "only a planned joint has errors"
+        angles: Array = self.predicted if kind == "planned" else getattr(self, kind)
+        return angles - self.desired
+
     @property
     def errors(self) -> dict[str, Array]:
-        """Angles minus desired angles of a planned joint, by kind of request, shape (n,) each."""
-        assert self.predicted is not None, "only a planned joint has errors"
-        kinds = {
-            "resent": self.resent,
-            "direct": self.direct,
-            "shifted": self.shifted,
-            "planned": self.predicted,
-        }
-        return {kind: angles - self.desired for kind, angles in kinds.items()}
+        """Angles minus desired angles of a planned joint, by kind of requests, shape (n,) each."""
+        return {kind: self.error_of(kind) for kind in get_args(Kind)}
 
     @cached_property
     def lower_bound(self) -> float:
@@ -328,7 +333,7 @@ class JointReplay:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replay:
-    """Requests that repeat a recording, with what they promise.
+    """Requests that repeat a recording, with the errors that the models predict.
 
     Attributes:
         path: The recording.
@@ -396,7 +401,7 @@ def checked_speed(speed: object) -> float:
 
 
 def _figures(joint: JointReplay) -> dict[str, Any]:
-    """What is promised of a joint."""
+    """Figures of a joint, as JSON holds them."""
     found: dict[str, Any] = {
         "planned": joint.inversion is not None,
         "unit": joint.path.unit,

@@ -14,7 +14,7 @@ from planner.exceptions import Infeasible, InvalidInput
 from planner.inversion.certify import lower_bound
 from planner.planning import Limits
 from planner.recorded_path import Models, Path, RecordedPath, Track, recorded_path
-from planner.replaying import JointReplay, Replay, replay_at
+from planner.replaying import JointReplay, Kind, Replay, replay_at
 from planner.trajectory import Array
 from planner.validation import as_number, is_one_of, shown
 
@@ -272,13 +272,15 @@ class Measure:
         """What is allowed of a joint [rad, or shares of its range]."""
         return math.degrees(self.tolerance) / 100.0 if path.unit == "1" else self.tolerance
 
-    def errors(self, made: Replay, kind: str) -> Array:
+    def errors(self, made: Replay, kind: Kind) -> Array:
         """Largest error of each sample over what is allowed, shape (n,), by kind of requests."""
         if self.leg is None:
-            ratios = [np.abs(each.errors[kind]) / self.of_path(each.path) for each in made.planned]
+            ratios = [
+                np.abs(each.error_of(kind)) / self.of_path(each.path) for each in made.planned
+            ]
             return np.asarray(np.max(ratios, axis=0))
         desired = np.column_stack([each.desired for each in made.planned])[:, self.places]
-        off = np.column_stack([each.errors[kind] for each in made.planned])[:, self.places]
+        off = np.column_stack([each.error_of(kind) for each in made.planned])[:, self.places]
         feet = self.leg.foot_positions(desired + off) - self.leg.foot_positions(desired)
         return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
 
@@ -380,9 +382,9 @@ class _Search:
             if not self.has_rows(factor):
                 break
             made = self.at(factor)
+            kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
             direct, shifted, planned = (
-                float(np.max(self.measure.errors(made, kind)))
-                for kind in ("direct", "shifted", "planned")
+                float(np.max(self.measure.errors(made, kind))) for kind in kinds
             )
             bound = math.nan
             if self.measure.leg is None:
