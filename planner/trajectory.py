@@ -81,3 +81,8 @@ def index_of_largest(values: Array) -> int:
     """
     largest = float(np.max(values))
     return int(np.argmax(values >= largest - SAME * abs(largest)))
+
+
+def rms(values: Array) -> float:
+    """Root mean square of values of any shape, in their own unit; 0 of none."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

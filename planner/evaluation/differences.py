@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.closed_form import switching_time
 from planner.inversion.result import Inversion
-from planner.trajectory import Array, index_of_largest
+from planner.trajectory import Array, index_of_largest, rms
 
 Reason = Literal["saturated", "limit", "corner", "free", "after_end"]
 
@@ -143,12 +143,12 @@ def difference(closed_form: Inversion, optimal: Inversion) -> Difference:
                 end=int(indices[-1]),
                 samples=samples,
                 share=float(np.sum(squared[indices])) / total if total > 0.0 else 0.0,
-                closed_form_rms=_rms(closed_form.errors[where]),
-                optimal_rms=_rms(optimal.errors[where]),
+                closed_form_rms=rms(closed_form.errors[where]),
+                optimal_rms=rms(optimal.errors[where]),
             )
         )
     return Difference(
-        rms=_rms(apart),
+        rms=rms(apart),
         largest=float(np.max(np.abs(apart))),
         largest_at=index_of_largest(np.abs(apart)),
         intervals=tuple(intervals),
@@ -235,8 +235,3 @@ def _corners(curve: PiecewiseLinear) -> Array:
         return np.concatenate([[-np.inf], curve.knots[1:-1], [np.inf]])
     within = np.sort(np.mod(curve.knots, curve.samples))
     return np.concatenate([[within[-1] - curve.samples], within, [within[0] + curve.samples]])
-
-
-def _rms(values: Array) -> float:
-    """Root mean square; 0 of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -29,6 +29,7 @@ from planner.evaluation.joint_comparison import METHODS, JointComparison, planne
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
+from planner.inversion.error_norm import relative_gap
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
@@ -95,7 +96,7 @@ class FootComparison:
         began = self.plans["foot_optimal"].requests[0]
         if not self.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
             return None
-        return plan.error(self.norm) / self.bound - 1.0
+        return relative_gap(plan.error(self.norm), self.bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""

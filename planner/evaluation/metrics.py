@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 
 class Distance(NamedTuple):
@@ -108,13 +108,13 @@ def request_motion(
         '0.3 rad, 6.67 per s'
     """
     _difference(requests, desired, dimensions=1)
-    sent, wished = (np.asarray(given, dtype=np.float64) for given in (requests, desired))
+    sent, path = (np.asarray(given, dtype=np.float64) for given in (requests, desired))
     closing = slice(0, 1 if cyclic else 0)
-    steps, others = (np.diff(each, append=each[closing]) for each in (sent, wished))
+    steps, others = (np.diff(each, append=each[closing]) for each in (sent, path))
     directions = np.sign(steps[np.abs(steps) > LEAST_MOTION])
     if cyclic:
         directions = np.append(directions, directions[:1])
-    beyond = max(wished.min() - sent.min(), sent.max() - wished.max(), 0.0)
+    beyond = max(path.min() - sent.min(), sent.max() - path.max(), 0.0)
     return RequestMotion(
         largest_step=float(np.max(np.abs(steps), initial=0.0)),
         reversals_per_s=np.count_nonzero(np.diff(directions)) / (len(sent) * period),
@@ -125,7 +125,7 @@ def request_motion(
 
 
 def _over_samples(distances: Array) -> Distance:
-    return Distance(float(np.sqrt(np.mean(distances**2))), float(np.max(distances)))
+    return Distance(rms(distances), float(np.max(distances)))
 
 
 def _difference(one: npt.ArrayLike, other: npt.ArrayLike, *, dimensions: int) -> Array:

@@ -124,7 +124,7 @@ class PlanOutcome:
         given = self.feet["desired"] if self.foot_given is None else self.foot_given
         return np.asarray(np.linalg.norm(self.feet["planned"] - given, axis=1))
 
-    @property
+    @cached_property
     def errors(self) -> Mapping[str, Array]:
         """Actual minus desired angles [rad], (n, k), as "direct" and "planned"."""
         return {"direct": self.direct - self.desired, "planned": self.predicted - self.desired}

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from planner.inversion.arguments import Norm
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 
 def error_norm(errors: Array, norm: Norm) -> float:
@@ -19,7 +19,7 @@ def error_norm(errors: Array, norm: Norm) -> float:
     """
     if norm == "max":
         return float(np.max(np.abs(errors)))
-    return float(np.sqrt(np.mean(errors**2)))
+    return rms(errors)
 
 
 def relative_gap(error: float, bound: float) -> float:

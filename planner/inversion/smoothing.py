@@ -28,7 +28,7 @@ from planner.inversion.gauss_newton import (
 )
 from planner.inversion.reversals import OPTIONS as DEAD_BAND
 from planner.inversion.tracking_problem import TrackingProblem
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +128,7 @@ def _without_needless_crossings(
     allow consists of such jumps.
     """
     bands = np.array([model.dead_band for model in problem.models])
-    band = float(np.sqrt(np.mean(bands**2)))
+    band = rms(bands)
     worth = DEAD_BAND.worth * roughness(problem, given.requests)
     for error_share in DEAD_BAND.error_shares:
         most = math.hypot(error, error_share * band)

@@ -32,7 +32,7 @@ from planner.learning.sensor_delay import (
     remarks_on_delays,
 )
 from planner.planning import Plan
-from planner.trajectory import LARGEST, Array
+from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
 
 LONGEST_DELAY = 1e3
@@ -384,8 +384,7 @@ def _settled(cycles: Array) -> Array:
     if len(cycles) < 3:
         return cycles
     others = cycles[1:]
-    spread = float(np.sqrt(np.mean((others - others.mean(axis=0)) ** 2)))
-    first = float(np.sqrt(np.mean((cycles[0] - others.mean(axis=0)) ** 2)))
+    spread, first = rms(others - others.mean(axis=0)), rms(cycles[0] - others.mean(axis=0))
     count = float(np.max(np.ptp(others, axis=1)))
     return others if first > max(OPTIONS.settling * spread, 0.01 * count) else cycles
 

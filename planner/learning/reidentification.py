@@ -13,7 +13,7 @@ from planner.identification.log import Log
 from planner.inversion.trials import Trial
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ def better_model(
     def missed(by: JointModel) -> float:
         before, angles = known[-1]
         disturbance = angles - run(by, before) if len(pairs) > 1 else 0.0
-        return float(np.sqrt(np.mean((run(by, sent) + disturbance - target) ** 2)))
+        return rms(run(by, sent) + disturbance - target)
 
     try:
         now = missed(model)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class Evidence(NamedTuple):
         """
         if not self.by_acceleration:
             return self.error
-        size = _rms(_motion(angles, period, cyclic=cyclic).accelerations)
+        size = rms(_motion(angles, period, cyclic=cyclic).accelerations)
         known, errors = np.transpose(self.by_acceleration)
         beyond = max(size / known[-1], 1.0) if known[-1] > 0.0 else 1.0
         return float(np.interp(size, known, errors)) * beyond
@@ -100,7 +100,7 @@ class Evidence(NamedTuple):
         size = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
         found = {
             "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
-            "acceleration": _rms(motion.accelerations) > OPTIONS.spare * size,
+            "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
         }
@@ -156,7 +156,7 @@ def expectation(
     torque = 0.0 if load is None else load
     error = evidence.error_of(predicted, period=period, cyclic=cyclic)
     untested = evidence.exceeded(predicted, period=period, cyclic=cyclic, load=torque)
-    return Expectation(math.hypot(_rms(predicted - desired), error), untested)
+    return Expectation(math.hypot(rms(predicted - desired), error), untested)
 
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
@@ -201,8 +201,8 @@ def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ..
     weights = np.ones_like(sizes)
     for _ in range(OPTIONS.rounds):
         line, _ = nnls(basis * weights[:, np.newaxis], errors * weights)
-        told = basis @ line
-        weights = 1.0 / np.maximum(told, np.max(told) * np.sqrt(np.finfo(np.float64).eps))
+        fitted = basis @ line
+        weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
     largest = float(np.max(sizes))
     return (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
 
@@ -227,12 +227,8 @@ def _parts(run: Run) -> list[tuple[float, float]]:
         return []
     accelerations = _motion(run.angles, run.period, cyclic=False).accelerations
     parts = (slice(k, k + length) for k in range(0, count - length + 1, max(length // 2, 1)))
-    return [(_rms(accelerations[part]), _rms(run.errors[1:-1][part])) for part in parts]
+    return [(rms(accelerations[part]), rms(run.errors[1:-1][part])) for part in parts]
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.4g}")
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

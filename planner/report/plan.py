@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from planner._version import __version__
+from planner.inversion.error_norm import error_norm, relative_gap
 from planner.model.evidence import untested_words
 from planner.report.figure import (
     POSES,
@@ -90,7 +91,7 @@ def plan_page(
     joints = {
         "outcome": outcome,
         "table": joints_table(outcome),
-        "told": any(told(outcome)),
+        "known": any(expected_errors(outcome)),
         "joints": [joint_figure(outcome, role, j) for j in range(len(outcome.names))],
     }
     models = models_table(outcome.names, outcome.models)
@@ -125,7 +126,7 @@ def plan_page(
 JOINTS = """
 {{ table }}
 <p class="note">Errors are predicted minus desired angles at each request, by the exact models.
-{% if told %}On the robot, expect the error of the plan and of its model, by what the model was
+{% if known %}On the robot, expect the error of the plan and of its model, by what the model was
   tested on.
 {% endif %}{% if outcome.no_bound %}There is no lower bound under {{ outcome.no_bound }}.
 {% elif outcome.bounds %}No requests bring the {{ outcome.norm }} error below the lower bound.
@@ -159,7 +160,7 @@ class Size(NamedTuple):
 
 def size(errors: Array, factor: float) -> Size:
     """The errors times a factor in two numbers."""
-    return Size(factor * float(np.sqrt(np.mean(errors**2))), factor * float(np.max(np.abs(errors))))
+    return Size(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
 
 
 def verdict(outcome: PlanOutcome) -> tuple[str, str]:
@@ -183,13 +184,13 @@ def verdict(outcome: PlanOutcome) -> tuple[str, str]:
     )
     if outcome.feet and outcome.expected_foot:
         tail += f". On the robot expect about {_two_digits(100.0 * outcome.expected_foot)} cm rms"
-    elif any(told(outcome)) and not outcome.feet:
-        largest = max(each for each in told(outcome) if each)
+    elif any(expected_errors(outcome)) and not outcome.feet:
+        largest = max(each for each in expected_errors(outcome) if each)
         tail += f". On the robot expect about {_two_digits(largest)} degrees rms"
     return head, tail
 
 
-def told(outcome: PlanOutcome) -> list[float]:
+def expected_errors(outcome: PlanOutcome) -> list[float]:
     """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
     return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in outcome.expected]
 
@@ -323,10 +324,7 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
         )
         lower, upper = outcome.limits.get(name, (-math.inf, math.inf))
         bound = outcome.bounds.get(name)
-        error = planned.rms if outcome.norm == "rms" else planned.largest
-        gap = None
-        if bound is not None:
-            gap = error / math.degrees(bound) - 1.0 if bound > 0.0 else math.inf
+        error = math.radians(planned.rms if outcome.norm == "rms" else planned.largest)
         requests = outcome.requests[:, j]
         near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
         rows.append(
@@ -335,7 +333,7 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
                 planned=planned,
                 direct=direct,
                 bound=None if bound is None else math.degrees(bound),
-                gap=gap,
+                gap=None if bound is None else relative_gap(error, bound),
                 speed=math.degrees(float(outcome.speeds[j])),
                 top_speed=math.degrees(outcome.models[j].v_max),
                 too_fast=float(outcome.too_fast[j]),
@@ -349,7 +347,7 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
 def joints_table(outcome: PlanOutcome) -> Table:
     """Errors, bounds, speeds and limits of every joint."""
     bounded = bool(outcome.bounds)
-    known = any(told(outcome))
+    known = any(expected_errors(outcome))
     columns = [
         Column("planned [deg]", ("rms", "max")),
         *([Column("on the robot [deg]")] if known else []),
@@ -361,7 +359,7 @@ def joints_table(outcome: PlanOutcome) -> Table:
         Column("requests at a limit"),
     ]
     rows = []
-    for row, expected in zip(joint_rows(outcome), told(outcome), strict=True):
+    for row, expected in zip(joint_rows(outcome), expected_errors(outcome), strict=True):
         bounds = [
             NOTHING if row.bound is None else f"{row.bound:.3f}",
             NOTHING if row.gap is None else percent(row.gap),

@@ -75,7 +75,7 @@ class Table:
                 if self.apart:
                     rows.append(["" if number else subject, row.about, *cells])
                 else:
-                    parts = (subject, _told(row.about))
+                    parts = (subject, _with_note(row.about))
                     rows.append([", ".join(part for part in parts if part), *cells])
         header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
         return text_table(header, rows)
@@ -164,12 +164,12 @@ def percent(share: float, digits: int = 2) -> str:
 def _joined(cell: str | tuple[str, ...], column: Column) -> str:
     """A cell for a terminal."""
     if isinstance(cell, str):
-        return _told(cell)
+        return _with_note(cell)
     missing = len(cell) > 1 and cell[1] == NOTHING
     return cell[0].replace("\n", " ") if missing else column.joined.format(*cell).replace("\n", " ")
 
 
-def _told(words: str) -> str:
+def _with_note(words: str) -> str:
     """Words with their note for a terminal."""
     value, _, note = words.partition("\n")
     return f"{value} ({note})" if note else value

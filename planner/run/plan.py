@@ -68,7 +68,7 @@ class Answer:
     together: FootInversion | None = None
     remarks: tuple[FailedCheck, ...] = ()
 
-    @property
+    @cached_property
     def loads(self) -> Array | None:
         """Torques on the joints for which the requests are [N m], shape (n, k); None for none."""
         together = self.together
@@ -97,7 +97,7 @@ class Answer:
         made = [self.together] if self.together else [*self.inversions.values()]
         return NO_BOUND if any(each.load_of_pose for each in made) else None
 
-    @property
+    @cached_property
     def motions(self) -> Mapping[str, RequestMotion]:
         """How the requests of each joint move."""
         desired = self.desired
@@ -114,13 +114,13 @@ class Answer:
             return None
         return self.together.lower_bound
 
-    @property
+    @cached_property
     def foot_positions(self) -> Array:
         """Positions of the foot at the predicted angles [m], shape (n, 3)."""
         assert self.desired.leg is not None, "a foot belongs to a leg"
         return self.desired.leg.foot_positions(self.predicted)
 
-    @property
+    @cached_property
     def foot_distances(self) -> Array:
         """Distances of the foot from its desired positions [m], shape (n,)."""
         assert self.desired.foot is not None, "only a foot path has desired positions"
@@ -442,6 +442,6 @@ def _motion_cells(name: str, motion: RequestMotion) -> list[str]:
 
 def _errors(errors: Array, unit: str) -> dict[str, float]:
     return {
-        f"rms_{unit}": float(np.sqrt(np.mean(errors**2))),
-        f"max_{unit}": float(np.max(errors)),
+        f"rms_{unit}": error_norm(errors, "rms"),
+        f"max_{unit}": error_norm(errors, "max"),
     }
