@@ -39,8 +39,8 @@ from planner.inversion.robust import (
     robust_requests,
 )
 from planner.inversion.smoothing import smoothed
-from planner.inversion.tracking_problem import TrackingProblem, track, within_attainable_range
-from planner.model.joint import JointModel
+from planner.inversion.tracking_problem import TrackingProblem, track
+from planner.model.joint import JointModel, request_ages
 from planner.model.load import checked_load
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
@@ -296,6 +296,20 @@ def nearest_within_speeds(
     sheared = np.tile(desired, turns) - drift
     bounded = slope_bounded(sheared, model.v_max_per_period, cyclic=False) + drift
     return bounded[(turns // 2) * count :][:count]
+
+
+def within_attainable_range(
+    model: JointModel, angles: Array, start: float, load: Array | None = None
+) -> Array:
+    """Angles, clipped to what a joint that rests at the start can attain by then [rad], (n,)."""
+    resting = request_ages(model).youngest + 1  # samples before the second request acts
+    moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
+    if load is None:
+        low, high = (limit * model.period * moving for limit in model.speed_limits())
+    else:
+        steps = np.diff(moving, prepend=0.0)  # 1 once it moves
+        low, high = (np.cumsum(limit * model.period * steps) for limit in model.speed_limits(load))
+    return np.clip(angles, start + low, start + high)
 
 
 def _early_and_late(problem: TrackingProblem) -> list[Array]:

@@ -299,20 +299,6 @@ def _majorised(values: Array, travelled: Array) -> Array:
     return np.minimum(rising, falling)
 
 
-def within_attainable_range(
-    model: JointModel, angles: Array, start: float, load: Array | None = None
-) -> Array:
-    """Angles, clipped to what a joint that rests at the start can attain by then [rad], (n,)."""
-    resting = request_ages(model).youngest + 1  # samples before the second request acts
-    moving = np.maximum(np.arange(len(angles)) - resting + 1.0, 0.0)
-    if load is None:
-        low, high = (limit * model.period * moving for limit in model.speed_limits())
-    else:
-        steps = np.diff(moving, prepend=0.0)  # 1 once it moves
-        low, high = (np.cumsum(limit * model.period * steps) for limit in model.speed_limits(load))
-    return np.clip(angles, start + low, start + high)
-
-
 class Errors(NamedTuple):
     """Errors of every sample and their derivatives by the joints' angles."""
 
