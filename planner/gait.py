@@ -91,7 +91,7 @@ class ReferenceWalk:
 
     Attributes:
         leg: The simplified leg, 64 and 69 mm without offsets.
-        wanted_foot: The half ellipse in the hip frame [m], shape (88, 3), read-only.
+        half_ellipse: The half ellipse in the hip frame [m], shape (88, 3), read-only.
         desired: Desired joint angles [rad], shape (88, 3), read-only.
         desired_foot: Where these angles bring the foot [m], shape (88, 3), read-only.
         reachable: Whether that is the desired point, read-only, shape (88,).
@@ -99,7 +99,7 @@ class ReferenceWalk:
     """
 
     leg: Leg
-    wanted_foot: Array
+    half_ellipse: Array
     desired: Array
     desired_foot: Array
     reachable: npt.NDArray[np.bool_]
@@ -119,11 +119,11 @@ def reference_walk() -> ReferenceWalk:
         ((88, 3), ('rotator', 'abductor', 'knee'))
     """
     leg = Leg.from_urdf(urdf_path("reference_leg.urdf"), base="hip", foot="foot")
-    wanted_foot = half_ellipse()
-    solution = leg.inverse(wanted_foot, unreachable="clamp")
+    path = half_ellipse()
+    solution = leg.inverse(path, unreachable="clamp")
     return ReferenceWalk(
         leg=leg,
-        wanted_foot=wanted_foot,
+        half_ellipse=path,
         desired=solution.angles,
         desired_foot=leg.foot_positions(solution.angles),
         reachable=solution.reachable,

@@ -85,16 +85,16 @@ def test_the_ten_baseline_figures_agree_with_the_papers_within_ten_percent_on_av
 
 
 def test_fifteen_points_on_the_way_up_to_the_top_of_the_swing_are_out_of_reach(walk):
-    top = walk.wanted_foot[:, 2].argmax()
+    top = walk.half_ellipse[:, 2].argmax()
     np.testing.assert_array_equal(np.flatnonzero(~walk.reachable), np.arange(top - 15, top))
-    miss = np.linalg.norm(walk.desired_foot - walk.wanted_foot, axis=1)
+    miss = np.linalg.norm(walk.desired_foot - walk.half_ellipse, axis=1)
     np.testing.assert_array_equal(walk.reachable, miss <= 1e-9)
 
 
 def test_the_desired_angles_are_those_of_the_walks_own_inverse_kinematics(walk):
     upper, lower = 0.064, 0.069
-    x, y, z = walk.wanted_foot.T
-    square = (walk.wanted_foot**2).sum(axis=1)
+    x, y, z = walk.half_ellipse.T
+    square = (walk.half_ellipse**2).sum(axis=1)
     knee = np.arccos(np.clip((square - upper**2 - lower**2) / (2 * upper * lower), -1, 1))
     reach = upper + lower * np.cos(knee)
     abductor = np.arcsin(np.clip(y / reach, -1, 1))
@@ -107,10 +107,10 @@ def test_the_desired_angles_are_those_of_the_walks_own_inverse_kinematics(walk):
 
 def test_the_walk_knows_its_joints_and_cannot_be_changed(walk):
     assert walk.joint_names == ("rotator", "abductor", "knee")
-    assert walk.desired.shape == walk.desired_foot.shape == walk.wanted_foot.shape == (88, 3)
+    assert walk.desired.shape == walk.desired_foot.shape == walk.half_ellipse.shape == (88, 3)
     with pytest.raises(dataclasses.FrozenInstanceError):
         walk.desired = None
-    for array in (walk.wanted_foot, walk.desired, walk.desired_foot, walk.reachable):
+    for array in (walk.half_ellipse, walk.desired, walk.desired_foot, walk.reachable):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
 

@@ -158,7 +158,7 @@ def judge_foot(
     leg: Leg, joints: Sequence[JointComparison], together: FootInversion
 ) -> FootComparison:
     """Compare a plan for the foot with plans for its joints, from any method."""
-    desired = together.wanted
+    desired = together.desired_foot
     plans = {
         method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
         for method in planned(joints)
@@ -214,7 +214,7 @@ def _checks(
         ]
         usable = [plan for plan in kept if plan is not None]
         if len(usable) == len(joints):
-            others[METHODS[method]] = _foot_plan(leg, together.wanted, usable).error(norm)
+            others[METHODS[method]] = _foot_plan(leg, together.desired_foot, usable).error(norm)
     return found + no_worse_checks(FOOT, label, best.error(norm), others, FOOT_NO_WORSE)
 
 

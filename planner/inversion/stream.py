@@ -275,7 +275,7 @@ class Stream:
         angles = given.rows[:, 0] if self._angles is None else self._angles
         start = np.where(np.isnan(given.measured), angles, given.measured) if begins else angles
         if begins and not np.isfinite(start).all():
-            self._say(np.ones_like(bad), bad)
+            self._set_status(np.ones_like(bad), bad)
             requests = np.full(len(self.models), math.nan)
             requests.setflags(write=False)
             return requests
@@ -294,8 +294,8 @@ class Stream:
         plan[bad] = last[bad, np.newaxis]
         plan[:, 0] = requests
         self._plan = plan
-        self._remember(requests)
-        self._say(bad, beyond)
+        self._record(requests)
+        self._set_status(bad, beyond)
         requests.setflags(write=False)
         return requests
 
@@ -307,7 +307,7 @@ class Stream:
             self._sent[:] = self._sent[:, -1:]
         for period in range(min(given.missed, OPTIONS.most_missed) + 1):
             if period:
-                self._remember(self._sent[:, -1].copy())
+                self._record(self._sent[:, -1].copy())
             elapsed.starts[:, 0] = angles
             elapsed.requests[:, 0] = self._sent[:, self._acting]
             elapsed.loads[:, 0] = given.torques[:, :1]
@@ -420,11 +420,10 @@ class Stream:
         lines: Array = here + self._share * slopes + raised - sag
         return lines
 
-    def _within(self, wanted: Array, last: Array) -> Array:
+    def _within(self, planned: Array, last: Array) -> Array:
         """The nearest requests within the limits and ``max_step`` of the last ones, exactly."""
-        change = np.clip(
-            self._admissible(wanted[:, np.newaxis])[:, 0] - last, -self._step, self._step
-        )
+        admissible = self._admissible(planned[:, np.newaxis])[:, 0]
+        change = np.clip(admissible - last, -self._step, self._step)
         requests = last + change
         rounded = np.abs(requests - last) > self._step  # by the last bit
         requests = np.where(rounded, np.nextafter(requests, last), requests)
@@ -433,7 +432,7 @@ class Stream:
     def _admissible(self, plan: Array) -> Array:
         return np.clip(plan, self._least, self._most)
 
-    def _remember(self, requests: Array) -> None:
+    def _record(self, requests: Array) -> None:
         self._sent[:, :-1] = self._sent[:, 1:]
         self._sent[:, -1] = requests
 
@@ -454,7 +453,7 @@ class Stream:
                 raise Infeasible(self._problem)
         return beyond
 
-    def _say(self, bad: Mask, beyond: Mask) -> None:
+    def _set_status(self, bad: Mask, beyond: Mask) -> None:
         if bad.any() or beyond.any():
             words: list[Status] = [
                 "held" if held else "unreachable" if far else "planned"

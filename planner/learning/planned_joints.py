@@ -82,7 +82,7 @@ class PlannedJoints(NamedTuple):
             made = invert_foot(
                 self.models,
                 plan.leg,
-                plan.wanted,
+                plan.desired_foot,
                 cyclic=plan.cyclic,
                 limits=plan.limits,
                 norm=plan.norm,

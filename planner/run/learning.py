@@ -169,7 +169,7 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
             FOOT: FootInversion(
                 models=desired.models,
                 leg=desired.leg,
-                wanted=desired.foot,
+                desired_foot=desired.foot,
                 requests=requests,
                 cyclic=desired.cyclic,
                 norm=norm,

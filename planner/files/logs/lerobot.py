@@ -58,7 +58,7 @@ def read_lerobot(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
         MissingExtra: pyarrow is not installed.
     """
     dataset = find_dataset(Path(path))
-    episodes = options.wanted_episodes()
+    episodes = options.episode_numbers()
     logs: list[Log] = []
     found: set[int] = set()
     for file in _files(dataset, Path(path), episodes):
@@ -110,7 +110,7 @@ def lerobot_episodes(path: Path | str, options: LogOptions) -> tuple[EpisodeFile
         InvalidFile: It is no dataset, or does not hold a chosen episode.
         MissingExtra: pyarrow is not installed.
     """
-    dataset, chosen = find_dataset(Path(path)), options.wanted_episodes()
+    dataset, chosen = find_dataset(Path(path)), options.episode_numbers()
     found: list[EpisodeFile] = []
     for file in _files(dataset, Path(path), chosen):
         try:
@@ -188,7 +188,7 @@ def _tasks(root: Path) -> dict[int, str]:
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
     """Names of the joints that both the action and the observation hold."""
     dataset = find_dataset(Path(path))
-    file = _files(dataset, Path(path), options.wanted_episodes())[0]
+    file = _files(dataset, Path(path), options.episode_numbers())[0]
     return tuple(_joints(dataset, file, read_columns(file, [ACTION, STATE])))
 
 

@@ -66,7 +66,7 @@ class LogOptions:
             raise InvalidInput(
                 f"ticks per turn: got {shown(ticks)}, expected more than 0, such as 4096"
             )
-        self.wanted_episodes()
+        self.episode_numbers()
 
     def unit_of(self, joint: str) -> str | None:
         """The unit that the user gives for a joint's angles; None where the log has to say."""
@@ -86,7 +86,7 @@ class LogOptions:
         unit = self.unit_of(joint)
         return None if unit is None else scale(unit, self.ticks_per_turn)
 
-    def wanted_episodes(self) -> frozenset[int] | None:
+    def episode_numbers(self) -> frozenset[int] | None:
         """The episodes to read; None for all.
 
         Raises:

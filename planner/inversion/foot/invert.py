@@ -190,7 +190,7 @@ def invert_foot(
     return FootInversion(
         models=joints,
         leg=leg,
-        wanted=desired,
+        desired_foot=desired,
         requests=requests,
         cyclic=cyclic,
         norm=norm,

@@ -27,7 +27,7 @@ class FootInversion:
     Attributes:
         models: The joints, in the leg's order.
         leg: The leg.
-        wanted: Desired foot positions in the leg's base frame [m], shape (n, 3).
+        desired_foot: Desired foot positions in the leg's base frame [m], shape (n, 3).
         requests: What to send to the joints [rad], shape (n, k).
         cyclic: Whether the path repeats for ever.
         norm: Distance that was minimised.
@@ -47,7 +47,7 @@ class FootInversion:
 
     models: tuple[JointModel, ...]
     leg: Leg
-    wanted: Array
+    desired_foot: Array
     requests: Array
     cyclic: bool
     norm: Norm
@@ -88,7 +88,7 @@ class FootInversion:
     @property
     def distances(self) -> Array:
         """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
-        distances: Array = np.linalg.norm(self.foot - self.wanted, axis=1)
+        distances: Array = np.linalg.norm(self.foot - self.desired_foot, axis=1)
         return distances
 
     @property
@@ -108,7 +108,7 @@ class FootInversion:
 
     def error_of(self, angles: Array) -> float:
         """The same of other angles [m]; ``angles`` [rad], shape (n, k)."""
-        away = (self.leg.foot_positions(angles) - self.wanted) * axis_scales(self.weights)
+        away = (self.leg.foot_positions(angles) - self.desired_foot) * axis_scales(self.weights)
         return error_norm(np.linalg.norm(away, axis=1), self.norm)
 
     @cached_property
@@ -124,7 +124,7 @@ class FootInversion:
         return foot_bound(
             self.models,
             self.leg,
-            self.wanted,
+            self.desired_foot,
             self.predicted,
             cyclic=self.cyclic,
             norm=self.norm,

@@ -34,8 +34,8 @@ def test_options_that_fit_no_log_are_refused(snapshot):
 
 
 def test_episodes_are_numbers_and_ranges():
-    assert LogOptions(episodes="0-3, 7").wanted_episodes() == {0, 1, 2, 3, 7}
-    assert LogOptions().wanted_episodes() is None
+    assert LogOptions(episodes="0-3, 7").episode_numbers() == {0, 1, 2, 3, 7}
+    assert LogOptions().episode_numbers() is None
 
 
 def test_a_unit_may_be_for_one_joint_only():

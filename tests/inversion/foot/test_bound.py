@@ -82,14 +82,16 @@ def error_of(plan, requests):
         )
     ]
     roots = np.sqrt(plan.weights / np.max(plan.weights))
-    missed = (plan.leg.foot_positions(np.transpose(angles)) - plan.wanted) * roots
+    missed = (plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot) * roots
     distances = np.linalg.norm(missed, axis=1)
     return np.max(distances) if plan.norm == "max" else np.sqrt(np.mean(distances**2))
 
 
 def task_of(plan):
     """The relaxation behind a plan's bound, in units of its error."""
-    lower, upper = attainable_angles(plan.models, plan.limits, len(plan.wanted), start=plan.start)
+    lower, upper = attainable_angles(
+        plan.models, plan.limits, len(plan.desired_foot), start=plan.start
+    )
     roots = np.sqrt(plan.weights / np.max(plan.weights))
     starts = [None] * 3 if plan.start is None else plan.start
     sets = [
@@ -98,7 +100,7 @@ def task_of(plan):
         )
         for model, start in zip(plan.models, starts, strict=True)
     ]
-    distance = Distance(plan.leg.chain, lower, upper, plan.wanted, roots / plan.error)
+    distance = Distance(plan.leg.chain, lower, upper, plan.desired_foot, roots / plan.error)
     return LagrangianRelaxation(
         distance, sets, plan.norm, (np.min(lower, axis=0), np.max(upper, axis=0))
     )
@@ -226,7 +228,7 @@ def test_a_cycle_may_begin_anywhere():
     later = foot_bound(
         plan.models,
         plan.leg,
-        np.roll(plan.wanted, 5, axis=0),
+        np.roll(plan.desired_foot, 5, axis=0),
         np.roll(plan.predicted, 5, axis=0),
         **options,
     )

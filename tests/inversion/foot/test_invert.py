@@ -72,7 +72,7 @@ def foot_errors(plan, requests):
         simulate(model, column, cyclic=plan.cyclic, start=start)
         for model, column, start in zip(plan.models, np.transpose(requests), starts, strict=True)
     ]
-    return np.linalg.norm(plan.leg.foot_positions(np.transpose(angles)) - plan.wanted, axis=1)
+    return np.linalg.norm(plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1)
 
 
 def rms(distances):
@@ -88,7 +88,9 @@ def joint_by_joint(plan, norm="rms"):
     """Every joint planned for itself, for the angles that come nearest to the path."""
     offsets = np.array([model.offset for model in plan.models])
     lower, upper = np.array(plan.limits) + offsets  # where the requests let the joints rest
-    desired = np.clip(plan.leg.joint_angles(plan.wanted, unreachable="nearest"), lower, upper).T
+    desired = np.clip(
+        plan.leg.joint_angles(plan.desired_foot, unreachable="nearest"), lower, upper
+    ).T
     return np.transpose(
         [
             invert_optimal(model, angles, cyclic=plan.cyclic, limits=limits, norm=norm).requests
@@ -282,13 +284,13 @@ def test_a_point_out_of_reach_is_pointed_at():
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_a_path_partly_out_of_reach_is_followed_as_closely_as_the_rest_of_it(norm):
-    plan = invert_foot(ERS210A, WALK.leg, WALK.wanted_foot, norm=norm)
-    solution = WALK.leg.inverse(WALK.wanted_foot, unreachable="nearest")
+    plan = invert_foot(ERS210A, WALK.leg, WALK.half_ellipse, norm=norm)
+    solution = WALK.leg.inverse(WALK.half_ellipse, unreachable="nearest")
     assert not solution.reachable.all()
     error = np.max if norm == "max" else rms
     assert error(solution.distance) <= error(plan.distances)
     assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
-    np.testing.assert_array_equal(plan.wanted, WALK.wanted_foot)
+    np.testing.assert_array_equal(plan.desired_foot, WALK.half_ellipse)
 
 
 @CYCLIC
@@ -325,10 +327,12 @@ def test_a_plan_keeps_nothing_of_its_input():
     kept = path.copy()
     plan = invert_foot(ERS210A, WALK.leg, path)
     path += 1.0
-    np.testing.assert_array_equal(plan.wanted, kept)
+    np.testing.assert_array_equal(plan.desired_foot, kept)
 
 
-@pytest.mark.parametrize("name", ["requests", "wanted", "predicted", "foot", "weights", "start"])
+@pytest.mark.parametrize(
+    "name", ["requests", "desired_foot", "predicted", "foot", "weights", "start"]
+)
 def test_what_a_plan_is_made_of_cannot_be_written_to(name):
     plan = reference_plan(cyclic=False)
     assert not getattr(plan, name).flags.writeable
@@ -364,6 +368,6 @@ def test_the_error_is_that_of_the_norm_and_the_weights():
     plan = reference_plan()
     assert plan.error == pytest.approx(plan.rms, rel=1e-12)
     sideways = replace(plan, weights=np.array([0.0, 2.0, 0.0]), norm="max")
-    assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.wanted)[:, 1])))
+    assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.desired_foot)[:, 1])))
     steps = np.abs(plan.requests - np.roll(plan.requests, 1, axis=0))
     assert plan.largest_step == np.max(steps)
