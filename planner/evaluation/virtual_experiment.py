@@ -34,7 +34,7 @@ AMPLITUDES = (20.0, 40.0, 70.0)
 STEP_CYCLES = 3
 """Cycles of each step test, as the paper repeats them."""
 
-STILL = 16
+REST_REQUESTS = 16
 """Requests of rest that a step test's log begins with, longer than any lag."""
 
 SETTLING = 1.0
@@ -130,8 +130,8 @@ def record_step_test(robot: VirtualRobot, walk: ReferenceWalk, joint: int, ampli
     middle = (walk.desired.min(axis=0) + walk.desired.max(axis=0)) / 2.0
     height = np.radians(amplitude)
     cycles = np.tile(step_test(float(height)), STEP_CYCLES)
-    requests = np.tile(middle, (STILL + len(cycles), 1))
-    requests[:, joint] += np.concatenate([np.zeros(STILL), cycles]) - height / 2.0
+    requests = np.tile(middle, (REST_REQUESTS + len(cycles), 1))
+    requests[:, joint] += np.concatenate([np.zeros(REST_REQUESTS), cycles]) - height / 2.0
     robot.rest(SETTLING, requests[0])
     recording = robot.play(requests)
     return Log(

@@ -43,7 +43,7 @@ class Constants:
     supply_noise: float = constant(
         0.03, "V", f"{GUESS}: standard deviation, from what else draws current"
     )
-    supply_memory: float = constant(0.1, "s", f"{GUESS}: time over which that noise forgets")
+    supply_correlation_time: float = constant(0.1, "s", f"{GUESS}: correlation time of that noise")
     control_period: float = constant(1e-3, "s", f"{CHOICE}: 1 kHz, usual for such servos")
     request_period: float = constant(8e-3, "s", "Stronger and Stone: one request per frame")
     transport_delay: float = constant(

@@ -79,7 +79,7 @@ class Supply:
         self._constants = constants
         self._random = random
         self._noise = 0.0
-        self._keep = math.exp(-constants.control_period / constants.supply_memory)
+        self._keep = math.exp(-constants.control_period / constants.supply_correlation_time)
         self._fresh = constants.supply_noise * math.sqrt(1.0 - self._keep**2)
 
     def voltage(self, drawn: float) -> float:

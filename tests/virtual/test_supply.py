@@ -27,7 +27,7 @@ def test_the_voltage_falls_with_the_current_drawn():
 def test_the_noise_has_its_deviation_and_its_memory_and_repeats_for_a_seed():
     noise = voltages(CONSTANTS, 200_000) - CONSTANTS.battery_voltage
     assert np.std(noise) == pytest.approx(CONSTANTS.supply_noise, rel=0.1)
-    late = round(CONSTANTS.supply_memory / CONSTANTS.control_period)
+    late = round(CONSTANTS.supply_correlation_time / CONSTANTS.control_period)
     kept = np.mean(noise[late:] * noise[:-late]) / np.var(noise)
     assert kept == pytest.approx(np.exp(-1.0), abs=0.1)
     assert np.array_equal(voltages(CONSTANTS, 50), voltages(CONSTANTS, 50))
