@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import InvalidInput, InvalidModel
 from planner.files.table import nearest
 from planner.identification.log import Log, as_logs, pieces_of, unwrapped
 from planner.identification.resampling import glitches
@@ -19,7 +19,7 @@ from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.arguments import range_of_each
 from planner.model.joint import JointModel
 from planner.planning import Limits
-from planner.trajectory import MOST_SAMPLES, Array
+from planner.trajectory import Array
 from planner.validation import as_number, freeze, is_one_of, shown
 
 Track = Literal["state", "action"]
@@ -49,11 +49,14 @@ class RecordingOptions:
         whole_rate: A rate this close to a whole number [share] is that number: LeRobot writes times
             in 32 bits, from which 30 Hz is read as 29.99999.
         least_rows: Requests of a replay at least.
+        most_rows: Requests of a replay at most: five hours at 50 Hz. A plan takes some 6 kB of
+            memory for each, and so twice as many 12 GB.
     """
 
     same_period: float = 0.01
     whole_rate: float = 1e-4
     least_rows: int = 3
+    most_rows: int = 1_000_000
 
 
 OPTIONS = RecordingOptions()
@@ -133,18 +136,7 @@ class RecordedPath:
 
     def moments(self, speed: float) -> Array:
         """The moment of the recording [s] that belongs to each request at a constant speed."""
-        count = self.duration / (speed * self.period)
-        if count > MOST_SAMPLES:
-            raise InvalidInput(
-                f"speed: at {speed:g} the replay has {count:.3g} requests, expected at most "
-                f"{MOST_SAMPLES}; replay a part of it"
-            )
-        rows = math.floor(count + 1e-6) + 1
-        if rows < OPTIONS.least_rows:
-            raise InvalidInput(
-                f"{self.name}: at {speed:g} times the speed {rows} requests remain, expected at "
-                f"least {OPTIONS.least_rows}; choose a longer part, or a lower speed"
-            )
+        rows = _rows(self.name, self.duration, self.period, speed)
         moments = self.first + speed * self.period * np.arange(rows)
         return np.asarray(np.minimum(moments, self.last))
 
@@ -155,6 +147,43 @@ class RecordedPath:
             if each.load is not None:
                 found[each.name] = each.at(moments, each.load)
         return found
+
+
+def _rows(name: str, duration: float, period: float, speed: float) -> int:
+    """How many requests a replay has.
+
+    Raises:
+        InvalidInput: They are too many or too few.
+    """
+    count = duration / speed / period
+    if count > OPTIONS.most_rows:
+        raise InvalidInput(
+            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second the "
+            f"replay has {count:.3g} requests, expected at most {OPTIONS.most_rows}; choose a "
+            "shorter part, a higher speed or a lower rate"
+        )
+    rows = math.floor(count + 1e-6) + 1
+    if rows < OPTIONS.least_rows:
+        plural = "request remains" if rows == 1 else "requests remain"
+        raise InvalidInput(
+            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second {rows} "
+            f"{plural} of {duration:.4g} s, expected {OPTIONS.least_rows} or more; choose a longer "
+            "part, a lower speed or a higher rate"
+        )
+    return rows
+
+
+def check_length(
+    recording: Any, *, speed: float, begin: float | None, end: float | None, rate: float | None
+) -> None:
+    """Make sure that a replay has a number of requests that can be planned; see :func:`replay`.
+
+    Raises:
+        InvalidInput: They are too many or too few, or the part or the rate is none.
+    """
+    logs = as_logs(recording)
+    first, last = _part(logs, min(float(log.times[0]) for log in logs), begin, end)
+    _rows(logs[0].name, last - first, _period(logs, rate), speed)
 
 
 def recorded_path(
@@ -188,7 +217,7 @@ def recorded_path(
             _path(
                 log,
                 name,
-                None if model is None else _requested_every(model, period),
+                None if model is None else _requested_every(model, period, name),
                 track,
                 origin,
                 reason="" if model is not None else _reason(name, every),
@@ -321,11 +350,20 @@ def _period(logs: Sequence[Log], rate: float | None) -> float:
     return 1.0 / whole if near else period
 
 
-def _requested_every(model: JointModel, period: float) -> JointModel:
-    """The model with a request every period, in as many ticks where the period is about its own."""
+def _requested_every(model: JointModel, period: float, joint: str) -> JointModel:
+    """The model with a request every period, in as many ticks where the period is about its own.
+
+    Raises:
+        InvalidInput: The model cannot have so many, or so few.
+    """
     if abs(model.period - period) <= OPTIONS.same_period * period:
         return replace(model, tick=period / model.hold).with_evidence(model.evidence)
-    return model.requested_every(period)
+    try:
+        return model.requested_every(period)
+    except InvalidModel as error:
+        raise InvalidInput(
+            f"rate: {1.0 / period:.6g} requests a second are none for the model of {joint}: {error}"
+        ) from error
 
 
 def _path(

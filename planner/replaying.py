@@ -19,7 +19,14 @@ from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning import Limits, plan
-from planner.recorded_path import Models, Path, RecordedPath, Track, recorded_path
+from planner.recorded_path import (
+    Models,
+    Path,
+    RecordedPath,
+    Track,
+    check_length,
+    recorded_path,
+)
 from planner.trajectory import Array
 from planner.validation import as_number, freeze, shown
 
@@ -108,6 +115,8 @@ def replay(
         >>> twice.requests.shape, bool(errors["planned"] < 0.05 * errors["direct"])
         ((200, 1), True)
     """
+    factor = checked_speed(speed)
+    check_length(recording, speed=factor, begin=begin, end=end, rate=rate)
     path = recorded_path(
         recording,
         models,
@@ -118,7 +127,7 @@ def replay(
         rate=rate,
         limits=limits,
     )
-    moments = path.moments(checked_speed(speed))
+    moments = path.moments(factor)
     return replay_at(path, moments, speed=speed, load=load, progress=progress, **options)
 
 

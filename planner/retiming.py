@@ -13,7 +13,14 @@ import numpy as np
 from planner.exceptions import Infeasible, InvalidInput
 from planner.inversion.certify import lower_bound
 from planner.planning import Limits
-from planner.recorded_path import Models, Path, RecordedPath, Track, recorded_path
+from planner.recorded_path import (
+    Models,
+    Path,
+    RecordedPath,
+    Track,
+    check_length,
+    recorded_path,
+)
 from planner.replaying import JointReplay, Kind, Replay, replay_at
 from planner.trajectory import Array
 from planner.validation import as_number, is_one_of, shown
@@ -204,6 +211,7 @@ def fastest(
     """
     if not is_one_of(retime, get_args(Retime)):
         raise InvalidInput(f"retime: got {shown(retime)}, expected 'constant' or 'varying'")
+    check_length(recording, speed=1.0, begin=begin, end=end, rate=rate)
     path = recorded_path(
         recording,
         models,

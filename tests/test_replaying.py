@@ -153,7 +153,10 @@ def test_logs_are_sorted_into_recordings():
     ("arguments", "message"),
     [
         ({"speed": 0.0}, "speed: got 0.0, expected a factor above 0"),
-        ({"speed": 1e4}, "1 requests remain"),
+        ({"speed": 1e4}, "1 request remains"),
+        ({"speed": 1e-9}, "requests, expected at most 1000000; choose a shorter part"),
+        ({"rate": 1e-9}, "1e-09 requests a second 1 request remains"),
+        ({"rate": 1e9}, "requests, expected at most 1000000; choose a shorter part"),
         ({"track": "both"}, "expected 'state' or 'action'"),
         ({"begin": 9.0}, "begin: got 9.0 s, expected a moment of the recording, 0 to 2.98 s"),
         ({"begin": 2.0, "end": 1.0}, "expected an end after the begin"),
