@@ -16,6 +16,7 @@ from planner.cli.identify import log_options, to_log_options
 if TYPE_CHECKING:
     from planner.replaying import Replay
     from planner.run.replay import ReplayTask
+    from planner.run.replay_many import Replayed
     from planner.run.settings import Replay as ReplaySettings
     from planner.run.settings import Run
     from planner.run.tasks import Engine
@@ -96,20 +97,27 @@ def replay(
     from planner.files.logs.recordings import recordings_in
     from planner.run.replay import tasks_of
     from planner.run.replay_files import check_writing
+    from planner.run.replay_many import replayed_before
     from planner.run.tasks import engine_of
 
     options.check_parallel(workers, scheduler)
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
     check_writing(replay.write_as, recordings, output)
     _check_output(replay, output)
+    if len(recordings) > 1 and report is not None:
+        raise click.UsageError("--report is about one recording: choose one (--episodes 0).")
+    before = None
+    if len(recordings) > 1 and resume:
+        before = replayed_before(output, run, replay, recordings)
+    if before is not None:
+        _say_all(before, output=output, as_json=as_json)
+        return
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
     for each in tasks[0].models.remarks:
         warn(each)
     if len(tasks) == 1:
         _replay_one(tasks[0], output=output, report=report, as_json=as_json)
-    elif report is not None:
-        raise click.UsageError("--report is about one recording: choose one (--episodes 0).")
     else:
         with engine_of(workers, scheduler) as engine:
             _replay_all(tasks, engine, output=output, resume=resume, as_json=as_json)
@@ -146,7 +154,6 @@ def _replay_all(
     tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool, as_json: bool
 ) -> None:
     """Plan every recording into one dataset; those that fail are left out, and listed last."""
-    from planner.run.replay import episodes_document, episodes_text
     from planner.run.replay_files import left_out
     from planner.run.replay_many import replay_many
 
@@ -156,20 +163,27 @@ def _replay_all(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    deliver(
-        episodes_document(made.figures, made.failed, tasks[0]),
-        episodes_text(made.figures, tasks[0]),
-        lambda _: None,
-        output=output,
-        as_json=as_json,
-    )
-    for name, reason in made.failed.items():
+    _say_all(made, output=output, as_json=as_json)
+    failed = made.document["left_out"]
+    for name, reason in failed.items():
         warn(f"{name} is left out: {reason}")
-    if made.failed:
+    if failed:
         raise click.ClickException(
-            f"{len(made.failed)} of {len(tasks)} recordings left out; the others are written, and "
+            f"{len(failed)} of {len(tasks)} recordings left out; the others are written, and "
             f"kept in {made.kept} for --resume"
         )
+
+
+def _say_all(made: Replayed, *, output: str, as_json: bool) -> None:
+    """Say what the plans of many recordings promise."""
+    from planner.run.replay_many import episodes_text
+
+    if made.nothing_missing:
+        count = len(made.document["recordings"])
+        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+    deliver(
+        made.document, episodes_text(made.document), lambda _: None, output=output, as_json=as_json
+    )
 
 
 def _write(output: str, task: ReplayTask, made: Replay) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -96,13 +97,18 @@ def _carry_out(
     as_json: bool,
 ) -> None:
     """Plan all points, and write the folder of the results."""
-    from planner.files.staging import check_folder, output_folder
-    from planner.report.sweep import missed
-    from planner.run.sweep import identity, number_of_points, sweep
+    from planner.files.staging import MANIFEST, check_folder, output_folder
+    from planner.run.results import finished, results_beside
+    from planner.run.sweep import identity, number_of_points, origin, sweep
     from planner.run.sweep_files import summary, write_sweep
-    from planner.run.tasks import engine_of, results_beside
+    from planner.run.tasks import engine_of
 
     check_folder(out)
+    if resume and (before := finished(out, MANIFEST, origin(space))):
+        count = len(before["points"])
+        remark(f"nothing is missing: {out} holds all {count} points, planned like this")
+        _say(before, before["verdict"], as_json=as_json)
+        return
     results = results_beside(out, identity(space), resume=resume)
     if results.removed:
         remark(f"{results.removed} results of an earlier sweep removed; --resume keeps them")
@@ -114,9 +120,16 @@ def _carry_out(
     with output_folder(out) as folder:
         document = write_sweep(folder, space, swept)
     results.remove()
+    _say(
+        document, f"{summary(swept)}\n{len(document['files']) + 1} files in {out}", as_json=as_json
+    )
+
+
+def _say(document: Mapping[str, Any], words: str, *, as_json: bool) -> None:
+    """Say what was found, and fail where no point is what was required."""
     if as_json:
         print_json(document)
     else:
-        summarise(f"{summary(swept)}\n{len(document['files']) + 1} files in {out}")
-    if failure := missed(swept):
-        raise click.ClickException(f"{failure}; the files are written all the same")
+        summarise(words)
+    if document["missed"]:
+        raise click.ClickException(f"{document['missed']}; the files are written all the same")

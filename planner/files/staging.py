@@ -143,6 +143,13 @@ def list_files(folder: Path) -> list[str]:
     return sorted(_files_below(folder))
 
 
+def all_there(folder: Path | str) -> bool:
+    """Whether every file that the manifest of a folder lists is there."""
+    target = _target(folder)
+    files = _made_by_a_run(target)
+    return bool(files) and all((target / name).is_file() for name in files)
+
+
 def cannot_write(path: Path | str, error: OSError | ValueError) -> InvalidFile:
     """The error that a file cannot be written."""
     return InvalidFile(

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.exceptions import InvalidInput, PlannerError
-from planner.files.exports.lerobot import Layout
 from planner.files.joint_model import ModelFile, read_model_file
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
@@ -19,15 +18,13 @@ from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.error_norm import error_norm
 from planner.model.joint import JointModel
-from planner.recorded_path import WHY, RecordedPath, is_gripper, recorded_path
+from planner.recorded_path import WHY, RecordedPath, check_length, is_gripper, recorded_path
 from planner.replaying import JointReplay, Replay, replay_at
 from planner.report.table import NOTHING, text_table
 from planner.retiming import Fastest, Measure, fastest_at
 from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key
-from planner.run.replay_files import lerobot_layout, lerobot_rows
-from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -69,20 +66,14 @@ class ReplayTask:
         recording: Where it is.
         models: The models of its joints.
         replay: How to replay it.
-        limits: Limits of the requests.
-        plan: How to plan.
-        tolerance: Errors to accept, for the fastest replay.
-        leg: The leg or arm of the joints, if one is named.
+        given: Limits, method, tolerance and leg.
         rate: Requests per second; None for those of the recording.
     """
 
     recording: Recording
     models: JointModels
     replay: settings.Replay
-    limits: settings.Limits = field(default_factory=settings.Limits)
-    plan: settings.Plan = field(default_factory=settings.Plan)
-    tolerance: settings.Tolerance = field(default_factory=settings.Tolerance)
-    leg: settings.Leg = field(default_factory=settings.Leg)
+    given: settings.Run = field(default_factory=settings.Run)
     rate: float | None = None
 
     def path(self) -> RecordedPath:
@@ -93,6 +84,7 @@ class ReplayTask:
         """
         logs = self.recording.read()
         chosen = self.replay
+        self.check_length(logs)
         path = recorded_path(
             logs,
             self.models.by_joint,
@@ -101,9 +93,19 @@ class ReplayTask:
             begin=chosen.begin_s,
             end=chosen.end_s,
             rate=chosen.rate_hz or self.rate,
-            limits=_limits(self.limits, logs),
+            limits=_limits(self.given.limits, logs),
         )
         return replace(path, name=self.recording.name)
+
+    def check_length(self, logs: Sequence[Log]) -> None:
+        """Make sure that the replay has a number of requests that can be planned.
+
+        Raises:
+            InvalidInput: They are too many or too few.
+        """
+        chosen = self.replay
+        begin, end, rate = chosen.begin_s, chosen.end_s, chosen.rate_hz or self.rate
+        check_length(logs, speed=chosen.speed, begin=begin, end=end, rate=rate)
 
     def run(self, progress: Callable[[str], None] = lambda _: None) -> Replay:
         """Read the recording and plan its replay.
@@ -127,7 +129,7 @@ class ReplayTask:
         Raises:
             PlannerError: It cannot be read, or the tolerance is missed at any speed.
         """
-        path, given = self.path(), self.tolerance
+        path, given = self.path(), self.given.tolerance
         joints = None if given.deg is None else math.radians(given.deg)
         foot = None if given.cm is None else 0.01 * given.cm
         measure = Measure.of(path, joints, foot, self.arm())
@@ -140,7 +142,7 @@ class ReplayTask:
         Raises:
             KinematicsError: It cannot be made.
         """
-        leg = load_leg(find_leg(self.leg))
+        leg = load_leg(find_leg(self.given.leg))
         if leg is None:
             return None
         called = {name: joint for joint, name in self.replay.urdf_joints.items()}
@@ -149,12 +151,13 @@ class ReplayTask:
 
     def options(self, path: RecordedPath) -> dict[str, Any]:
         """What :func:`planner.plan` takes beside models, path and limits."""
+        chosen = self.given.plan
         found: dict[str, Any] = {
-            "norm": self.plan.norm or "rms",
-            "solver": self.plan.solver or "gauss-newton",
-            "smoothness": self.plan.smoothness,
+            "norm": chosen.norm or "rms",
+            "solver": chosen.solver or "gauss-newton",
+            "smoothness": chosen.smoothness,
         }
-        if (step := self.plan.max_step_deg) is not None:
+        if (step := chosen.max_step_deg) is not None:
             found["max_step"] = {each.name: step / UNITS[each.unit][1] for each in path.planned}
         return found
 
@@ -178,50 +181,16 @@ def tasks_of(
         InvalidInput: The models cannot be read, or none can be identified.
     """
     _check_tolerance(run, replay)
-    models = _models(run.model, replay, recordings, progress)
     rate = _rate(recordings)
+    models = JointModels(by_joint={})
+    if len(recordings) == 1:  # of several, those that are too short or too long are left out
+        first = ReplayTask(recording=recordings[0], models=models, replay=replay, rate=rate)
+        first.check_length(first.recording.read())
+    models = _models(run.model, replay, recordings, progress)
     return tuple(
-        ReplayTask(
-            recording=each,
-            models=models,
-            replay=replay,
-            limits=run.limits,
-            plan=run.plan,
-            tolerance=run.tolerance,
-            leg=run.leg,
-            rate=rate,
-        )
+        ReplayTask(recording=each, models=models, replay=replay, given=run, rate=rate)
         for each in recordings
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Episode:
-    """A replayed recording as a dataset takes it; small, and it can be sent between processes.
-
-    Attributes:
-        rows: Its rows by feature, shape (n, k) each, in the numbers of the recording.
-        task: What it shows, in words.
-        layout: The features and the rate of the dataset that takes it.
-        figures: What a table of many recordings has of it: :func:`episode_figures`.
-    """
-
-    rows: Mapping[str, Array]
-    task: str
-    layout: Layout
-    figures: Mapping[str, Any]
-
-
-def replay_episode(task: ReplayTask) -> Episode:
-    """Read a recording, plan its replay, and make rows of it: a pure function of its task.
-
-    Raises:
-        PlannerError: The recording cannot be read, or there is no plan.
-    """
-    made = task.run()
-    rows, words = lerobot_rows(task.recording, made)
-    layout = lerobot_layout(task.recording, made)
-    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(made))
 
 
 def first_line(replay: Replay, models: JointModels) -> str:
@@ -383,8 +352,8 @@ def fastest_document(found: Fastest) -> dict[str, Any]:
 
 def missed(task: ReplayTask, replay: Replay) -> list[str]:
     """Which tolerances a replay misses, in the plan's norm, and by how much."""
-    given, found = task.tolerance, []
-    norm = "max" if task.replay.fastest else task.plan.norm or "rms"
+    given, found = task.given.tolerance, []
+    norm = "max" if task.replay.fastest else task.given.plan.norm or "rms"
     if given.deg is not None:
         for joint in replay.planned:
             unit, factor = UNITS[joint.path.unit]
@@ -434,68 +403,6 @@ def replay_report(
         origins=[("recording", task.recording.name), ("track", made.path.track)],
         files=linked_files(page, named),
     )
-
-
-def episode_figures(replay: Replay) -> dict[str, Any]:
-    """What a table of many recordings has of one: the joint whose plan is farthest off."""
-    worst = max(replay.planned, key=lambda each: each.inversion.rms if each.inversion else 0.0)
-    unit, factor = UNITS[worst.path.unit]
-    assert worst.inversion is not None, "only planned joints are compared"
-    expected = worst.expected
-    return {
-        "recording": replay.path.name,
-        "requests": len(replay.moments),
-        "duration_s": (len(replay.moments) - 1) * replay.period,
-        "worst_joint": worst.name,
-        "unit": unit,
-        **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": None if math.isnan(expected) else factor * expected,
-        "lower_bound": factor * worst.lower_bound,
-        "remarks": list(replay.path.remarks),
-    }
-
-
-def episodes_document(
-    figures: Sequence[Mapping[str, Any]], failed: Mapping[str, str], task: ReplayTask
-) -> dict[str, Any]:
-    """Many recordings for machines."""
-    return {
-        "track": task.replay.track,
-        "why": WHY[task.replay.track],
-        "models": task.models.words,
-        "speed": task.replay.speed,
-        "recordings": [dict(each) for each in figures],
-        "left_out": dict(failed),
-        "remarks": list(task.models.remarks),
-    }
-
-
-def episodes_text(rows: Sequence[Mapping[str, Any]], task: ReplayTask) -> str:
-    """Many recordings for people, a line each, of the joint whose plan is farthest off."""
-    header = [
-        *("recording", "requests", "worst joint", "as recorded", "path as it is", "best shift"),
-        *("plan", "on the robot", "lower bound"),
-    ]
-    kinds = ("resent_rms", "direct_rms", "shifted_rms", "planned_rms")
-    cells = []
-    for row in rows:
-        expected = row["expected_on_robot_rms"]
-        cells.append(
-            [
-                str(row["recording"]),
-                f"{row['requests']}",
-                f"{row['worst_joint']} [{row['unit']}]",
-                *(f"{row[kind]:.3f}" for kind in kinds),
-                NOTHING if expected is None else f"{expected:.3f}",
-                f"{row['lower_bound']:.3f}",
-            ]
-        )
-    requests = sum(row["requests"] for row in rows)
-    head = (
-        f"follows {WHY[task.replay.track]}; {len(rows)} recordings, {requests} requests at "
-        f"{task.replay.speed:.4g} times the speed; {task.models.words}"
-    )
-    return f"{head}\n{text_table(header, cells)}"
 
 
 def _errors(errors: Any, unit: str, factor: float) -> dict[str, float]:

@@ -4,21 +4,55 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from hashlib import sha256
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
 
 from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
-from planner.run.replay import Episode, ReplayTask, replay_episode
-from planner.run.tasks import Engine, Results, Task, carry_out, results_beside
+from planner.files.logs.recordings import Recording
+from planner.files.text import to_json
+from planner.inversion.error_norm import error_norm
+from planner.recorded_path import WHY
+from planner.replaying import Replay
+from planner.report.table import NOTHING, text_table
+from planner.run import settings
+from planner.run.desired import find_leg
+from planner.run.replay import UNITS, ReplayTask
+from planner.run.replay_files import lerobot_layout, lerobot_rows
+from planner.run.results import Results, Task, finished, made_from, results_beside, results_folder
+from planner.run.tasks import Engine, carry_out
+from planner.trajectory import Array
 
 HEAD = "head"
 """The array of an encoded episode that holds all but its rows, as JSON."""
+
+ABOUT = "replay.json"
+"""The file of a planned dataset that says how it was planned, and with which errors."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Episode:
+    """A replayed recording as a dataset takes it; small, and it can be sent between processes.
+
+    Attributes:
+        rows: Its rows by feature, shape (n, k) each, in the numbers of the recording.
+        task: What it shows, in words.
+        layout: The features and the rate of the dataset that takes it.
+        figures: What a table of many recordings has of it: :func:`episode_figures`.
+    """
+
+    rows: Mapping[str, Array]
+    task: str
+    layout: Layout
+    figures: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -26,14 +60,28 @@ class Replayed:
     """What became of many recordings.
 
     Attributes:
-        figures: Of every episode that is written, in order: a line of a table.
-        failed: Why the others are left out, by the name of the recording.
+        document: What is said of them, as JSON takes it: :func:`episodes_document`.
         kept: The folder with the results of the written ones, where others failed.
+        nothing_missing: Whether the dataset was there already, with all of them.
     """
 
-    figures: tuple[Mapping[str, Any], ...]
-    failed: Mapping[str, str]
-    kept: Path | None
+    document: Mapping[str, Any]
+    kept: Path | None = None
+    nothing_missing: bool = False
+
+
+def replayed_before(
+    output: str, run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
+) -> Replayed | None:
+    """The replay of the same recordings, if the dataset is there and whole.
+
+    What another command with the same settings has left beside it is removed.
+    """
+    document = finished(output, ABOUT, _origin(run, replay, recordings))
+    if document is None:
+        return None
+    rmtree(results_folder(output), ignore_errors=True)
+    return Replayed(document, nothing_missing=True)
 
 
 def replay_many(
@@ -61,7 +109,7 @@ def replay_many(
         PlannerError: None of them can be replayed, or the dataset cannot be written.
     """
     results = results_beside(output, _settings(recordings[0]), resume=resume)
-    tasks = [Task(each.recording.name, each, _inputs(each)) for each in recordings]
+    tasks = [Task(each.recording.name, each, _inputs(each.recording)) for each in recordings]
     failures = carry_out(replayed, tasks, results, engine, progress=progress)
     failed = {each.task: each.reason for each in failures}
     if len(failed) == len(recordings):
@@ -69,17 +117,36 @@ def replay_many(
         first = next(iter(failed.values()))
         raise PlannerError(f"none of {len(recordings)} recordings can be replayed: {first}")
     figures = []
+    about: dict[str, str] = {}
     with ExitStack() as outputs:
         add = None
         for episode in _episodes(tasks, results):
             if add is None:
-                add = outputs.enter_context(lerobot_dataset(output, episode.layout))
+                add = outputs.enter_context(lerobot_dataset(output, episode.layout, beside=about))
             add(episode.rows, episode.task)
             figures.append(episode.figures)
+        first_task = recordings[0]
+        document = episodes_document(figures, failed, first_task)
+        if not failed:
+            every = [each.recording for each in recordings]
+            document |= made_from(_origin(first_task.given, first_task.replay, every))
+        about[ABOUT] = to_json(document)
     if failed:
-        return Replayed(tuple(figures), failed, results.folder)
+        return Replayed(document, kept=results.folder)
     results.remove()
-    return Replayed(tuple(figures), failed, None)
+    return Replayed(document)
+
+
+def replay_episode(task: ReplayTask) -> Episode:
+    """Read a recording, plan its replay, and make rows of it: a pure function of its task.
+
+    Raises:
+        PlannerError: The recording cannot be read, or there is no plan.
+    """
+    made = task.run()
+    rows, words = lerobot_rows(task.recording, made)
+    layout = lerobot_layout(task.recording, made)
+    return Episode(rows=rows, task=words, layout=layout, figures=episode_figures(made))
 
 
 def replayed(task: ReplayTask) -> bytes:
@@ -105,6 +172,76 @@ def decoded(content: bytes) -> Episode:
     return Episode(rows=rows, task=head["task"], layout=Layout(**layout), figures=head["figures"])
 
 
+def episode_figures(replay: Replay) -> dict[str, Any]:
+    """What a table of many recordings has of one: the joint whose plan is farthest off."""
+    worst = max(replay.planned, key=lambda each: each.inversion.rms if each.inversion else 0.0)
+    unit, factor = UNITS[worst.path.unit]
+    expected = worst.expected
+    return {
+        "recording": replay.path.name,
+        "requests": len(replay.moments),
+        "duration_s": (len(replay.moments) - 1) * replay.period,
+        "speed": replay.speed,
+        "worst_joint": worst.name,
+        "unit": unit,
+        **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
+        "expected_on_robot_rms": None if math.isnan(expected) else factor * expected,
+        "lower_bound": factor * worst.lower_bound,
+        "remarks": list(replay.path.remarks),
+    }
+
+
+def episodes_document(
+    figures: Sequence[Mapping[str, Any]], failed: Mapping[str, str], task: ReplayTask
+) -> dict[str, Any]:
+    """Many recordings for machines."""
+    return {
+        "track": task.replay.track,
+        "why": WHY[task.replay.track],
+        "models": task.models.words,
+        "speed": None if task.replay.fastest else task.replay.speed,
+        "recordings": [dict(each) for each in figures],
+        "left_out": dict(failed),
+        "remarks": list(task.models.remarks),
+    }
+
+
+def episodes_line(document: Mapping[str, Any]) -> str:
+    """What is followed and why, of how many recordings, at which speed, and by which models."""
+    rows, speed = document["recordings"], document["speed"]
+    requests = sum(row["requests"] for row in rows)
+    how = "as fast as the tolerance allows" if speed is None else f"at {speed:.4g} times the speed"
+    return (
+        f"follows {document['why']}; {len(rows)} recordings, {requests} requests {how}; "
+        f"{document['models']}"
+    )
+
+
+def episodes_text(document: Mapping[str, Any]) -> str:
+    """Many recordings for people, a line each, of the joint whose plan is farthest off."""
+    fastest = document["speed"] is None
+    header = [
+        *("recording", "requests", *(["speed"] if fastest else []), "worst joint"),
+        *("as recorded", "path as it is", "best shift", "plan", "on the robot", "lower bound"),
+    ]
+    kinds = ("resent_rms", "direct_rms", "shifted_rms", "planned_rms")
+    cells = []
+    for row in document["recordings"]:
+        expected = row["expected_on_robot_rms"]
+        cells.append(
+            [
+                str(row["recording"]),
+                f"{row['requests']}",
+                *([f"{row['speed']:.3g}"] if fastest else []),
+                f"{row['worst_joint']} [{row['unit']}]",
+                *(f"{row[kind]:.3f}" for kind in kinds),
+                NOTHING if expected is None else f"{expected:.3f}",
+                f"{row['lower_bound']:.3f}",
+            ]
+        )
+    return f"{episodes_line(document)}\n{text_table(header, cells)}"
+
+
 def _episodes(tasks: Sequence[Task], results: Results) -> Iterator[Episode]:
     """The episodes with a result, in the order of the recordings."""
     return (decoded(results.read(task)) for task in tasks if task in results)
@@ -112,20 +249,43 @@ def _episodes(tasks: Sequence[Task], results: Results) -> Iterator[Episode]:
 
 def _settings(task: ReplayTask) -> dict[str, Any]:
     """What every episode depends on, beside its recording."""
+    models = {name: repr(model) for name, model in task.models.by_joint.items()}
+    return {"models": models, "rate": task.rate, **_chosen(task.given, task.replay)}
+
+
+def _origin(
+    run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
+) -> dict[str, Any]:
+    """What a dataset depends on, known before any recording is read or identified."""
     return {
-        "models": {name: repr(model) for name, model in task.models.by_joint.items()},
-        **{name: getattr(task, name).values() for name in ("replay", "limits", "plan")},
-        "rate": task.rate,
+        "model": _digest_of(run.model.file),
+        **_chosen(run, replay),
+        "recordings": [[each.name, _inputs(each)] for each in recordings],
     }
 
 
-def _inputs(task: ReplayTask) -> str:
+def _chosen(run: settings.Run, replay: settings.Replay) -> dict[str, Any]:
+    """The settings of a replay, and the content of the URDF that they name."""
+    leg = find_leg(run.leg)
+    return {
+        "replay": replay.values(),
+        **{name: getattr(run, name).values() for name in ("limits", "plan", "tolerance", "leg")},
+        "urdf": None if leg is None else _digest_of(leg.urdf),
+    }
+
+
+def _digest_of(file: str) -> str:
+    """What identifies the content of a file; its name where there is none."""
+    path = Path(file)
+    return sha256(path.read_bytes()).hexdigest() if path.is_file() else file
+
+
+def _inputs(recording: Recording) -> str:
     """What identifies the content of a recording: of each of its files the size and the time."""
-    recording = task.recording
     path = Path(recording.path)
     files = sorted(path.rglob("*")) if path.is_dir() else [path]
     states = [
-        (str(file), state.st_size, state.st_mtime_ns)
+        (file.name, state.st_size, state.st_mtime_ns)
         for file in files
         if file.is_file() and (state := file.stat())
     ]

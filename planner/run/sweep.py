@@ -33,10 +33,11 @@ from planner.run.faults import BadSetting, Key
 from planner.run.kinds import Count, Expected, FromList, Positive, Range
 from planner.run.models import beside, models_of
 from planner.run.plan import Answer
+from planner.run.results import Results, Task
 from planner.run.run import Prepared, RunFile, prepare, speaking_of
 from planner.run.schema import About, Settings, Unfit, settings_of, understand
 from planner.run.settings import HalfEllipse, Run
-from planner.run.tasks import Engine, Results, Task, carry_out
+from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array, index_of_largest
 
 TARGETS = 5
@@ -388,6 +389,11 @@ def identity(space: Space) -> dict[str, Any]:
         str(place): sha256(place.read_bytes()).hexdigest() for place in places if place.is_file()
     }
     return {"command": "sweep", "content": content, "files": digests}
+
+
+def origin(space: Space) -> dict[str, Any]:
+    """What a sweep depends on: that of its points, and which of them are tried."""
+    return {**identity(space), "sweep": space.settings.sweep.values()}
 
 
 def sweep(

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 from planner.files.staging import MANIFEST, list_files
 from planner.files.text import to_json, write_text
 from planner.report.page import linked_files, versions
-from planner.report.sweep import points_table, sweep_page, verdict
+from planner.report.sweep import missed, points_table, sweep_page, verdict
 from planner.run.desired import leg_title
+from planner.run.results import made_from
 from planner.run.schema import flat
+from planner.run.sweep import origin
 
 if TYPE_CHECKING:
     from planner.evaluation.swept import Outcome, Swept
@@ -74,6 +76,9 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
     write_text(page, html)
     document = {
         "made_by": "request-planner sweep",
+        **made_from(origin(space)),
+        "verdict": verdict(swept),
+        "missed": missed(swept) or None,
         "settings": flat(run),
         "points": [dict(zip(names, row, strict=True)) for row in table],
         "front": [swept.number(each) for each in swept.front],

@@ -13,15 +13,12 @@ pool for all workers, as in joblib's too, every unfinished task fails together w
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 import os
-import shutil
 import signal
 import threading
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing, contextmanager, suppress
@@ -29,13 +26,12 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain, islice
 from multiprocessing import get_context
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
 from planner.exceptions import ANGLE_UNIT, InvalidInput, MissingExtra, PlannerError
-from planner.files.staging import cannot_write, staged
+from planner.run.results import Results, Task
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -58,25 +54,6 @@ AHEAD = 2
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Set to 1 for workers: threads of the linear algebra would compete with the other workers."""
 
-MANIFEST = "settings.json"
-"""In a folder of results: what they were computed from."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """A piece of work.
-
-    Attributes:
-        name: What messages call it, such as "episode 12"; no two tasks have the same.
-        argument: What the function takes; it is pickled.
-        inputs: What identifies the content of its inputs, such as a digest of a file: where that
-            changes, an earlier result is not used.
-    """
-
-    name: str
-    argument: Any
-    inputs: str = ""
-
 
 @dataclass(frozen=True)
 class Failure:
@@ -93,91 +70,6 @@ class Failure:
 
 class SchedulerLost(PlannerError):
     """A cluster that does not answer any more, or has no workers left."""
-
-
-class Results:
-    """A folder with the results of tasks, one file each; what is in it is whole.
-
-    A result is found by what it was computed from: the settings, the name and the inputs of its
-    task, and the version of this package.
-    """
-
-    def __init__(
-        self, folder: Path | str, settings: Mapping[str, Any], *, resume: bool = False
-    ) -> None:
-        """Open the folder, or begin it.
-
-        Args:
-            folder: The folder.
-            settings: What all results depend on, as JSON takes it.
-            resume: Keep the results that are there; they are removed otherwise.
-
-        Raises:
-            InvalidInput: The results that are there were computed with other settings.
-            InvalidFile: The folder cannot be made or written.
-        """
-        self.folder = Path(folder)
-        self._settings = json.loads(json.dumps({"version": __version__, **settings}))
-        self._digest = _digest(self._settings)
-        self.removed = 0
-        manifest = self.folder / MANIFEST
-        before = _read_json(manifest)
-        if resume and before is not None:
-            self._check_same(before)
-            return
-        try:
-            if self.folder.exists():
-                self.removed = sum(1 for _ in self.folder.glob("??/*"))
-                shutil.rmtree(self.folder)
-            self.folder.mkdir(parents=True)
-        except OSError as error:
-            raise cannot_write(self.folder, error) from error
-        with staged(manifest, (json.dumps(self._settings, indent=2) + "\n").encode()):
-            pass
-
-    def __contains__(self, task: Task) -> bool:
-        return self._file(task).exists()
-
-    def write(self, task: Task, result: bytes) -> None:
-        """Keep a result; it appears whole or not at all."""
-        file = self._file(task)
-        file.parent.mkdir(exist_ok=True)
-        with staged(file, result):
-            pass
-
-    def read(self, task: Task) -> bytes:
-        """The result of a task that has one."""
-        return self._file(task).read_bytes()
-
-    def remove(self) -> None:
-        """Remove the folder, once the outputs are written."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def _file(self, task: Task) -> Path:
-        name = _digest([self._digest, task.name, task.inputs])
-        return self.folder / name[:2] / name[2:]
-
-    def _check_same(self, before: Any) -> None:
-        if before == self._settings:
-            return
-        known = before if isinstance(before, dict) else {}
-        names = [
-            name
-            for name in {**known, **self._settings}
-            if known.get(name) != self._settings.get(name)
-        ]
-        raise InvalidInput(
-            f"--resume: {self.folder} holds results for other settings ({', '.join(names)}); set "
-            "what was set then, or leave --resume out to compute all again"
-        )
-
-
-def results_beside(
-    output: Path | str, settings: Mapping[str, Any], *, resume: bool = False
-) -> Results:
-    """The results from which an output is built: a hidden folder beside it, ``.NAME.results``."""
-    target = Path(output).resolve()
-    return Results(target.parent / f".{target.name}.results", settings, resume=resume)
 
 
 Numbered = tuple[int, Task]
@@ -548,15 +440,3 @@ def _reason(error: BaseException) -> str:
     if isinstance(error, PlannerError | KinematicsError):
         return message
     return " ".join(f"{type(error).__name__}: {message}".split())
-
-
-def _digest(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
-
-
-def _read_json(file: Path) -> Any:
-    """The content of a file; None where there is none that could be read."""
-    try:
-        return json.loads(file.read_bytes())
-    except (OSError, ValueError):
-        return None

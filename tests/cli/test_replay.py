@@ -15,8 +15,8 @@ from planner import JointModel, LogOptions, read_logs, simulate
 from planner.files.logs.recordings import recordings_in
 from planner.files.staging import list_files
 from planner.run import settings
-from planner.run.replay import replay_episode, tasks_of
-from planner.run.replay_many import decoded, encoded
+from planner.run.replay import tasks_of
+from planner.run.replay_many import decoded, encoded, replay_episode
 from planner.run.schema import settings_of
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
@@ -244,6 +244,48 @@ def test_a_killed_replay_is_resumed_to_the_same_bytes(
     assert _held(dataset.parent / "killed") == _held(dataset.parent / "whole")
 
 
+@pytest.fixture
+def never_replayed(monkeypatch):
+    """Fail where something is planned, or a model read."""
+
+    def planned(*_):
+        raise AssertionError("planned again")
+
+    monkeypatch.setattr("planner.run.replay.tasks_of", planned)
+
+
+def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.run.replay.tasks_of", tasks_of)
+        first = run(*words, "--workers", 1, "--json")
+    assert first.exit_code == 0, first.stderr
+    (dataset.parent / ".planned.results").mkdir()  # killed between writing and tidying up
+    before = _held(dataset.parent / "planned")
+    again = run(*words, "--resume", "--json")
+    assert "nothing is missing: planned holds all 3 recordings" in again.stderr
+    assert again.stdout == first.stdout
+    assert _held(dataset.parent / "planned") == before
+    assert not (dataset.parent / ".planned.results").exists()
+    for changed in (("--speed", 2), ("--limits-deg", "0:90"), ("--episodes", "0-1")):
+        with pytest.raises(AssertionError, match="planned again"):
+            run(*words, "--resume", *changed, catch_exceptions=False)
+    model.write_text(model.read_text() + "# identified again\n")
+    with pytest.raises(AssertionError, match="planned again"):
+        run(*words, "--resume", catch_exceptions=False)
+
+
+def test_a_dataset_without_one_of_its_files_is_not_complete(run, dataset, model):
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    assert run(*words, "--workers", 1).exit_code == 0
+    whole = _held(dataset.parent / "planned")
+    (dataset.parent / "planned/data/chunk-000/file-000.parquet").unlink()
+    again = run(*words, "--workers", 1, "--resume")
+    assert again.exit_code == 0, again.stderr
+    assert "nothing is missing" not in again.stderr
+    assert _held(dataset.parent / "planned") == whole
+
+
 def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     file = dataset / "data/chunk-000/episode_000001.parquet"
     good = file.read_bytes()
@@ -300,6 +342,9 @@ def test_models_come_from_the_recording_itself(run, demo):
         ((), "--model is missing: name a file that `identify` wrote"),
         (("--model", "arm.toml", "--as", "lerobot"), "--as lerobot is a folder"),
         (("--model", "arm.toml", "--speed", "0"), "--speed: got 0"),
+        (("--model", "from-log", "--speed", "1e-9"), "requests, expected at most 1000000"),
+        (("--model", "from-log", "--speed", "1e9"), "1 request remains of 2.387 s"),
+        (("--model", "from-log", "--rate-hz", "1e-9"), "1 request remains of 2.387 s"),
         (("--model", "arm.toml", "--joint", "knee"), "no joint 'knee'"),
         (("--model", "arm.toml", "--start", "9"), "expected a moment of the recording"),
         (("--model", "arm.toml", "--limits-deg", "knee=0:1"), "no joint 'knee'"),

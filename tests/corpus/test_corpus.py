@@ -101,11 +101,12 @@ MASKS = (
     (r"\b\d+(\.\d+)?(e-\d+)? s in all", "… s in all"),
     (r"(?m)(?<=: )\d+(\.\d+)?(e-\d+)? s$", "… s"),
     (r'(?<="versions": \{)[^}]*', "…"),
+    (r'(?<="made_from": ")[^"]*', "…"),
     (r'(?<="seconds": \{)[^}]*', "…"),
     (r"(?m)^(Versions|Seconds)\n(?:[\w -]+\n[\d.]+\w*\n)+", r"\1 …\n"),
     (re.escape(f"request-planner {__version__}"), "request-planner VERSION"),
 )
-"""What differs from run to run: times and versions."""
+"""What differs from run to run or from version to version."""
 
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""

@@ -14,9 +14,9 @@ import planner
 from planner.evaluation.swept import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
+from planner.run.results import Results
 from planner.run.settings import HalfEllipse
 from planner.run.sweep import evaluate, number_of_points, read_sweep, sweep, walking_speed
-from planner.run.tasks import Results
 
 GAIT = """
 [leg]
@@ -187,6 +187,16 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
         assert found == pytest.approx(float(table[int(number)]["error_cm"]), rel=1e-12)
     assert (tmp_path / "gaits" / "report.html").exists()
     assert not (tmp_path / ".gaits.results").exists()
+
+
+def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cli_run):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
+    first = cli_run("sweep", "gaits.toml", "--json", "--workers", "1")
+    monkeypatch.setattr("planner.run.sweep.sweep", None)
+    again = cli_run("sweep", "gaits.toml", "--json", "--resume")
+    assert "nothing is missing: gaits holds all 2 points" in again.stderr
+    assert (again.exit_code, again.stdout) == (0, first.stdout)
 
 
 def test_a_parquet_has_the_table_of_the_csv(tmp_path, monkeypatch, cli_run):

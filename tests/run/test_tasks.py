@@ -14,15 +14,8 @@ import pytest
 
 from planner.exceptions import InvalidInput
 from planner.run import tasks as engine
-from planner.run.tasks import (
-    Failure,
-    Results,
-    SchedulerLost,
-    Task,
-    carry_out,
-    engine_of,
-    results_beside,
-)
+from planner.run.results import Results, Task, results_beside
+from planner.run.tasks import Failure, SchedulerLost, carry_out, engine_of
 from tests.run import work
 
 

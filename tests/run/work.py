@@ -9,7 +9,8 @@ import warnings
 from pathlib import Path
 
 from planner.exceptions import InvalidInput
-from planner.run.tasks import Results, Task, carry_out, engine_of
+from planner.run.results import Results, Task
+from planner.run.tasks import carry_out, engine_of
 
 
 def square(number):

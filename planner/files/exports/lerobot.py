@@ -75,10 +75,17 @@ def write_lerobot(path: Path | str, schedule: Schedule, *, task: str = TASK) -> 
 
 
 @contextmanager
-def lerobot_dataset(path: Path | str, layout: Layout) -> Iterator[AddEpisode]:
+def lerobot_dataset(
+    path: Path | str, layout: Layout, *, beside: Mapping[str, str] | None = None
+) -> Iterator[AddEpisode]:
     """Write a dataset, episode by episode; the folder appears where the block does not raise.
 
     What is kept in memory does not grow with the number of episodes, but for their tasks.
+
+    Args:
+        path: The folder.
+        layout: What the rows hold.
+        beside: Further files by name, with their text, which the block may still add to.
 
     Raises:
         MissingExtra: pyarrow is not installed.
@@ -94,6 +101,8 @@ def lerobot_dataset(path: Path | str, layout: Layout) -> Iterator[AddEpisode]:
             yield writer.add
             writer.flush()
         writer.describe()
+        for name, text in (beside or {}).items():
+            write_text(folder / name, text)
 
 
 def frame_rate(period: float) -> float:

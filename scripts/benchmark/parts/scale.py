@@ -24,7 +24,8 @@ import planner
 from benchmark.parts import Options
 from benchmark.parts.length import peak_memory
 from benchmark.table import Table
-from planner.run.tasks import Engine, Results, Task, carry_out, engine_of
+from planner.run.results import Results, Task
+from planner.run.tasks import Engine, carry_out, engine_of
 
 JOINT = planner.JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=1 / 30)
 """A hobby servo, requested 30 times a second."""
