@@ -122,7 +122,7 @@ def measure(options: Options) -> list[Table]:  # noqa: ARG001
             "friction",
             "friction and load",
             "over four numbers, %",
-            "told beforehand",
+            "expected error",
         ),
         note="Root mean square of the error in the fifth cycle on a simulated Feetech STS3215 with "
         "a pendulum, mrad, and the error to expect that the last plan tells. The models are fitted "
