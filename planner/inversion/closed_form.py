@@ -54,7 +54,7 @@ OPTIONS = ClosedFormOptions()
 SAME_TIME = 1e-9
 """How much later than a request a line may begin and still count for it [samples]: rounding."""
 
-SAME_PERIOD = 1e-9
+SAME_TICK = 1e-9
 """Difference of the curve's tick from the joint's period that is rounding, relative."""
 
 
@@ -268,7 +268,7 @@ def closed_form_requests(
 def _checked_requests(
     model: JointModel, stack: CurveStack, rule: Rule, load: Array | None
 ) -> Array:
-    if abs(stack.tick - model.period) > SAME_PERIOD * model.period:
+    if abs(stack.tick - model.period) > SAME_TICK * model.period:
         raise InvalidInput(
             f"curves: got samples every {stack.tick:g} s, expected every {model.period:g} s, as "
             "often as requests are sent"

@@ -23,7 +23,7 @@ RULES: tuple[Rule, ...] = ("paper", "exact")
 AT_TOP_SPEED = 1e-12
 """A slope this close to v_max, relative to it, counts as v_max."""
 
-SOLVED = 1e-15
+SPEED_TOLERANCE = 1e-15
 """The exact rule is solved when the speed agrees with the slope to this, relative to v_max."""
 
 TABLE = 513
@@ -280,7 +280,7 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
         middle = low + np.clip(share, 0.0, 1.0) * (high - low)
         moved = moved_by(middle)
         solution = np.where(open_, middle, solution)
-        open_ &= np.abs(moved - target) > SOLVED * model.v_max_per_tick * model.hold
+        open_ &= np.abs(moved - target) > SPEED_TOLERANCE * model.v_max_per_tick * model.hold
         open_ &= high - low > 0.0
         low, moved_low = (
             np.where(moved < target, middle, low),

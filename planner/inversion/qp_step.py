@@ -32,8 +32,8 @@ TOLERANCE = 1e-8
 """Clarabel's gap and residuals [rad, and of a cost of about 1]: steps are judged by simulation, and
 requests are brought within their limits exactly."""
 
-SOLVED = ("Solved", "AlmostSolved")
-"""How Clarabel calls an answer that can be used."""
+USABLE = ("Solved", "AlmostSolved")
+"""Clarabel's status of an answer that can be used."""
 
 
 def qp_step(
@@ -83,7 +83,7 @@ def qp_step(
         (answer,) = minimise_over_cones(
             linear, conditions, right, cones, curvature=curvature, tolerance=TOLERANCE
         )
-    if answer.status not in SOLVED:
+    if answer.status not in USABLE:
         raise np.linalg.LinAlgError(f"no step was found: {answer.status}")
     changes, angles = np.zeros(free.shape), answer.unknowns[programme.count :]
     changes[free] = answer.unknowns[: programme.count]

@@ -29,8 +29,8 @@ from planner.inversion.foot.arguments import range_of_each, steps_of_each
 from planner.inversion.stream_arguments import (
     Given,
     StepArguments,
-    checked_models,
     checked_preview,
+    models_by_name,
 )
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
@@ -146,7 +146,7 @@ class Stream:
         max_step: npt.ArrayLike | None = None,
         on_bad: OnBad = "hold",
     ) -> None:
-        self.names, self.models = checked_models(models)
+        self.names, self.models = models_by_name(models)
         self.period = self.models[0].period
         self.preview = checked_preview(preview, self.period)
         if not is_one_of(on_bad, get_args(OnBad)):

@@ -116,7 +116,7 @@ class StepArguments:
         return rows
 
 
-def checked_models(
+def models_by_name(
     models: JointModel | Sequence[JointModel] | Mapping[str, JointModel],
 ) -> tuple[tuple[str, ...], tuple[JointModel, ...]]:
     """Names and models of the joints."""

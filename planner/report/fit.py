@@ -10,7 +10,7 @@ import numpy as np
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, line
 from planner.report.matplotlib_figure import draw_grid
 from planner.report.page import heading
-from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, MUTED
+from planner.report.style import APPROXIMATION, DESIRED, DIRECT, INK, LOWER_BOUND, MUTED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
@@ -28,7 +28,6 @@ FLAT = 0.05
 
 LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
 FAST = DIRECT._replace(label="at the top speed", width=2.0)
-BOUND = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
 
 
 def fits_figure(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Picture:
@@ -78,7 +77,7 @@ def choices_figure(choices: Choices, fit: PiecewiseLinearFit) -> Figure:
     ends = np.array([numbers.min(), numbers.max()])
     curves = [
         line((fit.segments, fit.segments), (low, high), MUTED),
-        Curve(BOUND, ends, np.full(2, bound)),
+        Curve(LOWER_BOUND, ends, np.full(2, bound)),
         Curve(INK._replace(width=1.2), numbers, errors, "rms error"),
         Curve(INK, numbers, errors, "numbers of lines", legend=False, marks="dots"),
     ]

@@ -13,11 +13,11 @@ from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
 from planner.report.page import Card, LinkedFile, Page, Section, heading, origin_lists
 from planner.report.style import (
-    APPROXIMATION,
     CLOSED_FORM,
     DESIRED,
     DIRECT,
     INK,
+    LOWER_BOUND,
     OPTIMAL,
     REQUESTED,
 )
@@ -26,7 +26,7 @@ from planner.report.table import NOTHING, Column, Row, Table
 if TYPE_CHECKING:
     from planner.trajectory import Array
 
-BOUND = APPROXIMATION._replace(label="lower bound of the model", dashes=(0, (5, 2)))
+BOUND = LOWER_BOUND._replace(label="lower bound of the model")
 EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")
 BEFORE = DIRECT._replace(label="requests executed", width=1.2)
 AFTER = REQUESTED._replace(label="next requests")

@@ -31,9 +31,6 @@ ENTRY = 0.56
 AWAY = 4
 """Distance of words from their place [pt]."""
 
-CORNER = re.compile(r"v_max")
-"""Words that are written with an index."""
-
 
 def draw(figure: Figure) -> Picture:
     """The figure as Matplotlib draws it."""
@@ -197,7 +194,7 @@ def _write(axes: Axes, words: Words) -> None:
 
 def _indexed(words: str) -> str:
     """Words with v_max as a symbol."""
-    return CORNER.sub(r"$v_\\mathrm{max}$", words)
+    return words.replace("v_max", r"$v_\mathrm{max}$")
 
 
 def _set_axis(axis: Any, described: Axis) -> None:

@@ -135,14 +135,16 @@ class Page:
 
     def html(self) -> str:
         """The whole page; the same content makes the same page."""
-        drawing = _Drawing(self.downloads)
-        made = environment()
-        made.globals |= {"show": drawing.show, "figures": drawing.several}
+        templates = environment()
+        drawing = _Drawing(templates.get_template("figure.html"), downloads=self.downloads)
+        templates.globals |= {"show": drawing.show, "figures": drawing.several}
         figure = None if self.figure is None else drawing.show(self.figure)
-        bodies = [made.from_string(each.template).render(each.context) for each in self.sections]
+        bodies = [
+            templates.from_string(each.template).render(each.context) for each in self.sections
+        ]
         from markupsafe import Markup
 
-        return made.get_template("base.html").render(
+        return templates.get_template("base.html").render(
             page=self,
             figure=figure,
             sections=[
@@ -158,9 +160,9 @@ class Page:
 class _Drawing:
     """Draws the figures of a page, and keeps what is live of them."""
 
-    def __init__(self, downloads: bool) -> None:
+    def __init__(self, template: jinja2.Template, *, downloads: bool) -> None:
         self.live: dict[str, Mapping[str, Any]] = {}
-        self._downloads = downloads
+        self._template, self._downloads = template, downloads
 
     def show(self, figure: Figure) -> Markup:
         """A figure as an element of the page."""
@@ -169,8 +171,8 @@ class _Drawing:
         if figure.live:
             self.live[figure.name] = live(figure)
         drawn = Markup(to_inline_svg(figure))  # its words are escaped where it is drawn
-        template = environment().get_template("figure.html")
-        return Markup(template.render(figure=figure, drawn=drawn, downloads=self._downloads))
+        element = self._template.render(figure=figure, drawn=drawn, downloads=self._downloads)
+        return Markup(element)
 
     def several(self, figures: Iterable[Figure]) -> Markup:
         """Figures side by side."""

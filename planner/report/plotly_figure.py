@@ -7,7 +7,6 @@ Nothing of Plotly's Python package is needed to make them. Colours are written a
 from __future__ import annotations
 
 import base64
-import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,9 +28,6 @@ GAP = 34
 
 BOLDER = 1.2
 """Pixels for a point of a line: a screen is farther away than paper."""
-
-CORNER = re.compile(r"v_max")
-"""Words that are written with an index."""
 
 MOST_FRAMES = 1500
 """Moments of a motion that are shown; of longer ones every second is, or every third."""
@@ -295,7 +291,7 @@ def _heading(text: str, top: float) -> dict[str, Any]:
 
 
 def _words(words: Words, axis: str) -> dict[str, Any]:
-    text = CORNER.sub("v<sub>max</sub>", _escaped(words.text))
+    text = _escaped(words.text).replace("v_max", "v<sub>max</sub>")
     return {
         "text": f"<b>{text}</b>" if words.bold else text,
         "x": words.x,

@@ -34,7 +34,16 @@ from planner.report.page import (
     models_table,
     origin_lists,
 )
-from planner.report.style import APPROXIMATION, DESIRED, DIRECT, LIMIT, OPTIMAL, REQUESTED, SHIFT
+from planner.report.style import (
+    APPROXIMATION,
+    DESIRED,
+    DIRECT,
+    LIMIT,
+    LOWER_BOUND,
+    OPTIMAL,
+    REQUESTED,
+    SHIFT,
+)
 from planner.report.table import NOTHING, Column, Row, Table
 
 if TYPE_CHECKING:
@@ -385,8 +394,7 @@ def speeds_figure(found: Fastest) -> Figure:
     ]
     bounds = allowed * np.array([each.bound for each in found.curve])
     if np.isfinite(bounds).any():
-        dashed = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
-        curves.append(Curve(dashed, speeds, bounds))
+        curves.append(Curve(LOWER_BOUND, speeds, bounds))
     ends = (float(speeds[0]), float(speeds[-1]))
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
     top = min(SHOWN * allowed, 1.05 * max(float(np.max(known)), allowed))

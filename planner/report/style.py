@@ -54,6 +54,7 @@ CLOSED_FORM = Role("closed form", "#0067a8", "#58b4f0")
 PLAIN = CLOSED_FORM._replace(label="closed form, as in the paper")
 OPTIMAL = Role("optimised", "#00805f", "#3ecb9c", width=1.6, dashes=(0, (5, 1.4)))
 FOOT_OPTIMAL = Role("foot-optimised", "#b3126b", "#ff7ab8", width=2.4)
+LOWER_BOUND = APPROXIMATION._replace(label="lower bound", dashes=(0, (5, 2)))
 LIMIT = MUTED._replace(label="limit", width=1.0, dashes=(0, (1.5, 2.0)))
 
 ROLES: Mapping[str, Role] = {
