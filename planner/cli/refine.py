@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @click.option(
     "--history",
     type=types.OUTPUT,
-    help="A file that remembers the trials: read where it exists, and written.",
+    help="File with the trials so far: read if it exists, then written.",
 )
 @click.option(
     "--cycles",
@@ -97,7 +97,7 @@ def refine(
         read_measured,
         refined,
         summary,
-        write_history,
+        write_states,
     )
     from planner.run.run import prepare
 
@@ -119,7 +119,7 @@ def refine(
             progress=progress,
         )
     if history is not None:
-        write_history(history, answer)
+        write_states(history, answer)
     if report is not None:
         files = [("requests", output), ("history", history)]
         write_text(report, learning_report(answer, page=report, written=files))

@@ -102,18 +102,12 @@ def view(
 
 def _angles_under(requests: str, desired: Desired, *, cyclic: bool) -> tuple[Array, Array | None]:
     """What the joints do under the requests of a file [rad], and the load that it has, (n, k)."""
-    from planner.exceptions import InvalidFile
     from planner.files.paths import read_joint_path
     from planner.model.response import simulate_joints
 
     given = read_joint_path(requests, joints=desired.names)
     given.check_period(desired.period)
-    if len(given.angles) != len(desired.angles):
-        raise InvalidFile(
-            requests,
-            f"got {len(given.angles)} requests, expected {len(desired.angles)}, one per sample; "
-            "show the path that they were planned for",
-        )
+    given.check_samples(len(desired.angles))
     angles = simulate_joints(desired.models, given.angles, cyclic=cyclic, loads=given.loads)
     return angles, given.loads
 

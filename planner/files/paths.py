@@ -112,6 +112,15 @@ class JointPath(_Path):
     loads: Array | None = None  # (n, k)
     samples: ClassVar[tuple[str, ...]] = ("angles", "loads")
 
+    def check_samples(self, samples: int) -> None:
+        """Raise InvalidFile unless these are the requests of a path of so many samples."""
+        if len(self.angles) != samples:
+            raise InvalidFile(
+                self.path,
+                f"got {len(self.angles)} requests, expected {samples}, one for each sample of the "
+                "desired path; name the path for which they were planned",
+            )
+
 
 def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPath:
     """Read a joint path from CSV, or from standard input for ``-``.

@@ -96,7 +96,7 @@ def refine(
     Args:
         plan: The plan that was executed, from :func:`planner.invert_optimal`,
             :func:`planner.invert_closed_form`, :func:`planner.invert_foot`, :func:`planner.plan`,
-            or this function: the answer remembers all earlier cycles.
+            or this function: its answer carries all earlier trials.
         measured: Measured angles [rad], shape (n,), a row each request, or (cycles, n); with
             several joints (n, k) or (cycles, n, k). Cycles of a plan that repeats are taken once
             the joints have settled into it.

@@ -18,7 +18,7 @@ class EvidenceOptions:
 
     Attributes:
         window: Part of a log whose error and acceleration are one point of the fit [s]: several
-            times as long as a joint remembers. (Half and twice: as good.)
+            times the lag and the window of a joint. (Half and twice: as good.)
         fewest: Such parts that the shortest log is cut into; they are then shorter.
         rounds: Reweightings of the fit, so that relative errors count.
         spare: A motion is outside where it exceeds what was tested by this factor.

@@ -1,4 +1,4 @@
-"""From executed requests and measured cycles to the next requests, with a file that remembers."""
+"""From executed requests and measured cycles to the next requests."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidModel, InvalidTrajectory
+from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
+from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import read_joint_path
-from planner.files.text import read_json, to_json, write_text
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
-from planner.inversion.trials import Learning, SensorDelay, Trial
+from planner.inversion.trials import Learning
 from planner.learning.refine import refine
 from planner.model.joint import JointModel
 from planner.model.load import load_columns
@@ -32,9 +32,6 @@ from planner.validation import freeze
 if TYPE_CHECKING:
     from planner.run.run import Prepared
     from planner.trajectory import Array
-
-FORMAT = "request-planner refine 1"
-"""What a file that remembers begins with."""
 
 Plans = Mapping[str, Inversion | FootInversion]
 """The plan of each joint, or of the foot under the name "foot"."""
@@ -92,12 +89,7 @@ def read_executed(path: str, prepared: Prepared) -> Array:
     desired = prepared.desired
     given = read_joint_path(path, joints=desired.names)
     given.check_period(desired.period)
-    if len(given.angles) != len(desired.angles):
-        raise InvalidFile(
-            path,
-            f"got {len(given.angles)} requests, expected {len(desired.angles)}, one for each "
-            "sample of the desired path; name the path that they were planned for with --desired",
-        )
+    given.check_samples(len(desired.angles))
     return given.angles
 
 
@@ -217,14 +209,15 @@ def refined(
         prepared: What the joints or the foot should do.
         executed: Requests [rad], (n, k).
         measured: What was measured of them [rad], (cycles, n, k).
-        history: The file that remembers earlier trials; None for none, and it need not exist.
+        history: The file with the earlier trials; None for none, and it need not exist.
         sensor_delay: How late the sensors are [s]; None to look for it.
         reidentify: Whether models may be identified anew.
         progress: Called with the name of each joint.
     """
     plans = executed_plans(prepared, executed)
     if history is not None and Path(history).is_file():
-        plans = remembered(history, plans, prepared)
+        states = read_history(history, plans.keys(), prepared.desired.angles)
+        plans = {name: _resumed(plan, states[name]) for name, plan in plans.items()}
     answer: dict[str, Inversion | FootInversion] = {}
     names = prepared.desired.names
     for name, plan in plans.items():
@@ -244,6 +237,14 @@ def refined(
     return Refined(prepared, executed, measured, answer)
 
 
+def _resumed(plan: Inversion | FootInversion, state: LearningState) -> Inversion | FootInversion:
+    """The plan, with what the history says that it has learnt."""
+    models, learning = state
+    if isinstance(plan, FootInversion):
+        return replace(plan, learning=learning, models=models)
+    return replace(plan, learning=learning, model=models[0])
+
+
 @contextmanager
 def _speaking_of(names: Sequence[str]) -> Iterator[None]:
     try:
@@ -253,56 +254,13 @@ def _speaking_of(names: Sequence[str]) -> Iterator[None]:
         raise
 
 
-def remembered(path: str, plans: Plans, prepared: Prepared) -> dict[str, Inversion | FootInversion]:
-    """The plans with the trials, and the models, that a file remembers.
-
-    Raises:
-        InvalidFile: It is no such file, or one of another path.
-    """
-    content = read_json(path, what="a file that request-planner refine wrote")
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
-    samples = len(prepared.desired.angles)
-    known = content["plans"]
-    if set(known) != set(plans) or content["samples"] != samples:
-        raise InvalidFile(
-            path,
-            f"it remembers {content['samples']} requests of {', '.join(known)}, expected {samples} "
-            f"of {', '.join(plans)}; begin another file for another path",
-        )
-    desired = np.array(content["desired_rad"])
-    if not np.allclose(desired, prepared.desired.angles, atol=1e-6):
-        raise InvalidFile(path, "it is of another desired path; begin another file for this one")
-    found: dict[str, Inversion | FootInversion] = {}
-    try:
-        for name, plan in plans.items():
-            learning = _learning(known[name]["learning"])
-            models = tuple(JointModel(**each) for each in known[name]["models"])
-            if isinstance(plan, FootInversion):
-                found[name] = replace(plan, learning=learning, models=models)
-            else:
-                found[name] = replace(plan, learning=learning, model=models[0])
-    except (KeyError, TypeError, ValueError, InvalidModel) as error:
-        raise InvalidFile(path, f"it has been changed: {error}") from error
-    return found
-
-
-def write_history(path: str, answer: Refined) -> None:
-    """Write what the next call needs: trials, models and state, in SI units."""
-    content = {
-        "format": FORMAT,
-        "samples": len(answer.executed),
-        "desired_rad": answer.prepared.desired.angles.tolist(),
-        "plans": {
-            name: {
-                "models": [asdict(model) for model in _models(plan)],
-                "learning": _as_json(plan.learning),
-            }
-            for name, plan in answer.plans.items()
-            if plan.learning is not None
-        },
+def write_states(path: str, answer: Refined) -> None:
+    """Write the history that the next call reads."""
+    states = {
+        name: LearningState(_models(plan), _learning_of(plan))
+        for name, plan in answer.plans.items()
     }
-    write_text(path, to_json(content))
+    write_history(path, answer.prepared.desired.angles, states)
 
 
 def document(answer: Refined) -> dict[str, Any]:
@@ -436,46 +394,3 @@ def _models(plan: Inversion | FootInversion) -> tuple[JointModel, ...]:
 def _learning_of(plan: Inversion | FootInversion) -> Learning:
     assert plan.learning is not None, "refine returned it"
     return plan.learning
-
-
-def _as_json(learning: Learning) -> dict[str, Any]:
-    return {
-        "trials": [
-            {
-                "requests_rad": trial.requests.tolist(),
-                "measured_rad": trial.measured.tolist(),
-                "error": trial.error,
-            }
-            for trial in learning.trials
-        ],
-        "noise_rad": learning.noise.tolist(),
-        "gain": learning.gain,
-        "reidentified": list(learning.reidentified),
-        "delays": [asdict(delay) for delay in learning.delays],
-        "best": learning.best,
-        "floor": [None if math.isnan(part) else part for part in learning.floor],
-        "stopped": learning.stopped,
-        "remarks": list(learning.remarks),
-    }
-
-
-def _learning(content: Mapping[str, Any]) -> Learning:
-    speed, noise = (math.nan if part is None else float(part) for part in content["floor"])
-    return Learning(
-        trials=tuple(
-            Trial(
-                requests=np.array(trial["requests_rad"], dtype=np.float64),
-                measured=np.array(trial["measured_rad"], dtype=np.float64),
-                error=float(trial["error"]),
-            )
-            for trial in content["trials"]
-        ),
-        noise=np.array(content["noise_rad"], dtype=np.float64),
-        gain=float(content["gain"]),
-        reidentified=tuple(content["reidentified"]),
-        delays=tuple(SensorDelay(**each) for each in content["delays"]),
-        best=int(content["best"]),
-        floor=(speed, noise),
-        stopped=str(content["stopped"]),
-        remarks=tuple(content["remarks"]),
-    )

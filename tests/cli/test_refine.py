@@ -108,4 +108,16 @@ def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
     execute()
     result = run(*line, "--desired", brief)
     assert result.exit_code == 2
-    assert "it remembers 88 requests of hip, knee, expected 32" in result.stderr
+    assert "got the trials of 88 requests of hip, knee, expected 32" in result.stderr
+
+
+@pytest.mark.parametrize("content", ['{"format": "request-planner refine 1"}', "[1, 2]"])
+def test_a_damaged_history_is_refused_in_one_line(run, desired, execute, tmp_path, content):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    (tmp_path / "all.json").write_text(content)
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired)
+    result = run(*line, "--history", "all.json")
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert "all.json" in result.stderr

@@ -119,8 +119,8 @@ WRONG = {
     ),
     "requests of another path": (
         ["foot.csv", "--leg", "front-left", "--requests", "short.csv"],
-        "short.csv: got 2 requests, expected 88, one per sample; show the path that they were "
-        "planned for",
+        "short.csv: got 2 requests, expected 88, one for each sample of the desired path; name the "
+        "path for which they were planned",
     ),
 }
 

@@ -1,0 +1,140 @@
+"""The history of learning as a file: trials, models and state from call to call, in SI units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.exceptions import InvalidFile
+from planner.files.text import read_json, to_json, write_text
+from planner.inversion.trials import Learning, SensorDelay, Trial
+from planner.model.joint import JointModel
+from planner.trajectory import Array
+
+FORMAT = "request-planner refine 1"
+"""The value of ``format``, by which such a file is known."""
+
+SAME_ANGLE = 1e-6
+"""Desired angles that differ by less are those of one path [rad]: files carry them rounded."""
+
+
+class LearningState(NamedTuple):
+    """What one plan has learnt.
+
+    Attributes:
+        models: Its joints, perhaps identified anew since the first plan.
+        learning: Its trials and the state of learning.
+    """
+
+    models: tuple[JointModel, ...]
+    learning: Learning
+
+
+def read_history(path: str, names: Collection[str], desired: Array) -> dict[str, LearningState]:
+    """What each plan has learnt.
+
+    Args:
+        path: The file.
+        names: The plans.
+        desired: The path that they are for [rad], shape (n, k).
+
+    Raises:
+        InvalidFile: It is no such file, one of another path, or damaged.
+    """
+    content = read_json(path, what="a file that request-planner refine wrote")
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InvalidFile(path, "not a file that 'request-planner refine --history' wrote")
+    try:
+        angles = np.array(content["desired_rad"], dtype=np.float64)
+        states = {
+            name: LearningState(
+                tuple(JointModel(**model) for model in state["models"]),
+                _learning(state["learning"]),
+            )
+            for name, state in content["plans"].items()
+        }
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InvalidFile(path, f"damaged ({error}); begin another file") from error
+    if set(states) != set(names) or len(angles) != len(desired):
+        raise InvalidFile(
+            path,
+            f"got the trials of {len(angles)} requests of {', '.join(states)}, expected "
+            f"{len(desired)} of {', '.join(names)}; begin another file for another path",
+        )
+    if angles.shape != desired.shape or not np.allclose(angles, desired, atol=SAME_ANGLE):
+        raise InvalidFile(
+            path, "got the trials of another desired path; begin another file for this one"
+        )
+    return states
+
+
+def write_history(path: str, desired: Array, states: Mapping[str, LearningState]) -> None:
+    """Write what the next call needs.
+
+    Args:
+        path: The file.
+        desired: The path that the plans are for [rad], shape (n, k).
+        states: What each plan has learnt.
+
+    Raises:
+        InvalidFile: The file cannot be written.
+    """
+    content = {
+        "format": FORMAT,
+        "desired_rad": desired.tolist(),
+        "plans": {
+            name: {
+                "models": [asdict(model) for model in models],
+                "learning": _as_json(learning),
+            }
+            for name, (models, learning) in states.items()
+        },
+    }
+    write_text(path, to_json(content))
+
+
+def _as_json(learning: Learning) -> dict[str, Any]:
+    return {
+        "trials": [
+            {
+                "requests_rad": trial.requests.tolist(),
+                "measured_rad": trial.measured.tolist(),
+                "error": trial.error,
+            }
+            for trial in learning.trials
+        ],
+        "noise_rad": learning.noise.tolist(),
+        "gain": learning.gain,
+        "reidentified": list(learning.reidentified),
+        "delays": [asdict(delay) for delay in learning.delays],
+        "best": learning.best,
+        "floor": [None if math.isnan(part) else part for part in learning.floor],
+        "stopped": learning.stopped,
+        "remarks": list(learning.remarks),
+    }
+
+
+def _learning(content: Mapping[str, Any]) -> Learning:
+    speed, noise = (math.nan if part is None else float(part) for part in content["floor"])
+    return Learning(
+        trials=tuple(
+            Trial(
+                requests=np.array(trial["requests_rad"], dtype=np.float64),
+                measured=np.array(trial["measured_rad"], dtype=np.float64),
+                error=float(trial["error"]),
+            )
+            for trial in content["trials"]
+        ),
+        noise=np.array(content["noise_rad"], dtype=np.float64),
+        gain=float(content["gain"]),
+        reidentified=tuple(content["reidentified"]),
+        delays=tuple(SensorDelay(**each) for each in content["delays"]),
+        best=int(content["best"]),
+        floor=(speed, noise),
+        stopped=str(content["stopped"]),
+        remarks=tuple(content["remarks"]),
+    )
