@@ -130,6 +130,14 @@ class RecordedPath:
         return tuple(joint for joint in self.joints if joint.model is not None)
 
     @property
+    def open_top_speeds(self) -> frozenset[str]:
+        """The planned joints whose logs leave open how fast they can be."""
+        evidence = {each.name: each.model.evidence for each in self.planned if each.model}
+        return frozenset(
+            name for name, seen in evidence.items() if seen and seen.leaves_top_speed_open
+        )
+
+    @property
     def duration(self) -> float:
         """How long the recorded part lasts [s]."""
         return self.last - self.first

@@ -107,11 +107,14 @@ class Impossible(NamedTuple):
         speed: The lowest factor that is proved too high, to the resolution of the search.
         joint: The joint that no requests bring within the tolerance.
         bound: The lower bound on its largest error, in multiples of the tolerance.
+        of_model_only: Whether it holds for the joint's model only: its logs leave open how fast
+            the joint can be, and ``v_max`` is the least top speed that fits them.
     """
 
     speed: float
     joint: str
     bound: float
+    of_model_only: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -458,13 +461,16 @@ class _Search:
         self.progress(f"the lower bound at {speed:.3g} times the speed")
         for joint, ratio in self.bounds(speed):
             if ratio > 1.0:
-                return Impossible(speed, joint, ratio)
+                return Impossible(speed, joint, ratio, joint in self.path.open_top_speeds)
         return None
 
     def bounds(self, speed: float) -> Iterator[tuple[str, float]]:
-        """Each planned joint's lower bound on its largest error over what is allowed."""
-        moments = self.path.moments(speed)
-        for path in self.path.planned:
+        """Each planned joint's lower bound on its largest error over what is allowed.
+
+        Those whose top speed is known come first: theirs hold for the joints, not for models only.
+        """
+        moments, unknown = self.path.moments(speed), self.path.open_top_speeds
+        for path in sorted(self.path.planned, key=lambda each: each.name in unknown):
             assert path.model is not None, "planned joints have models"
             desired = path.at(moments, path.followed)
             bound = lower_bound(

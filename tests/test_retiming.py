@@ -7,6 +7,7 @@ import pytest
 
 from planner import InvalidInput, JointModel, Log, fastest, replay, simulate
 from planner.exceptions import Infeasible
+from planner.model.evidence import Evidence
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -34,6 +35,13 @@ def test_the_replay_keeps_the_tolerance(constant):
     assert np.max(np.abs(joint.errors["planned"])) <= TOLERANCE
     assert constant.speed == constant.constant
     assert constant.factors[:-1] == pytest.approx(constant.speed)
+
+
+def test_a_bound_by_a_top_speed_that_was_never_seen_holds_for_the_model_only(constant):
+    model = SERVO.with_evidence(Evidence(0.01))
+    found = fastest(log(swing(0.8, 150)), model, tolerance=TOLERANCE)
+    assert found.impossible.of_model_only
+    assert not constant.impossible.of_model_only
 
 
 def test_the_bound_proves_a_speed_a_little_higher_impossible(constant):

@@ -88,6 +88,7 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
+    from planner.model.evidence import OPEN_TOP_SPEED
     from planner.run.models import models_of
     from planner.shortest_cycle import in_samples, shortest_cycle
 
@@ -103,6 +104,8 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             progress=progress,
         )
     proof, count = found.too_short, found.samples
+    seen = [model.evidence for model in models]
+    unknown = any(each and each.leaves_top_speed_open for each in seen)
     document = {
         "tolerance_cm": run.tolerance.cm,
         "samples": count,
@@ -113,6 +116,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             "samples": proof.samples,
             "cycle_s": proof.samples * period,
             "lower_bound_cm": 100.0 * proof.bound,
+            "of_model_only": bool(unknown),
         },
     }
     words = (
@@ -124,6 +128,8 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
         if proof is None
         else f"; in {proof.samples * period:.4g} s no requests keep it there"
     )
+    if proof is not None and unknown:
+        words += f", which holds for the models only: {OPEN_TOP_SPEED}"
     return in_samples(path, count), document, words
 
 

@@ -30,6 +30,7 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
         (0, 2),
         "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
     ),
+    "v_max_at_most": ((), "[rad/s] largest v_max that fits the logs"),
 }
 """Keys beside the parameters, for the fields of Evidence: their shapes, and what they hold."""
 

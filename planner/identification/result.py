@@ -169,6 +169,7 @@ class Identification:
             if len(angles)
             else (-math.inf, math.inf),
             errors_by_acceleration([run for fit in self.fits for run in _runs(fit)]),
+            self.intervals["v_max"].upper,
         )
 
     @property

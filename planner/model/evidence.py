@@ -35,6 +35,12 @@ class EvidenceOptions:
 OPTIONS = EvidenceOptions()
 
 
+OPEN_TOP_SPEED = (
+    "the logs leave open how fast the joint can be, and v_max is the least that fits them"
+)
+"""Of a joint whose :attr:`Evidence.top_speed` is infinite."""
+
+
 class Evidence(NamedTuple):
     """How far off an identified model was, and on what it was tested.
 
@@ -46,6 +52,7 @@ class Evidence(NamedTuple):
         by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
             root mean square error of such motion [rad]; empty where that is not known. The last
             pair is that of the most accelerated part of the logs.
+        top_speed: Largest v_max that fits the logs [rad/s]; infinite where any larger one does.
     """
 
     error: float
@@ -53,6 +60,12 @@ class Evidence(NamedTuple):
     load: float = 0.0
     angles: tuple[float, float] = (-math.inf, math.inf)
     by_acceleration: tuple[tuple[float, float], ...] = ()
+    top_speed: float = math.inf
+
+    @property
+    def leaves_top_speed_open(self) -> bool:
+        """Whether v_max is only a lower bound: the logs do not show how fast the joint can be."""
+        return not math.isfinite(self.top_speed)
 
     def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
@@ -116,6 +129,7 @@ class Evidence(NamedTuple):
             self.load,
             (factor * low, factor * high),
             pairs,
+            factor * self.top_speed,
         )
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner._version import __version__
 from planner.inversion.error_norm import error_norm
+from planner.model.evidence import OPEN_TOP_SPEED
 from planner.report.figure import (
     POSES,
     Axis,
@@ -118,7 +119,8 @@ def replay_page(
         if found.retime == "varying":
             curves.append(factors_figure(found))
         whose = "of the foot" if found.foot else "of the joint that is farthest off"
-        curve = {"curves": curves, "whose": whose}
+        curve = {"curves": curves, "whose": whose, "unknown": _listed(replay.path.open_top_speeds)}
+        curve["open"] = OPEN_TOP_SPEED
         sections.insert(0, Section("How fast it can be", SPEEDS, curve))
     head, tail = _verdict(replay)
     return Page(
@@ -157,7 +159,11 @@ and model together.</p>
 
 SPEEDS = """
 <p>Largest errors at constant speeds, {{ whose }}. Where a lower bound is above the tolerance, no
-requests keep it.</p>
+requests keep it.
+{%- if unknown %}
+ The lower bound holds for the model only of {{ unknown }}: {{ open }}.
+{%- endif %}
+</p>
 {{ figures(curves) }}
 """
 
@@ -188,7 +194,9 @@ def _said(replay: Replay) -> list[str]:
         parts = ", ".join(
             f"{each.name} ({sum(b - a for a, b in each.too_fast):.2g} s)" for each in fast
         )
-        said.append(f"The path is faster than the joint can be: {parts}; shaded below.")
+        unknown = _listed(replay.path.open_top_speeds & {each.name for each in fast})
+        only = f" That is by the model only of {unknown}: {OPEN_TOP_SPEED}." if unknown else ""
+        said.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
     if untested := [each for each in replay.planned if each.untested]:
         listed = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
         said.append(f"Beyond what the models were tested on: {listed}.")
@@ -425,6 +433,10 @@ def factors_figure(found: Fastest) -> Figure:
         ("Speed along the replay", "One factor for all of it, or one that varies."),
         clock=True,
     )
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
 
 
 def _curve(timeline: Timeline, joint: JointReplay, values: Array, role: Role) -> Curve:

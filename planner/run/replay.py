@@ -17,6 +17,7 @@ from planner.files.logs.recordings import Recording
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.error_norm import error_norm
+from planner.model.evidence import OPEN_TOP_SPEED
 from planner.model.joint import JointModel
 from planner.recorded_path import WHY, RecordedPath, check_length, is_gripper, recorded_path
 from planner.replaying import JointReplay, Replay, replay_at
@@ -240,6 +241,9 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     if found is not None:
         lines.append(fastest_text(found))
     lines.append(text_table(header, rows))
+    fast = {each.name for each in replay.planned if each.too_fast}
+    if unknown := sorted(replay.path.open_top_speeds & fast):
+        lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
     if untested:
         lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
     return "\n".join(lines)
@@ -282,6 +286,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
                 f"lower_bound_{unit}": factor * joint.lower_bound,
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "untested": list(joint.untested),
+                "top_speed_known": joint.name not in replay.path.open_top_speeds,
                 "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
                 f"desired_{unit}": (factor * joint.desired).tolist(),
                 f"predicted_{unit}": (factor * joint.predicted).tolist(),
@@ -312,10 +317,11 @@ def fastest_text(found: Fastest) -> str:
     if found.impossible is None:
         none = "there is no lower bound for a foot" if found.foot else "no speed is proved too high"
         return f"{words}; {none}"
-    return (
-        f"{words}; at {found.impossible.speed:.3g} times the speed no requests keep "
-        f"{found.impossible.joint} within {size}"
-    )
+    none = f"at {found.impossible.speed:.3g} times the speed no requests keep "
+    none += f"{found.impossible.joint} within {size}"
+    if found.impossible.of_model_only:
+        none += f", which holds for its model only: {OPEN_TOP_SPEED}"
+    return f"{words}; {none}"
 
 
 def fastest_document(found: Fastest) -> dict[str, Any]:
@@ -327,6 +333,7 @@ def fastest_document(found: Fastest) -> dict[str, Any]:
         "speed": found.impossible.speed,
         "joint": found.impossible.joint,
         f"lower_bound_{unit}": allowed * found.impossible.bound,
+        "of_model_only": found.impossible.of_model_only,
     }
     curve = [
         {

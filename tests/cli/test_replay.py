@@ -376,9 +376,27 @@ def test_the_fastest_replay_says_what_is_possible_and_what_is_not(run, demo, mod
     assert content["joints"]["elbow"]["planned"]["max_deg"] <= 2.0
     assert 1.0 < found["speed"] < found["impossible"]["speed"]
     assert found["impossible"]["lower_bound_deg"] > 2.0
+    assert found["impossible"]["of_model_only"], "the file does not say v_max_at_most"
     assert set(found["errors_by_speed"][0]) == {
         *("speed", "direct_max_deg", "shifted_max_deg", "planned_max_deg", "bound_max_deg")
     }
+
+
+@pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_at_most = 4.1\n", 0)])
+def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
+    known, said, run, demo, model
+):
+    model.write_text(model.read_text() + known)
+    result = run(
+        *("replay", demo, "--model", model, "--fastest", "--tolerance-deg", 2, "-o", "out.csv"),
+        *("--report", "page.html"),
+    )
+    assert result.exit_code == 0, result.stderr
+    words = "the logs leave open how fast the joint can be, and v_max is the least that fits them"
+    answer = next(line for line in result.stderr.splitlines() if line.startswith("within 2"))
+    assert answer.count(f"which holds for its model only: {words}") == said
+    page = demo.with_name("page.html").read_text()
+    assert page.count(f"The lower bound holds for the model only of elbow: {words}.") == said
 
 
 def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model):
