@@ -216,9 +216,12 @@ def plan(
             limits=limits,
             names=names,
             start=start,
+            max_step=max_step,
+            smoothness=smoothness,
+            method=method,
+            progress=progress,
+            **options,
         )
-        again = partial(again, max_step=max_step, smoothness=smoothness)
-        again = partial(again, method=method, progress=progress, **options)
         return settled(lambda torques: again(load=torques), load, rows)
     ranges, starts = _ranges(limits, names), _of_each("start", start, names)
     loads, steps = _loads(load, rows.shape, names), _of_each("max_step", max_step, names)

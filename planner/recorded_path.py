@@ -262,15 +262,6 @@ def _items(values: Any) -> Sequence[Any]:
     return values if isinstance(values, list | tuple) else (None,)
 
 
-def recordings_of(logs: Sequence[Log]) -> tuple[tuple[Log, ...], ...]:
-    """Logs by recording, in their order: those of one episode, or of one file, belong together."""
-    by_source: dict[Any, list[Log]] = {}
-    for log in logs:
-        key = (log.written.path, log.written.episode) if log.written else log.name
-        by_source.setdefault(key, []).append(log)
-    return tuple(map(tuple, by_source.values()))
-
-
 def _names(logs: Sequence[Log]) -> tuple[str, ...]:
     """The joints, all different."""
     names = tuple(log.joint or "joint" for log in logs)

@@ -11,7 +11,6 @@ import pytest
 from planner import InvalidInput, JointModel, Log, replay, simulate
 from planner.exceptions import Infeasible
 from planner.model.evidence import Evidence
-from planner.recorded_path import recordings_of
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 """A servo that is asked 50 times a second."""
@@ -141,12 +140,6 @@ def test_a_replay_can_be_sent_to_another_process():
     again = pickle.loads(pickle.dumps(made))
     assert np.array_equal(again.requests, made.requests)
     assert again.summary() == made.summary()
-
-
-def test_logs_are_sorted_into_recordings():
-    one, two = recorded("a", name="x"), recorded("b", name="x")
-    other = recorded("a", name="y")
-    assert recordings_of([one, two, other]) == ((one, two), (other,))
 
 
 @pytest.mark.parametrize(

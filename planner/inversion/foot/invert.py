@@ -165,10 +165,20 @@ def invert_foot(
     solution = leg.inverse(foot, unreachable=unreachable)
     desired = _long_enough(foot)
     if callable(load):
-        again = partial(invert_foot, joints, leg, desired, cyclic=cyclic, limits=(lower, upper))
-        again = partial(again, norm=norm, weights=importance, unreachable=unreachable)
-        again = partial(again, disturbance=disturbance)
-        again = partial(again, max_step=max_step, smoothness=smoothness)
+        again = partial(
+            invert_foot,
+            joints,
+            leg,
+            desired,
+            cyclic=cyclic,
+            limits=(lower, upper),
+            norm=norm,
+            weights=importance,
+            unreachable=unreachable,
+            disturbance=disturbance,
+            max_step=max_step,
+            smoothness=smoothness,
+        )
         return settled(lambda torques: again(load=torques), load, solution.angles)
     loads = load_of_each(load, joints, len(desired), joints=joints_of(leg))
     added = _checked_disturbance(disturbance, solution.angles)
