@@ -91,7 +91,7 @@ class Path:
     log: Log
 
     def at(self, moments: Array, values: Array) -> Array:
-        """A signal of the joint at moments of the recording, on straight lines between rows."""
+        """A signal at moments of the recording [s], shape (n,), on straight lines between rows."""
         return np.asarray(np.interp(moments, self.times, values))
 
     @property

@@ -114,7 +114,7 @@ def checked_arguments(
 
 
 def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
-    """The weights with mean 1, or None where all are the same."""
+    """The weights of n samples with mean 1, shape (n,), or None where all are the same."""
     if weights is None:
         return None
     given = as_trajectory(weights, name="weights", minimum=1)
@@ -171,7 +171,7 @@ def checked_knots(
 
 
 def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
-    """All knots, increasing; None where they are not given."""
+    """All knots [samples], increasing, shape (k,); None where they are not given."""
     if knots is None:
         return None
     given = as_trajectory(knots, name="knots", minimum=1)

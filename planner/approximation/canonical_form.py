@@ -36,7 +36,7 @@ def at_resolution(given: Problem) -> Problem:
 
 
 def to_resolution(samples: Array) -> Array:
-    """The samples as multiples of :data:`RESOLUTION`."""
+    """Samples of size one, shape (n,), as multiples of :data:`RESOLUTION`."""
     return np.asarray(np.round(samples / RESOLUTION) * RESOLUTION)
 
 
@@ -76,11 +76,11 @@ class CanonicalForm:
         return replace(form, sign=-1.0 if extreme < 0.0 else 1.0)
 
     def apply(self, given: Array) -> Array:
-        """Samples in this form."""
+        """Samples, shape (n,), in this form."""
         return self.sign * self.in_order(given)
 
     def in_order(self, given: Array) -> Array:
-        """What belongs to samples, in the order of this form."""
+        """What belongs to samples, shape (n,), in the order of this form."""
         ordered = np.roll(given, -self.first)
         if self.backwards:
             ordered = np.roll(ordered[::-1], 1) if self.cyclic else ordered[::-1]

@@ -159,7 +159,15 @@ def reachable_interval(problem: Problem, places: Array) -> tuple[Array, Array]:
 
 
 def feasible_values(problem: Problem, knots: Array) -> Array:
-    """Values within the slopes that keep the pins: the mean of the samples where that is free."""
+    """Values within the slopes that keep the pins, elsewhere as near as possible to the mean.
+
+    Args:
+        problem: What to approximate.
+        knots: Knots [samples], shape (k,).
+
+    Returns:
+        Values at the knots [unit of the samples], shape (k,).
+    """
     mean = float(np.average(problem.desired, weights=problem.weights))
     if not problem.required.size:
         return np.full(knots.size, mean)
@@ -169,7 +177,7 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
 
 
 def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
-    """The values, those of pins exactly as required."""
+    """Values at knots [unit of the samples], shape (k,), those of pins exactly as required."""
     if not problem.required.size:
         return values
     away = distances(problem, knots)

@@ -21,7 +21,9 @@ PIN_WEIGHT = 1e5
 
 
 def ideal_of(problem: Problem) -> Array:
-    """The ideal of a problem; pins on samples weigh so much that it nearly keeps them.
+    """The ideal of a problem [unit of the samples], shape (n,).
+
+    Pins on samples weigh so much that it nearly keeps them.
 
     Its squared error is no more than that of any curve within the slopes that keeps the pins.
     """

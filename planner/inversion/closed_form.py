@@ -213,7 +213,7 @@ def requests_along(
     rule: Rule,
     load: Array | None = None,
 ) -> Array:
-    """The inverted lines of one curve, each until l + a/2 before the next begins [rad], (n,)."""
+    """Requests [rad], shape (n,), along one curve: see :func:`requests_of`."""
     requests: Array = requests_of(model, CurveStack.of([curve]), rule=rule, load=load)[0]
     return requests
 
@@ -295,7 +295,17 @@ def requests_of(
     rule: Rule,
     load: Array | None = None,
 ) -> Array:
-    """The inverted lines of every curve, each until l + a/2 before the next [rad], (m, n)."""
+    """The inverted lines of every curve, each until l + a/2 before the next begins.
+
+    Args:
+        model: The joint.
+        stack: The m curves, n samples each, slopes within the joint's top speeds.
+        rule: How to invert a line.
+        load: Torque on the joint [N m], shape (n,), or None.
+
+    Returns:
+        Requests [rad], shape (m, n).
+    """
     ahead = switching_time(model) / model.period  # [samples]
     slopes = np.clip(stack.slopes, *slope_limits(model, load))
     per_sample = slopes * stack.tick

@@ -241,7 +241,15 @@ def merit_of(current: Iterate, step: Step, penalty: float) -> float:
 def iterate(
     problem: TrackingProblem, requests: Array, angles: Array, stage: Stage, unit: float = 1.0
 ) -> Iterate:
-    """What the smoothed models and the stage make of requests and angles."""
+    """What the smoothed models and the stage make of requests and angles.
+
+    Args:
+        problem: What to reach.
+        requests: Requests [rad], shape (n, joints).
+        angles: Angles [rad], shape (n, joints).
+        stage: Corners, regularisation and power.
+        unit: Error that counts as one where powers are summed [rad].
+    """
     response = problem.respond(angles, requests, radius=stage.radius)
     errors = problem.goal.errors(angles)
     cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)

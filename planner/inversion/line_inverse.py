@@ -151,6 +151,15 @@ def interpolated_offset(
     The table is that of the joint without a load. A load that changes the top speed v^+ by the
     factor s changes where f saturates: f(delta + s x) becomes s f(delta + x), so that C_m - delta
     of the slope m becomes s times that of m / s, as long as no error in the window is below delta.
+
+    Args:
+        model: The joint.
+        slope: Slopes m [rad/s], of any shape.
+        rule: "exact" or "paper".
+        load: Torque on the joint [N m], a number or like ``slope``.
+
+    Returns:
+        Offsets [rad], like ``slope``.
     """
     table = _table(model, rule)
     if model.speed_per_torque == 0.0:

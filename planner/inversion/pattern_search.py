@@ -163,7 +163,16 @@ def moves_of(curve: PiecewiseLinear) -> int:
 def make_move(
     number: int, knots: Array, values: Array, curve: PiecewiseLinear, v_max: float
 ) -> Move:
-    """The move of this number at the present knots."""
+    """The move of this number, below :func:`moves_of`, at the present knots.
+
+    Args:
+        number: Four a knot (up, along, along the line that ends there, along that which begins),
+            then two a segment (up, along).
+        knots: Knots [samples], shape (k,).
+        values: Values there [rad], shape (k,).
+        curve: The curve whose knots move.
+        v_max: Top speed of the joint, which scales moves of values [rad/s].
+    """
     size = len(knots)
     along, lift = np.zeros(size), np.zeros(size)
     segment, kind = divmod(number - 4 * size, 2)

@@ -157,7 +157,7 @@ class RobustProblem(TrackingProblem):
         )
 
     def admissible(self, requests: Array) -> Array:
-        """Requests within the limits; from rest the first holds the nominal model."""
+        """Requests within the limits [rad], (n, 1); from rest the first holds the nominal model."""
         return self.nominal.admissible(requests)
 
     def resting_requests(self) -> Array:

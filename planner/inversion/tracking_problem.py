@@ -143,9 +143,10 @@ class TrackingProblem:
         return each
 
     def admissible(self, requests: Array) -> Array:
-        """Requests near the given ones within the limits, from rest the first holds the start.
+        """Requests near the given ones within the limits [rad], shape (n, joints).
 
-        Without ``max_step`` they are the nearest ones, with it see :func:`within_step`.
+        From rest the first one holds the start. Without ``max_step`` they are the nearest ones,
+        with it see :func:`within_step`.
         """
         nearest = requests.copy()
         if self.start is not None:
@@ -240,7 +241,18 @@ def track(
     start: float | None = None,
     load: Array | None = None,
 ) -> TrackingProblem:
-    """The problem of one joint that should follow desired angles [rad] under a load, both (n,)."""
+    """The problem of one joint that should follow desired angles.
+
+    Args:
+        model: The joint.
+        desired: Desired angles [rad], shape (n,).
+        cyclic: Whether they repeat for ever.
+        norm: The error that counts.
+        limits: Smallest and largest request [rad]; None for none.
+        max_step: Largest change from one request to the next [rad].
+        start: From rest: where the joint rests before [rad].
+        load: Torque on the joint [N m], shape (n,), or None.
+    """
     return TrackingProblem(
         [model],
         FollowAngles(desired),

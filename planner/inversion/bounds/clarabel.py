@@ -53,8 +53,19 @@ def minimise_over_cones(
 ) -> list[ConicSolution]:
     """Minimise ``slope @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
 
-    The curvature is the upper triangle of a matrix, or the diagonal of one. The conditions are set
-    up once for all slopes, and an answer is returned for each.
+    The conditions are set up once for all slopes.
+
+    Args:
+        slopes: Linear parts of the objectives, each of shape (unknowns,).
+        matrix: Matrix of the conditions, shape (rows, unknowns).
+        limits: Their right-hand sides, shape (rows,).
+        cones: What the rows of ``limits - matrix @ z`` are.
+        curvature: Upper triangle of a matrix, or the diagonal of one, shape (unknowns,); None for
+            none.
+        tolerance: Clarabel's absolute and relative gap, and its feasibility.
+
+    Returns:
+        An answer for each slope.
     """
     import clarabel
 
@@ -87,7 +98,7 @@ def minimise_over_cones(
         solution = solver.solve()
         answers.append(_feasible(solution, cones))
     logging.getLogger(__name__).debug(
-        "lower bound: Clarabel says %s after %d iterations", solution.status, solution.iterations
+        "Clarabel: %s after %d iterations", solution.status, solution.iterations
     )
     return answers
 

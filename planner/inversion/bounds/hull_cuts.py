@@ -77,7 +77,7 @@ class RequestSet(NamedTuple):
         return [most, least]
 
     def contributions(self, errors: Array) -> Array:
-        """The contribution f of every error."""
+        """The contribution f / v of every error [-], like the errors."""
         law = speed_law(gain=self.gain, v_max=1.0, dead_band=self.dead_band, v_offset=self.excess)
         return np.asarray(law(errors))
 
