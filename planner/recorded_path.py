@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal, get_args
@@ -17,6 +17,7 @@ from planner.identification.resampling import glitches
 from planner.identification.timestamps import timing_of
 from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.arguments import range_of_each
+from planner.inversion.load_of_pose import LoadOfPose
 from planner.model.joint import JointModel
 from planner.planning import Limits
 from planner.trajectory import Array
@@ -113,6 +114,8 @@ class RecordedPath:
         last: Where it ends [s of the recording].
         limits: Smallest and largest request by joint [unit], of those that have limits.
         remarks: What the user should know about the recording.
+        load_at: The load of a pose, as of :func:`planner.plan`, at moments of the recording; None
+            where the load is that of the logs, or none.
     """
 
     name: str
@@ -123,6 +126,7 @@ class RecordedPath:
     last: float
     limits: Mapping[str, tuple[float, float]]
     remarks: tuple[str, ...]
+    load_at: Callable[[Array], LoadOfPose] | None = None
 
     @property
     def planned(self) -> tuple[Path, ...]:

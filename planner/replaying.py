@@ -148,11 +148,14 @@ def replay_at(
         moments: Moments of the recording [s], increasing, shape (n,), one every ``path.period``.
         speed: What to call the speed; by default the recorded duration over that of the replay.
         load: As of :func:`replay`.
-        known: Plans of joints for these moments that are made already.
+        known: Plans of joints for these moments that are made already; not used under a load of
+            the pose, which depends on all of them.
         progress: As of :func:`replay`.
         **options: Further options of :func:`planner.plan`.
     """
-    inversions = dict(known or {})
+    if load is None and path.load_at is not None:
+        load = path.load_at(moments)
+    inversions = dict(known or {}) if load is None else {}  # a pose is that of all joints
     planned = [each for each in path.planned if each.name not in inversions]
     names = [each.name for each in planned]
     if isinstance(steps := options.get("max_step"), Mapping):
@@ -295,9 +298,14 @@ class JointReplay:
 
     @cached_property
     def lower_bound(self) -> float:
-        """Lower bound on the rms error of any requests for a planned joint, whatever its norm."""
+        """Lower bound on the rms error of any requests for a planned joint, whatever its norm.
+
+        NaN under a load of the pose: other requests would meet another load.
+        """
         assert self.inversion is not None, "only a planned joint has a bound"
         plan = self.inversion
+        if plan.load_of_pose:
+            return math.nan
         if plan.norm == "rms":
             return plan.lower_bound
         return lower_bound(plan.model, plan.desired, cyclic=False, start=plan.start, load=plan.load)
@@ -427,7 +435,7 @@ def _figures(joint: JointReplay) -> dict[str, Any]:
         "errors": errors,
         "lead_s": joint.lead,
         "expected_rms": joint.expected if math.isfinite(joint.expected) else None,
-        "lower_bound": joint.lower_bound,
+        "lower_bound": joint.lower_bound if math.isfinite(joint.lower_bound) else None,
         "norm": joint.inversion.norm,
         "untested": list(joint.untested),
         "largest_step": joint.inversion.largest_step,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.inversion.certify import lower_bound
 from planner.planning import Limits
 from planner.recorded_path import (
@@ -339,6 +339,8 @@ class _Search:
         self.path, self.measure, self.progress = path, measure, progress
         self.options = {key: value for key, value in options.items() if key != "norm"}
         self.known: dict[float, Replay] = {}
+        self.of_pose = path.load_at is not None or options.get("load") is not None
+        self.bounded = measure.leg is None and not self.of_pose
 
     def largest_factor(self) -> Replay:
         """The replay at the largest constant factor that keeps the tolerance.
@@ -356,7 +358,8 @@ class _Search:
         else:
             while not self.keeps(low := low / 2.0):
                 if low / 2.0 < OPTIONS.slowest:
-                    least = float(np.max(self.measure.errors(self.known[low], "planned")))
+                    last = self.known[min(self.known)]
+                    least = float(np.max(self.measure.errors(last, "planned")))
                     raise Infeasible(
                         f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
                         "times as far off as allowed; allow more, or choose a part that begins at "
@@ -370,7 +373,7 @@ class _Search:
 
     def first_impossible(self, low: float) -> Impossible | None:
         """The lowest factor above ``low`` at which a lower bound exceeds the tolerance."""
-        if self.measure.leg is not None:
+        if not self.bounded:
             return None
         high, found = 2.0 * low, None
         while found is None and high <= OPTIONS.fastest and self.has_rows(high):
@@ -393,12 +396,14 @@ class _Search:
             if not self.has_rows(factor):
                 break
             made = self.at(factor)
+            if made is None:
+                break
             kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
             direct, shifted, planned = (
                 float(np.max(self.measure.errors(made, kind))) for kind in kinds
             )
             bound = math.nan
-            if self.measure.leg is None:
+            if self.bounded:
                 bound = max(ratio for _, ratio in self.bounds(factor))
             found.append(SpeedErrors(factor, direct, shifted, planned, bound))
         return tuple(found)
@@ -420,17 +425,36 @@ class _Search:
             factors *= np.clip(change, 1.0 / OPTIONS.most_change, OPTIONS.most_change)
             factors = np.minimum(factors, OPTIONS.highest * constant.speed)
             factors = _accelerating(factors, OPTIONS.grid, OPTIONS.acceleration * constant.speed)
-            made = self.within(_moments(path, at, factors))
+            changed = self.tried(_moments(path, at, factors))
+            if changed is None:
+                break
+            made = changed
             if len(made.moments) < len(best.moments) and self.is_kept(made):
                 best = made
         return best
 
-    def at(self, speed: float) -> Replay:
-        """The replay at a constant factor."""
+    def at(self, speed: float) -> Replay | None:
+        """The replay at a constant factor; see :meth:`tried`."""
         if speed not in self.known:
             self.progress(f"{speed:.3g} times the speed")
-            self.known[speed] = self.within(self.path.moments(speed), speed)
+            made = self.tried(self.path.moments(speed), speed)
+            if made is None:
+                return None
+            self.known[speed] = made
         return self.known[speed]
+
+    def tried(self, moments: Array, speed: float | None = None) -> Replay | None:
+        """A replay within the tolerance, or near it.
+
+        None where a load of the pose leaves none, though another speed had one: a joint cannot move
+        against the inertia of a faster motion, or the load does not settle.
+        """
+        try:
+            return self.within(moments, speed)
+        except PlannerError:
+            if self.of_pose and self.known:
+                return None
+            raise
 
     def within(self, moments: Array, speed: float | None = None) -> Replay:
         """A replay within the tolerance, or near it.
@@ -447,7 +471,8 @@ class _Search:
         return again if errors[1] < errors[0] else made
 
     def keeps(self, speed: float) -> bool:
-        return self.is_kept(self.at(speed))
+        made = self.at(speed)
+        return made is not None and self.is_kept(made)
 
     def is_kept(self, made: Replay) -> bool:
         return bool(np.max(self.measure.errors(made, "planned")) <= 1.0)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     "replay.end_s",
     "replay.rate_hz",
     "limits",
+    "plan.load",
     "plan.norm",
     "plan.solver",
     "plan.max_step_deg",
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
     "shipped leg.",
     file="Joint models as TOML, by the names of the recording's joints; 'from-log' identifies them "
     "from the recording itself.",
+    load="Torque on the joints: gravity by the masses of the URDF, or all of its dynamics; without "
+    "it that of the logs counts.",
     limits="Range of the requests [deg, or percent of the range], of all joints or one.",
     norm="The error to make small.",
     solver="Our own solver, or one of CasADi's with the same problem.",

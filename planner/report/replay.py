@@ -212,10 +212,12 @@ def cards(replay: Replay) -> list[Card]:
     worst = max(replay.planned, key=lambda each: _shown(each, each.errors["planned"], "rms"))
     unit, factor = UNITS[worst.path.unit]
     shown = {kind: _shown(worst, error, "rms") for kind, error in worst.errors.items()}
+    bound = factor * worst.lower_bound
+    bounded = f"; lower bound {bound:.3g}" if math.isfinite(bound) else ""
     made = [
         Card(f"{shown['planned']:.3g}", f"{unit} rms",
              f"the joint that is farthest off, {worst.name}; the best time shift of its path "
-             f"leaves {shown['shifted']:.3g}; lower bound {factor * worst.lower_bound:.3g}"),
+             f"leaves {shown['shifted']:.3g}{bounded}"),
     ]  # fmt: skip
     known = [each for each in replay.planned if math.isfinite(each.expected)]
     if known:
@@ -263,8 +265,8 @@ def joints_table(replay: Replay) -> Table:
                 pairs["direct"],
                 (*pairs["shifted"], f"{1e3 * joint.lead:.0f}"),
                 pairs["planned"],
-                NOTHING if math.isnan(joint.expected) else f"{factor * joint.expected:.3f}",
-                f"{factor * joint.lower_bound:.3f}",
+                _figure(factor * joint.expected),
+                _figure(factor * joint.lower_bound),
                 f"{spent:.2f}" if spent else "0",
             ]
         rows.append(Row(f"{joint.name} [{unit}]", tuple(cells)))
@@ -433,6 +435,10 @@ def factors_figure(found: Fastest) -> Figure:
         ("Speed along the replay", "One factor for all of it, or one that varies."),
         clock=True,
     )
+
+
+def _figure(value: float) -> str:
+    return NOTHING if math.isnan(value) else f"{value:.3f}"
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -1,9 +1,10 @@
-"""From settings to the torques on the joints of a path: by its columns or the leg's URDF."""
+"""From settings to the torques on joints: by the columns of a path or log, or the leg's URDF."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,6 +12,10 @@ from planner.run.faults import BadSetting, Key, Remark
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
+    from kinematics import Leg
+    from planner.inversion.load_of_pose import LoadOfPose
+    from planner.model.joint import JointModel
+    from planner.recorded_path import RecordedPath
     from planner.run import settings
     from planner.run.desired import Desired
 
@@ -31,12 +36,7 @@ def load_of(given: settings.Plan, desired: Desired) -> Load | None:
     if given.load is None:
         return None
     key = Key("plan.load", given.load)
-    if not any(model.feels_load for model in desired.models):
-        raise BadSetting(
-            key,
-            " has no effect: compliance and speed_per_torque of the models are 0; identify them "
-            "from logs with a load, or leave the load out",
-        )
+    _check_felt(key, desired.models)
     if given.load == "column":
         if desired.loads is None:
             raise BadSetting(key, ": the path has no columns <joint>_load_Nm")
@@ -46,21 +46,100 @@ def load_of(given: settings.Plan, desired: Desired) -> Load | None:
         raise BadSetting(
             key, ": needs a path of all joints of a leg; name it with ", Key("leg.name")
         )
-    to_leg = [desired.names.index(name) for name in leg.joint_names]
-    to_path = np.argsort(to_leg)
-
-    def gravity(angles: Array) -> Array:
-        torques: Array = leg.load_torques(angles[:, to_leg])[:, to_path]
-        return torques
-
-    in_rest = gravity(desired.angles)  # refuses a URDF without masses before anything is planned
-    if given.load == "urdf":
-        return gravity
-    moving = leg.load_torques(
-        desired.angles[:, to_leg], dynamics=True, period=desired.period, cyclic=desired.cyclic
+    poses = desired.angles[:, [desired.names.index(name) for name in leg.joint_names]]
+    return _load_of_masses(
+        given.load, leg, desired.names, poses, period=desired.period, cyclic=desired.cyclic
     )
-    inertia = moving[:, to_path] - in_rest
-    return lambda angles: gravity(angles) + inertia
+
+
+def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> RecordedPath:
+    """A recording with the load that the settings ask for; without one it is that of its logs.
+
+    The leg's joints that are not planned are where they were recorded.
+
+    Raises:
+        BadSetting: The recording or the leg does not tell the load, or no joint feels it.
+    """
+    if given.load is None:
+        return path
+    key, planned = Key("plan.load", given.load), path.planned
+    _check_felt(key, [each.model for each in planned if each.model])
+    if given.load == "column":
+        if not any(each.load is not None for each in planned):
+            raise BadSetting(key, ": the recording has no torque of a joint that feels it")
+        return path
+    if leg is None:
+        raise BadSetting(key, ": needs the leg or arm; name it with ", Key("leg.urdf"))
+    by_name = {each.name: each for each in path.joints}
+    for name in leg.joint_names:
+        if name not in by_name:
+            known = ", ".join(by_name)
+            raise BadSetting(
+                key, f": the recording has no joint '{name}', which the leg has; joints: {known}; "
+                "name it with ", Key("replay.urdf_joints")
+            )  # fmt: skip
+        if by_name[name].unit != "rad":
+            raise BadSetting(
+                key, f": {name} is in shares of its range, and a pose needs angles; choose its "
+                "unit with --unit"
+            )  # fmt: skip
+    form, names = given.load, [each.name for each in planned]
+
+    def load_at(moments: Array) -> LoadOfPose:
+        poses = [
+            each.at(moments, each.angles if each.model is None else each.followed)
+            for each in (by_name[name] for name in leg.joint_names)
+        ]
+        return _load_of_masses(
+            form, leg, names, np.column_stack(poses), period=path.period, cyclic=False
+        )
+
+    load_at(path.moments(1.0))  # refuses a URDF without masses before anything is planned
+    return replace(path, load_at=load_at)
+
+
+def _check_felt(key: Key, models: Sequence[JointModel]) -> None:
+    if not any(model.feels_load for model in models):
+        raise BadSetting(
+            key,
+            " has no effect: compliance and speed_per_torque of the models are 0; identify them "
+            "from logs with a load, or leave the load out",
+        )
+
+
+def _load_of_masses(
+    form: Literal["urdf", "urdf-dynamics"],
+    leg: Leg,
+    names: Sequence[str],
+    poses: Array,
+    *,
+    period: float,
+    cyclic: bool,
+) -> Callable[[Array], Array]:
+    """Torques on joints by their angles; the leg's other joints are where its desired poses are.
+
+    Args:
+        form: Gravity alone, or inertia along the desired path, too.
+        leg: The leg, whose masses count.
+        names: The joints; those that are not of the leg carry nothing.
+        poses: Desired angles of the leg's joints [rad], shape (n, m).
+        period: Time between poses [s].
+        cyclic: Whether they repeat.
+    """
+    inside = [j for j, name in enumerate(names) if name in leg.joint_names]
+    places = [leg.joint_names.index(names[j]) for j in inside]
+    in_rest = leg.load_torques(poses)
+    inertia = np.zeros_like(in_rest)
+    if form == "urdf-dynamics":
+        inertia = leg.load_torques(poses, dynamics=True, period=period, cyclic=cyclic) - in_rest
+
+    def torques(angles: Array) -> Array:
+        pose, found = poses.copy(), np.zeros(angles.shape)
+        pose[:, places] = angles[:, inside]
+        found[:, inside] = (leg.load_torques(pose) + inertia)[:, places]
+        return found
+
+    return torques
 
 
 def unused(given: settings.Plan, desired: Desired) -> tuple[Remark, ...]:

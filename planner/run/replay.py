@@ -21,11 +21,12 @@ from planner.model.evidence import OPEN_TOP_SPEED
 from planner.model.joint import JointModel
 from planner.recorded_path import WHY, RecordedPath, check_length, is_gripper, recorded_path
 from planner.replaying import JointReplay, Replay, replay_at
-from planner.report.table import NOTHING, text_table
+from planner.report.table import NOTHING, number, text_table
 from planner.retiming import Fastest, Measure, fastest_at
 from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key
+from planner.run.load import with_load
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -119,7 +120,7 @@ class ReplayTask:
         """
         if self.replay.fastest:
             return self.fastest(progress).replay
-        path, speed = self.path(), self.replay.speed
+        path, speed = with_load(self.given.plan, self.path(), self.arm()), self.replay.speed
         return replay_at(
             path, path.moments(speed), speed=speed, progress=progress, **self.options(path)
         )
@@ -130,10 +131,11 @@ class ReplayTask:
         Raises:
             PlannerError: It cannot be read, or the tolerance is missed at any speed.
         """
-        path, given = self.path(), self.given.tolerance
+        arm, given = self.arm(), self.given.tolerance
+        path = with_load(self.given.plan, self.path(), arm)
         joints = None if given.deg is None else math.radians(given.deg)
         foot = None if given.cm is None else 0.01 * given.cm
-        measure = Measure.of(path, joints, foot, self.arm())
+        measure = Measure.of(path, joints, foot, arm)
         retime = self.replay.retime
         return fastest_at(path, measure, retime=retime, progress=progress, **self.options(path))
 
@@ -198,10 +200,11 @@ def first_line(replay: Replay, models: JointModels) -> str:
     """What is followed and why, at which speed, and by which models."""
     path = replay.path
     count, seconds = len(replay.moments), (len(replay.moments) - 1) * replay.period
+    load = "; loaded by the masses of the URDF" if path.load_at else ""
     return (
         f"follows {WHY[path.track]}; {count} requests at {1.0 / replay.period:.6g} Hz, "
         f"{seconds:.4g} s for {path.duration:.4g} s at {replay.speed:.4g} times the speed; "
-        f"{models.words}"
+        f"{models.words}{load}"
     )
 
 
@@ -225,8 +228,8 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
                 errors["direct"],
                 f"{errors['shifted']} ({1e3 * joint.lead:.0f} ms)",
                 errors["planned"],
-                NOTHING if math.isnan(expected) else f"{factor * expected:.3f}",
-                f"{factor * joint.lower_bound:.3f}",
+                number(known(factor * expected), 3),
+                number(known(factor * joint.lower_bound), 3),
                 fast_words(joint),
             ]
         )
@@ -247,6 +250,11 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     if untested:
         lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
     return "\n".join(lines)
+
+
+def known(value: float) -> float | None:
+    """A figure for machines; None where it is not known."""
+    return value if math.isfinite(value) else None
 
 
 def fast_words(joint: JointReplay) -> str:
@@ -275,15 +283,12 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
         }
         if plan is not None:
             assert joint.predicted is not None, "a planned joint is simulated"
-            expected = joint.expected
             found |= {
                 **{kind: _errors(each, unit, factor) for kind, each in joint.errors.items()},
                 "best_shift_s": joint.lead,
-                f"expected_on_robot_rms_{unit}": None
-                if math.isnan(expected)
-                else factor * expected,
+                f"expected_on_robot_rms_{unit}": known(factor * joint.expected),
                 "norm": plan.norm,
-                f"lower_bound_{unit}": factor * joint.lower_bound,
+                f"lower_bound_{unit}": known(factor * joint.lower_bound),
                 f"largest_step_{unit}": factor * plan.largest_step,
                 "untested": list(joint.untested),
                 "top_speed_known": joint.name not in replay.path.open_top_speeds,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -22,10 +21,10 @@ from planner.files.text import to_json
 from planner.inversion.error_norm import error_norm
 from planner.recorded_path import WHY
 from planner.replaying import Replay
-from planner.report.table import NOTHING, text_table
+from planner.report.table import number, text_table
 from planner.run import settings
 from planner.run.desired import find_leg
-from planner.run.replay import UNITS, ReplayTask
+from planner.run.replay import UNITS, ReplayTask, known
 from planner.run.replay_files import lerobot_layout, lerobot_rows
 from planner.run.results import Results, Task, finished, made_from, results_beside, results_folder
 from planner.run.tasks import Engine, carry_out
@@ -176,7 +175,6 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
     """What a table of many recordings has of one: the joint whose plan is farthest off."""
     worst = max(replay.planned, key=lambda each: each.inversion.rms if each.inversion else 0.0)
     unit, factor = UNITS[worst.path.unit]
-    expected = worst.expected
     return {
         "recording": replay.path.name,
         "requests": len(replay.moments),
@@ -185,8 +183,8 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
         "worst_joint": worst.name,
         "unit": unit,
         **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
-        "expected_on_robot_rms": None if math.isnan(expected) else factor * expected,
-        "lower_bound": factor * worst.lower_bound,
+        "expected_on_robot_rms": known(factor * worst.expected),
+        "lower_bound": known(factor * worst.lower_bound),
         "remarks": list(replay.path.remarks),
     }
 
@@ -225,20 +223,18 @@ def episodes_text(document: Mapping[str, Any]) -> str:
         *("as recorded", "path as it is", "best shift", "plan", "on the robot", "lower bound"),
     ]
     kinds = ("resent_rms", "direct_rms", "shifted_rms", "planned_rms")
-    cells = []
-    for row in document["recordings"]:
-        expected = row["expected_on_robot_rms"]
-        cells.append(
-            [
-                str(row["recording"]),
-                f"{row['requests']}",
-                *([f"{row['speed']:.3g}"] if fastest else []),
-                f"{row['worst_joint']} [{row['unit']}]",
-                *(f"{row[kind]:.3f}" for kind in kinds),
-                NOTHING if expected is None else f"{expected:.3f}",
-                f"{row['lower_bound']:.3f}",
-            ]
-        )
+    cells = [
+        [
+            str(row["recording"]),
+            f"{row['requests']}",
+            *([f"{row['speed']:.3g}"] if fastest else []),
+            f"{row['worst_joint']} [{row['unit']}]",
+            *(f"{row[kind]:.3f}" for kind in kinds),
+            number(row["expected_on_robot_rms"], 3),
+            number(row["lower_bound"], 3),
+        ]
+        for row in document["recordings"]
+    ]
     return f"{episodes_line(document)}\n{text_table(header, cells)}"
 
 

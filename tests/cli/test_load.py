@@ -204,3 +204,62 @@ def test_a_model_that_was_not_tested_tells_no_error(run):
     assert "on the robot" not in run("plan", "path.csv", "--model", "soft.toml", "-o", "-").stderr
     joint = json.loads(run("plan", "path.csv", "--model", "soft.toml", "--json").stdout)["joints"]
     assert joint["pendulum"]["expected_rms_deg"] is None
+
+
+@pytest.fixture
+def swing(folder):
+    """A recording of the pendulum, whose joint has another name than in the URDF."""
+    angles = 0.4 - 0.4 * np.cos(2.0 * np.pi * np.arange(80) / 80)
+    times, asked = SOFT.period * np.arange(80), np.degrees(angles) + 3.0
+    table = np.column_stack([times, asked, np.degrees(angles)])
+    header = "t_s,req_Lift_deg,act_Lift_deg"
+    np.savetxt(folder / "swing.csv", table, delimiter=",", header=header, comments="", fmt="%.17g")
+    return angles
+
+
+REPLAY = ("replay", "swing.csv", "--model", "soft.toml")
+RENAMED = (*ARM, "--urdf-joint", "Lift=pendulum")
+
+
+def test_a_replay_for_gravity_is_that_of_the_library(run, swing):
+    result = run(*REPLAY, *RENAMED, "--load", "urdf", "--speed", 1.5, "--json")
+    assert result.exit_code == 0, result.output
+    joint = json.loads(result.stdout)["joints"]["Lift"]
+    leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
+    times = SOFT.period * np.arange(80)
+    log = planner.Log(times=times, requests=swing + 0.1, angles=swing, joint="Lift")
+    made = planner.replay(log, SOFT, speed=1.5, load=leg.load_torques)
+    np.testing.assert_allclose(
+        joint["requests_deg"], np.degrees(made.requests[:, 0]), rtol=0.0, atol=1e-6
+    )
+    assert joint["lower_bound_deg"] is None
+    unloaded = json.loads(run(*REPLAY, "--speed", 1.5, "--json").stdout)["joints"]["Lift"]
+    difference = np.subtract(joint["requests_deg"], unloaded["requests_deg"])
+    assert np.max(np.abs(difference)) > 1.0  # the load is 3 deg
+
+
+def test_the_fastest_replay_under_gravity_proves_no_speed_too_high(run, swing):  # noqa: ARG001
+    result = run(
+        *(*REPLAY, *RENAMED, "--load", "urdf-dynamics", "--fastest", "--tolerance-deg", 2),
+        *("--end", 1.2, "--json"),
+    )
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)["fastest"]
+    assert found["speed"] > 1.0
+    assert found["impossible"] is None
+    assert {each["bound_max_deg"] for each in found["errors_by_speed"]} == {None}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--load", "urdf"), "--load urdf: needs the leg or arm; name it with --urdf"),
+        ((*ARM, "--load", "urdf"), "the recording has no joint 'pendulum', which the leg has"),
+        (("--load", "column"), "--load column: the recording has no torque"),
+    ],
+)
+def test_a_load_that_a_recording_does_not_tell_is_refused(run, swing, arguments, message):  # noqa: ARG001
+    result = run(*REPLAY, *arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stderr.count("\n") == 1
