@@ -3,8 +3,8 @@
 Gauss-Newton steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2
 the second differences of the requests. At the best weight w the smoothing costs about as much as J
 may rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests that
-it sets out from, with a factor c that grows while the exact error stays within what is allowed, and
-falls where it does not (``docs/math.md``, section 6).
+it sets out from, with a factor c that grows while the exact error stays within what is allowed.
+Where it does not, c is such that the weight itself falls (``docs/math.md``, section 6).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class SmoothingOptions:
         radii: Radius of the corners in each step [theta_0].
         factor: Factor c of the first weight [-].
         growth: By this c grows at most after a step within the allowed error [-].
-        reduction: By this c falls at most after one beyond it [-].
+        reduction: By this the weight falls at most after one beyond it [-].
         least_used: Share of the allowed rise below which c grows as if it were this [-].
         enough: Share of the allowed rise from which on an answer is kept if it was no large gain.
         large_gain: Ratio of the second differences after a step to those before up to which it was
@@ -49,12 +49,12 @@ class SmoothingOptions:
     """
 
     encoder_step: float = 2.0 * math.pi / 4096.0
-    radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 10)
+    radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
     factor: float = 1.0
     growth: float = 3.0
     reduction: float = 0.5
     least_used: float = 0.01
-    enough: float = 0.8
+    enough: float = 0.9
     large_gain: float = 0.5
     unchanged: float = 0.02
 
@@ -161,7 +161,7 @@ def _smoothest(problem: TrackingProblem, given: State, error: float, most: float
                 break
             factor *= min(max(used, OPTIONS.least_used) ** -0.5, OPTIONS.growth)
         else:
-            factor *= max(1.0 / used, OPTIONS.reduction)
+            factor *= max(1.0 / used, OPTIONS.reduction) * now / before  # so the weight falls
         if used <= 1.0 and 0.0 < abs(now / before - 1.0) < OPTIONS.unchanged:
             break
     logging.getLogger(__name__).debug(
