@@ -21,12 +21,18 @@ SHORTEST, LONGEST = 1e-6, 1e3
 
 
 @click.command()
-@options.settings(*options.HALF_ELLIPSE, *options.LEG, "model.file", "tolerance.cm")
+@options.settings(
+    *options.HALF_ELLIPSE,
+    *options.LEG,
+    "model.file",
+    "tolerance.cm",
+    cm="With --fastest: largest distance of the foot from its path.",
+)
 @click.option(
     "--fastest",
     is_flag=True,
-    help="The shortest cycle at which the foot of a leg, planned with the joints of --model, stays "
-    "within --tolerance-cm, the largest distance.",
+    help="Find the shortest cycle at which the foot of a leg, planned with the joints of --model, "
+    "stays within --tolerance-cm.",
 )
 @click.option("--period", default=0.008, show_default=True, help="Time between samples [s].")
 @options.output
