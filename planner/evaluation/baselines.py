@@ -51,19 +51,18 @@ def direct(models: Sequence[JointModel], desired: Array) -> Array:
 
 
 def best_time_shift(
-    models: Sequence[JointModel], desired: Array, distance: Callable[[Array], Distance]
+    desired: Array, unshifted: Array, distance: Callable[[Array], Distance]
 ) -> TimeShift:
     """The lead with the least error, of all n whole-sample leads of cyclic requests.
 
     A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads.
 
     Args:
-        models: One model per joint.
         desired: Desired angles [rad], shape (n, joints).
+        unshifted: Angles when they are requested, by :func:`direct` [rad], shape (n, joints).
         distance: Distance from the goal for given angles [rad], shape (n, joints); the paper judges
             in the foot's space. The lead with the least rms is taken, the smallest such lead.
     """
-    unshifted = direct(models, desired)
     best = best_lead(unshifted, distance)
     requests = np.roll(desired, -best, axis=0)
     angles = np.roll(unshifted, -best, axis=0)

@@ -73,7 +73,9 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     walk = reference_walk()
     clock.start("baselines", "the baselines")
     direct_angles = direct(models, walk.desired)
-    shift = best_time_shift(models, walk.desired, lambda each: foot_outcome(walk, each).distance)
+    shift = best_time_shift(
+        walk.desired, direct_angles, lambda each: foot_outcome(walk, each).distance
+    )
     clock.start("foot_optimal", "the optimised requests for the foot")
     foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
     clock.start("foot_bound", "the lower bound for the foot")

@@ -14,7 +14,6 @@ from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.outcome import PlannedWalk, approximation
 from planner.identification.result import Identification
 from planner.inversion.foot.result import FootInversion
-from planner.model.response import simulate
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
 
@@ -156,8 +155,8 @@ class VirtualOutcome:
         run = self.runs["direct"]
         found = {}
         for j, joint in enumerate(self.planned.joints):
-            predicted = simulate(self.planned.models[j], run.requests[:, j])
-            found[joint.name] = angle_distance(run.angles[:, :, j].mean(axis=0), predicted).rms
+            actual = run.angles[:, :, j].mean(axis=0)
+            found[joint.name] = angle_distance(actual, joint.direct).rms
         return found
 
     def _table2(self, read: Callable[[Run], Array]) -> dict[str, dict[str, OverCycles]]:

@@ -31,7 +31,7 @@ def test_the_direct_method_requests_the_desired_angles():
 
 
 def test_the_best_time_shift_is_the_best_of_all_simulated_one_by_one():
-    shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
+    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
     distances = []
     for lead in range(88):
         requests = np.roll(DESIRED, -lead, axis=0)
@@ -57,21 +57,21 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
         angles.append(done[-88:])
     distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
     best = min(range(88), key=lambda lead: distances[lead].rms)
-    shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
+    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
     assert shift.samples == best
     assert shift.distance.rms == pytest.approx(distances[best].rms, abs=1e-10)
 
 
 def test_two_ticks_more_of_lag_make_the_best_lead_two_samples_longer():
-    shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
+    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
     later = replace(JOINT, lag=JOINT.lag + 2 * JOINT.tick)
-    more = best_time_shift([later, later], DESIRED, _distance)
+    more = best_time_shift(DESIRED, direct([later, later], DESIRED), _distance)
     assert more.samples == shift.samples + 2
     assert more.distance.rms == pytest.approx(shift.distance.rms, abs=1e-10)
 
 
 def test_what_comes_back_is_read_only():
-    shift = best_time_shift([JOINT, JOINT], DESIRED, _distance)
+    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
     for array in (shift.requests, shift.angles, direct([JOINT, JOINT], DESIRED)):
         assert not array.flags.writeable
 

@@ -101,7 +101,9 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
         _joints(reproduction, "figure7_trajectories"),
         _foot_paths(reproduction),
         _joints(reproduction, "joints_by_method", few),
-        _foot_distances(reproduction),
+        foot_distances_figure(
+            timeline_of(reproduction), _distance_panel(reproduction), "The foot's error over time"
+        ),
         _joints(reproduction, "optimised_trajectories"),
         _joints(reproduction, "foot_optimised_trajectories"),
         agreement_figure(reproduction),
@@ -198,13 +200,13 @@ def foot_paths_figure(
     return Figure(name, *words, ACROSS, (panel,), equal=True, movie=movie)
 
 
-def _foot_distances(reproduction: Reproduction) -> Figure:
-    panel = _distance_panel(reproduction)
-    return timeline_of(reproduction).figure(
+def foot_distances_figure(timeline: Timeline, panel: Panel, title: str) -> Figure:
+    """The foot's distances from its desired path over time, from their panel in another figure."""
+    return timeline.figure(
         "foot_distances",
         [Panel(panel.y, panel.curves, height=1.8)],
         (
-            "The foot's error over time",
+            title,
             "Distance of the foot from its desired position at each instant. Where the swing is "
             "faster than the joints can be, no method follows it.",
         ),

@@ -9,12 +9,12 @@ import numpy as np
 
 from planner.evaluation.outcome import approximation
 from planner.evaluation.paper import published_foot
-from planner.model.response import simulate
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, replace_width
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
     HIDDEN,
     ROLES,
+    foot_distances_figure,
     foot_paths_figure,
     joints_figure,
 )
@@ -57,7 +57,9 @@ def virtual_figures(outcome: VirtualOutcome) -> tuple[Figure, ...]:
         _trajectories(outcome),
         _foot_optimised(outcome),
         _joints_by_method(outcome),
-        _foot_distances(outcome),
+        foot_distances_figure(
+            _timeline(outcome), _distance_panel(outcome), "The foot's error over time, every cycle"
+        ),
         _planned_and_executed(outcome),
         _learning(outcome),
     )
@@ -125,12 +127,10 @@ def _joints_direct(outcome: VirtualOutcome) -> Figure:
     draw, run = _timeline(outcome).degrees, outcome.runs["direct"]
 
     def curves(joint: JointOutcome) -> list[Curve]:
-        j = _index(outcome, joint)
-        predicted = simulate(outcome.planned.models[j], run.requests[:, j])
         return [
             draw(joint.desired, DESIRED, "requested = desired"),
             _walked(outcome, "direct", joint, DIRECT, f"actual, {len(run.angles)} cycles"),
-            draw(predicted, PREDICTED),
+            draw(joint.direct, PREDICTED),
         ]
 
     words = (
@@ -199,19 +199,6 @@ def _joints_by_method(outcome: VirtualOutcome) -> Figure:
         ],
         _distance_panel(outcome, hidden=HIDDEN),
         clock=True,
-    )
-
-
-def _foot_distances(outcome: VirtualOutcome) -> Figure:
-    panel = _distance_panel(outcome)
-    return _timeline(outcome).figure(
-        "foot_distances",
-        [Panel(panel.y, panel.curves, height=1.8)],
-        (
-            "The foot's error over time, every cycle",
-            "Distance of the foot from its desired position at each instant. Where the swing is "
-            "faster than the joints can be, no method follows it.",
-        ),
     )
 
 
