@@ -54,7 +54,11 @@ def sweep_page(
     sections = []
     if front:
         sections += [
-            Section("The front", FRONT, {"table": points_table(swept, front)}),
+            Section(
+                "The front",
+                FRONT,
+                {"table": points_table(swept, front), "commands": _commands(swept)},
+            ),
             Section(
                 "Parameters along the front",
                 "{{ hints }}{{ figures(several) }}",
@@ -85,6 +89,7 @@ FRONT = """
 {{ table }}
 <p class="note">Each command plans its point again, with all files of a run; the error that it
 prints is that of the table.</p>
+<pre>{{ commands }}</pre>
 """
 
 
@@ -142,8 +147,13 @@ def cards(swept: Swept) -> list[Card]:
     return made
 
 
-def points_table(swept: Swept, outcomes: Sequence[Outcome], *, commands: bool = True) -> Table:
-    """Points with their parameters, speeds and errors, and the commands that plan them again."""
+def _commands(swept: Swept) -> str:
+    """The command that plans each point of the front again, below its number."""
+    return "\n".join(f"# point {swept.number(each)}\n{swept.command(each)}" for each in swept.front)
+
+
+def points_table(swept: Swept, outcomes: Sequence[Outcome]) -> Table:
+    """Points with their parameters, speeds and errors."""
     units = [f" [{unit}]" if unit else "" for _, unit in (WORDS[name] for name in swept.names)]
     columns = [
         *(Column(f"{WORDS[name][0]}{unit}") for name, unit in zip(swept.names, units, strict=True)),
@@ -151,7 +161,6 @@ def points_table(swept: Swept, outcomes: Sequence[Outcome], *, commands: bool = 
         Column(f"error [{swept.error_unit}]"),
         Column("without a plan"),
         Column("too fast"),
-        *([Column("command", words=True)] if commands else []),
     ]
     rows = []
     for each in outcomes:
@@ -162,7 +171,6 @@ def points_table(swept: Swept, outcomes: Sequence[Outcome], *, commands: bool = 
             f"{each.error:.4g}",
             f"{each.direct:.4g}",
             fast,
-            *([swept.command(each)] if commands else []),
         ]
         best = "\nbest" if each is swept.best else ""
         rows.append(Row(f"{swept.number(each)}{best}", tuple(cells)))

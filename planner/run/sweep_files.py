@@ -112,7 +112,7 @@ def summary(swept: Swept) -> str:
     planned = sum(each.planned for each in swept.outcomes)
     lines = [verdict(swept), f"{planned} of {len(swept.outcomes)} points have a plan; the front:"]
     if swept.front:
-        lines.append(points_table(swept, swept.front, commands=False).text())
+        lines.append(points_table(swept, swept.front).text())
         lines.append(f"again: {swept.command(swept.best or swept.front[-1])}")
     reasons: dict[str, list[Outcome]] = {}
     for each in swept.outcomes:
