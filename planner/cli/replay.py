@@ -57,9 +57,7 @@ if TYPE_CHECKING:
 )
 @partial(log_options, without=["joint"])
 @options.output_or_folder
-@click.option(
-    "--report", type=types.OUTPUT, help="Write a page (HTML) about the replay of one recording."
-)
+@click.option("--report", type=types.OUTPUT, help="Write a page (HTML) about the replay.")
 @options.parallel
 @options.as_json
 def replay(
@@ -107,13 +105,11 @@ def replay(
     recordings = recordings_in(logs, to_log_options({**choices, "joint": "all"}))
     check_writing(replay.write_as, recordings, output)
     _check_output(replay, output)
-    if len(recordings) > 1 and report is not None:
-        raise click.UsageError("--report is about one recording: choose one (--episodes 0).")
     before = None
     if len(recordings) > 1 and resume:
         before = replayed_before(output, run, replay, recordings)
     if before is not None:
-        _say_all(before, output=output, as_json=as_json)
+        _say_all(before, logs, output=output, report=report, as_json=as_json)
         return
     with Progress() as progress:
         tasks = tasks_of(run, replay, recordings, progress)
@@ -123,7 +119,8 @@ def replay(
         _replay_one(tasks[0], output=output, report=report, as_json=as_json)
     else:
         with engine_of(workers, scheduler) as engine:
-            _replay_all(tasks, engine, output=output, resume=resume, as_json=as_json)
+            made = _replay_all(tasks, engine, output=output, resume=resume)
+        _say_all(made, logs, output=output, report=report, as_json=as_json)
 
 
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
@@ -154,9 +151,9 @@ def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: b
 
 
 def _replay_all(
-    tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool, as_json: bool
-) -> None:
-    """Plan every recording into one dataset; those that fail are left out, and listed last."""
+    tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool
+) -> Replayed:
+    """Plan every recording into one dataset; those that fail are left out."""
     from planner.run.replay_files import left_out
     from planner.run.replay_many import replay_many
 
@@ -166,27 +163,35 @@ def _replay_all(
         )
     for words in filter(None, dict.fromkeys(left_out(each.recording) for each in tasks)):
         remark(words)
-    _say_all(made, output=output, as_json=as_json)
-    failed = made.document["left_out"]
+    return made
+
+
+def _say_all(
+    made: Replayed, logs: Sequence[str], *, output: str, report: str | None, as_json: bool
+) -> None:
+    """Say what the plans of many recordings promise, and list those that are left out last."""
+    from planner.files.staging import staged
+    from planner.run.replay_many import episodes_report, episodes_text
+
+    said = made.document
+    if made.nothing_missing:
+        count = len(said["recordings"])
+        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
+    if report is not None:
+        with Progress() as progress:
+            progress("the page")
+            with staged(report, episodes_report(said, logs).encode()):
+                pass
+    deliver(said, episodes_text(said), lambda _: None, output=output, as_json=as_json)
+    failed = said["left_out"]
     for name, reason in failed.items():
         warn(f"{name} is left out: {reason}")
     if failed:
+        count = len(said["recordings"]) + len(failed)
         raise click.ClickException(
-            f"{len(failed)} of {len(tasks)} recordings left out; the others are written, and "
-            f"kept in {made.kept} for --resume"
+            f"{len(failed)} of {count} recordings left out; the others are written, and kept in "
+            f"{made.kept} for --resume"
         )
-
-
-def _say_all(made: Replayed, *, output: str, as_json: bool) -> None:
-    """Say what the plans of many recordings promise."""
-    from planner.run.replay_many import episodes_text
-
-    if made.nothing_missing:
-        count = len(made.document["recordings"])
-        remark(f"nothing is missing: {output} holds all {count} recordings, planned like this")
-    deliver(
-        made.document, episodes_text(made.document), lambda _: None, output=output, as_json=as_json
-    )
 
 
 def _write(output: str, task: ReplayTask, made: Replay) -> None:

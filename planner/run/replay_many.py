@@ -238,6 +238,18 @@ def episodes_text(document: Mapping[str, Any]) -> str:
     return f"{episodes_line(document)}\n{text_table(header, cells)}"
 
 
+def episodes_report(document: Mapping[str, Any], logs: Sequence[str]) -> str:
+    """The page about many recordings, in the files or datasets of these names."""
+    from planner.report.episodes import episodes_page
+
+    return episodes_page(
+        document,
+        title=", ".join(dict.fromkeys(Path(name).name for name in logs)),
+        words=episodes_line(document),
+        origins=[*(("recordings", name) for name in logs), ("track", document["track"])],
+    )
+
+
 def _episodes(tasks: Sequence[Task], results: Results) -> Iterator[Episode]:
     """The episodes with a result, in the order of the recordings."""
     return (decoded(results.read(task)) for task in tasks if task in results)

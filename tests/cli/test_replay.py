@@ -181,10 +181,11 @@ def test_a_corrupt_episode_is_left_out_and_said(run, dataset, model):
     (dataset / "data/chunk-000/episode_000001.parquet").write_bytes(b"PAR1 nothing")
     result = run(
         *("replay", dataset, "--episodes", "0-2", *UNITS, "--model", model),
-        *("--as", "lerobot", "-o", "planned", "--json"),
+        *("--as", "lerobot", "-o", "planned", "--json", "--report", "page.html"),
     )
     assert result.exit_code == 1
     assert "episode 1 is left out" in result.stderr
+    assert "2 of 3 recordings have a plan" in (dataset.parent / "page.html").read_text()
     content = json.loads(result.stdout)
     assert [each["recording"][-9:] for each in content["recordings"]] == ["episode 0", "episode 2"]
     assert list(content["left_out"]) == [f"{dataset}, episode 1"]

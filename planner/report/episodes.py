@@ -1,0 +1,194 @@
+"""The page about many replayed recordings: their errors in a table, and over their number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner._version import __version__
+from planner.report.figure import Axis, Curve, Figure, Panel
+from planner.report.page import Card, Page, Section, heading, origin_lists
+from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
+from planner.report.table import NOTHING, Column, Row, Table, number
+
+if TYPE_CHECKING:
+    from planner.trajectory import Array
+
+MOST_ROWS = 500
+"""Recordings that the table has at most, those that are farthest off: a page of some 200 kB."""
+
+MOST_REASONS = 20
+"""Recordings without a plan that are listed."""
+
+UNITS = {"deg": "deg", "percent": "%"}
+"""What the page calls the units of the document."""
+
+KINDS = {
+    "resent_rms": "as recorded",
+    "direct_rms": "as it is",
+    "shifted_rms": "best shift",
+    "planned_rms": "plan",
+    "expected_on_robot_rms": "on the robot",
+    "lower_bound": "lower bound",
+}
+"""Columns of the table, by their name in the document."""
+
+
+def episodes_page(
+    document: Mapping[str, Any],
+    *,
+    title: str,
+    words: str,
+    origins: Sequence[tuple[str, str]] = (),
+) -> str:
+    """The whole page.
+
+    Args:
+        document: What ``replay --json`` prints of many recordings.
+        title: What they are of, in a few words.
+        words: What is followed, why, and by which models.
+        origins: What they were made from: pairs of what it is and which.
+    """
+    from markupsafe import Markup
+
+    rows, failed = document["recordings"], document["left_out"]
+    total = len(rows) + len(failed)
+    units = sorted({row["unit"] for row in rows})
+    sections = [
+        Section(
+            "The recordings",
+            RECORDINGS,
+            {"table": episodes_table(document), "left": max(len(rows) - MOST_ROWS, 0)},
+        )
+    ]
+    if failed:
+        sections.append(Section("Left out", "{{ table }}", {"table": failures_table(failed)}))
+    figures = [errors_figure(rows, unit) for unit in units]
+    if len(figures) > 1:
+        several = {"figures_of_units": figures[1:]}
+        sections.insert(0, Section("", "{{ figures(figures_of_units) }}", several))
+    worst = _worst(rows)
+    median = {kind: float(np.median([row[f"{kind}_rms"] for row in rows])) for kind in MEDIANS}
+    unit = UNITS[units[0]] if len(units) == 1 else "deg, or % of a range,"
+    return Page(
+        heading=f"Replay of {total} recordings",
+        eyebrow=f"request-planner replay · {title}",
+        verdict=Markup("<strong>{}</strong>, {}.").format(
+            f"{len(rows)} of {total} recordings have a plan",
+            f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
+            f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
+            f"{median['direct']:.2g}",
+        ),
+        note=f"{heading(words)}.",
+        good=not failed,
+        remarks=[f"{heading(each)}." for each in document["remarks"]],
+        cards=[
+            Card(f"{worst['planned_rms']:.3g}", f"{UNITS[worst['unit']]} rms",
+                 f"the plan that is farthest off, of {worst['worst_joint']} in {_short(worst)}; "
+                 f"lower bound {number(worst['lower_bound'], 3)}"),
+            Card(f"{sum(row['duration_s'] for row in rows):.3g}", "s",
+                 f"{sum(row['requests'] for row in rows)} requests in all"),
+        ],
+        figure=figures[0],
+        sections=sections,
+        listings=origin_lists(origins, []),
+        footer=Markup(
+            f"request-planner {__version__} replay. The model is that of Stronger &amp; Stone, "
+            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
+        ),
+    ).html()  # fmt: skip
+
+
+RECORDINGS = """
+{{ table }}
+<p class="note">Errors of each recording’s joint that is farthest off, rms, by the exact model. “As
+recorded” are the recorded requests at this speed, “as it is” the path itself as requests. What to
+expect on the robot is the error of plan and model together. No requests bring the error below the
+lower bound.
+{%- if left %} {{ left }} recordings with smaller errors are not in the table.{% endif %}
+</p>
+"""
+
+MEDIANS = ("direct", "shifted", "planned")
+"""Kinds of requests whose median errors are said first."""
+
+
+def episodes_table(document: Mapping[str, Any]) -> Table:
+    """Errors of every recording by kind of requests; of very many, of those farthest off."""
+    rows = document["recordings"]
+    if len(rows) > MOST_ROWS:
+        off = np.argsort([-row["planned_rms"] for row in rows], kind="stable")[:MOST_ROWS]
+        rows = [rows[place] for place in sorted(off)]
+    fastest = document["speed"] is None
+    columns = [
+        Column("requests"),
+        *([Column("times the speed")] if fastest else []),
+        Column("joint", words=True),
+        *map(Column, KINDS.values()),
+    ]
+    return Table(
+        "recording",
+        tuple(columns),
+        tuple(
+            Row(
+                _short(row),
+                (
+                    f"{row['requests']}",
+                    *([f"{row['speed']:.3g}"] if fastest else []),
+                    f"{row['worst_joint']} [{UNITS[row['unit']]}]",
+                    *(number(row[kind], 3) for kind in KINDS),
+                ),
+            )
+            for row in rows
+        ),
+        label="Recordings",
+    )
+
+
+def failures_table(failed: Mapping[str, str]) -> Table:
+    """Why recordings have no plan."""
+    rows = [Row(_last(name), (reason,)) for name, reason in list(failed.items())[:MOST_REASONS]]
+    if (more := len(failed) - MOST_REASONS) > 0:
+        rows.append(Row(f"{more} more", (NOTHING,)))
+    return Table("recording", (Column("reason", words=True),), tuple(rows), label="Left out")
+
+
+def errors_figure(rows: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    """Errors against the number of the recording, in the order in which they were read."""
+    own = [(place, row) for place, row in enumerate(rows, 1) if row["unit"] == unit]
+    places = np.array([float(place) for place, _ in own])
+    notes = tuple(f"{_short(row)}, {row['worst_joint']}" for _, row in own)
+
+    def values(kind: str) -> Array:
+        return np.array([np.nan if row[kind] is None else row[kind] for _, row in own])
+
+    looks = {"direct_rms": DIRECT, "shifted_rms": SHIFT, "planned_rms": OPTIMAL}
+    curves = [
+        Curve(role, places, values(kind), marks="dots", notes=notes, hidden=role is DIRECT)
+        for kind, role in looks.items()
+    ]
+    if np.isfinite(bounds := values("lower_bound")).any():
+        curves.append(Curve(LOWER_BOUND, places, bounds))
+    return Figure(
+        f"errors_{unit}",
+        "Error of each recording",
+        "Of its joint that is farthest off. Point at a dot for its recording and joint.",
+        Axis("recording", "", (0.5, len(rows) + 0.5)),
+        (Panel(Axis("error, rms", UNITS[unit], from_zero=True), tuple(curves), height=2.2),),
+    )
+
+
+def _worst(rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    return max(rows, key=lambda row: float(row["planned_rms"]))
+
+
+def _short(row: Mapping[str, Any]) -> str:
+    return _last(str(row["recording"]))
+
+
+def _last(name: str) -> str:
+    """A recording without the folders that it is in."""
+    return PurePath(name).name
