@@ -69,7 +69,7 @@ class Leg:
                 not needed.
             base: Frame (link or joint) on the way to the foot; positions are given in it.
             foot: Frame whose origin is the foot.
-            locked: Joints that are held where they are said to be [rad; m for one that slides], so
+            locked: Joints that are held, and where [rad; m for one that slides], so
                 that three remain of a longer chain.
             near: Angles of joints [rad]: of several poses that bring the foot to the first point of
                 a path the one nearest to them is taken. Joints that are not named count as at 0, or

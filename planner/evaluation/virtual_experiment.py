@@ -51,7 +51,7 @@ TRIALS = 10
 """Trials of learning, each executed until it is steady and then measured for two cycles."""
 
 MEASURED_CYCLES = 2
-"""Cycles that are measured in each trial: the fewest that tell noise from what repeats."""
+"""Cycles that are measured in each trial: the fewest that separate noise from what repeats."""
 
 MOST_DROPPED = 20
 """Cycles after which a walk that is not steady will not be."""

@@ -16,8 +16,8 @@ from planner.inversion.line_inverse import (
     AT_TOP_SPEED,
     RULES,
     Rule,
+    advanced_load,
     check_rule,
-    load_of_the_moment,
     offsets_of,
     slope_limits,
 )
@@ -76,8 +76,9 @@ def invert_closed_form(
 
     From rest the joint rests at the first desired angle until the plan begins.
 
-    A dead band and the load of the moment are part of C_m, :func:`planner.line_offset`. Lines up
-    keep the top speed upwards, lines down the one downwards, the smallest under the load.
+    C_m, :func:`planner.line_offset`, contains the dead band and the load when a request acts.
+    Rising lines keep the top speed upwards, falling ones that downwards, the smallest under the
+    load.
 
     Args:
         model: The joint.
@@ -320,8 +321,8 @@ def requests_of(
     requests = np.take_along_axis(per_sample, line, axis=1) * since
     requests += np.take_along_axis(at_first, line, axis=1)
     if load is not None:
-        moment = load_of_the_moment(load, ahead, cyclic=stack.cyclic)
-        each = np.broadcast_to(moment, line.shape)
+        torques = advanced_load(load, ahead, cyclic=stack.cyclic)
+        each = np.broadcast_to(torques, line.shape)
         in_force = np.take_along_axis(slopes, line, axis=1)
         requests += offsets_of(model, in_force, rule=rule, load=each)
     return np.asarray(requests)

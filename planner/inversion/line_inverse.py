@@ -177,12 +177,12 @@ def slope_limits(model: JointModel, load: Array | None = None) -> tuple[float, f
     return float(np.max(low)), float(np.min(high))
 
 
-def load_of_the_moment(load: Array, ahead: float, *, cyclic: bool) -> Array:
-    """The load when each request acts, so many samples later [N m], shape (n,)."""
+def advanced_load(load: Array, ahead: float, *, cyclic: bool) -> Array:
+    """The load ``ahead`` samples later, when each request acts on average [N m], shape (n,)."""
     samples = np.arange(len(load))
     period = len(load) if cyclic else None
-    moment: Array = np.interp(samples + ahead, samples, load, period=period)
-    return moment
+    advanced: Array = np.interp(samples + ahead, samples, load, period=period)
+    return advanced
 
 
 @lru_cache(maxsize=32)

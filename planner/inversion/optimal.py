@@ -223,16 +223,16 @@ def search(problem: TrackingProblem, guess: State, *, smoothness: float) -> Arra
     if problem.norm == "max" and answers[-1][1] > near:
         found, _ = minimise(problem.with_norm("rms"), guess, narrow)
         answers.append((found, problem.exact_error(found.requests, found.angles[-1])))
-    bar = near + OPTIONS.negligible * model.theta_0
+    enough = near + OPTIONS.negligible * model.theta_0
     count = len(problem.desired)
     short = count <= 2 * problem.ages.oldest
-    if answers[-1][1] > bar:
+    if answers[-1][1] > enough:
         if short or model.v_max_per_tick > model.theta_0:
             starts += [guess._replace(requests=requests) for requests in _early_and_late(problem)]
             answers += [minimise(problem, start, narrow) for start in starts[1:]]
-        widely = min((minimise(problem, start, wide) for start in starts), key=itemgetter(1))
-        if widely[1] < (1.0 - OPTIONS.gain) * min(error for _, error in answers):
-            answers.append(widely)
+        other = min((minimise(problem, start, wide) for start in starts), key=itemgetter(1))
+        if other[1] < (1.0 - OPTIONS.gain) * min(error for _, error in answers):
+            answers.append(other)
     at_most = answers[0][1]
     if short and count <= OPTIONS.compared:
         lines = best_closed_form(problem)

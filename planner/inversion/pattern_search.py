@@ -17,8 +17,8 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.line_inverse import (
     AT_TOP_SPEED,
     Rule,
+    advanced_load,
     interpolated_offset,
-    load_of_the_moment,
     slope_limits,
 )
 from planner.inversion.tracking_problem import TrackingProblem
@@ -75,7 +75,7 @@ class TrackingError:
         load = problem.loads[0]
         low, high = slope_limits(self.model, load)
         self.limits = low * (1.0 + AT_TOP_SPEED), high * (1.0 + AT_TOP_SPEED)
-        self.load = None if load is None else load_of_the_moment(load, ahead, cyclic=curve.cyclic)
+        self.load = None if load is None else advanced_load(load, ahead, cyclic=curve.cyclic)
         self.work = 0
 
     def __call__(self, knots: Array, values: Array) -> float:

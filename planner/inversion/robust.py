@@ -94,7 +94,7 @@ def check_robust(robust: str) -> None:
 def drawn_models(
     identification: Identification, *, pairs: int | None = None
 ) -> tuple[JointModel, ...]:
-    """The model of an identification, and others that its data does not tell from it.
+    """The model of an identification, and others that its data does not distinguish from it.
 
     They are drawn from a normal distribution with the covariance of the parameters, in pairs on
     either side of the model, always the same ones; where there is no covariance, because a

@@ -27,8 +27,8 @@ from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT, checked_li
 from planner.inversion.closed_form import switching_time
 from planner.inversion.foot.arguments import range_of_each, steps_of_each
 from planner.inversion.stream_arguments import (
-    Given,
     StepArguments,
+    StepInput,
     checked_preview,
     models_by_name,
 )
@@ -299,7 +299,7 @@ class Stream:
         requests.setflags(write=False)
         return requests
 
-    def _elapse(self, given: Given) -> None:
+    def _elapse(self, given: StepInput) -> None:
         """Move on by the periods since the last step, and correct the angles by measured ones."""
         elapsed, angles = self._elapsed, self._angles
         assert angles is not None, "a first step has nothing to move on from"

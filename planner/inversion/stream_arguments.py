@@ -20,7 +20,7 @@ SAME_PERIOD = 1e-3
 """Relative difference of two periods that are one: logs of one robot differ by so much."""
 
 
-class Given(NamedTuple):
+class StepInput(NamedTuple):
     """What a step was given, as far as it can be used."""
 
     rows: Array  # desired angles [rad], (k, preview)
@@ -41,7 +41,7 @@ class StepArguments:
         speeds = [(model.v_max, model.v_offset, model.speed_per_torque) for model in models]
         self._stall_speed, self._faster, self._per_torque = np.array(speeds).T[:, :, np.newaxis]
 
-    def checked(self, desired: Any, measured: Any, load: Any, missed: Any) -> Given:
+    def checked(self, desired: Any, measured: Any, load: Any, missed: Any) -> StepInput:
         """What can be used of a step's arguments, and what is wrong with the first that cannot."""
         joints = self._joints
         problems: list[str] = []
@@ -74,7 +74,7 @@ class StepArguments:
         if periods is None or periods < 0:
             problems.append(f"missed: got {shown(missed)}, expected a number of ticks")
             periods = 0
-        return Given(rows, torques, angles, periods, bad, problems[0] if problems else "")
+        return StepInput(rows, torques, angles, periods, bad, problems[0] if problems else "")
 
     def _torques(self, load: Any, problems: list[str]) -> tuple[Array, Mask]:
         """Torques [N m], shape (k, preview), and the joints that cannot move against theirs."""

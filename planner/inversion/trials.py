@@ -63,7 +63,7 @@ class Learning:
     Attributes:
         trials: The executed requests, oldest first, as many as are kept.
         noise: Standard deviation of one cycle about the mean of many, rms over samples [rad], (k,).
-        gain: Share of the disturbance last found that the requests make up for, 0 to 1.
+        gain: Share of the disturbance last found that the requests compensate for, 0 to 1.
         reidentified: The trials after which each joint's model was identified anew, one a joint; 0
             where the model is that of the first plan.
         delays: What a late sensor would explain, for each joint.

@@ -89,9 +89,9 @@ def refine(
     """The plan for the next cycles, by what was measured while the plan was executed.
 
     What the model misses and what repeats itself from cycle to cycle is learnt, noise is not. The
-    more cycles are measured at once, the better the two are told apart. Where an executed cycle is
-    worse than the best one, the next plan is made from the best one with a smaller step. What
-    cannot be learnt is said in ``learning.stopped``; the requests then are those of the best cycle.
+    more cycles are measured at once, the better the two are separated. Where an executed cycle is
+    worse than the best one, the next plan is made from the best one with a smaller step. Where
+    learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle.
 
     Args:
         plan: The plan that was executed, from :func:`planner.invert_optimal`,

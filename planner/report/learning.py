@@ -51,7 +51,7 @@ class Progress:
         predicted: Error that the model predicts of the next requests.
         bound: Lower bound of the model on the error; NaN where there is none.
         noise: Standard deviation of one cycle about the mean of many.
-        gain: Share of the disturbance last found that the next requests make up for.
+        gain: Share of the disturbance last found that the next requests compensate for.
         best: The trial that the next requests are made from.
         stopped: Why learning has ended; empty while it goes on.
         remarks: What was done with the measurements.

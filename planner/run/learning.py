@@ -142,7 +142,7 @@ def read_measured(
 
 
 def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion | FootInversion]:
-    """The plans whose requests were executed, whatever made them."""
+    """The plans whose requests were executed, by whichever method they were planned."""
     run, desired = prepared.settings, prepared.desired
     load, of_pose = prepared.load, callable(prepared.load)
     torques = load(desired.angles) if callable(load) else load

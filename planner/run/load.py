@@ -30,7 +30,7 @@ def load_of(given: settings.Plan, desired: Desired) -> Load | None:
     differences of a prediction would not settle.
 
     Raises:
-        BadSetting: The path or the leg does not tell, or no joint feels it.
+        BadSetting: The path or the leg does not have the load, or no joint feels it.
         KinematicsError: The URDF has no masses.
     """
     if given.load is None:
@@ -58,7 +58,7 @@ def with_load(given: settings.Plan, path: RecordedPath, leg: Leg | None) -> Reco
     The leg's joints that are not planned are where they were recorded.
 
     Raises:
-        BadSetting: The recording or the leg does not tell the load, or no joint feels it.
+        BadSetting: The recording or the leg does not have the load, or no joint feels it.
     """
     if given.load is None:
         return path

@@ -388,7 +388,7 @@ def _check_bound(joint: str, inversion: Inversion, unit: str) -> None:
 def _beyond_limits(
     joint: str, requests: Array, limits: tuple[float, float], unit: str
 ) -> FailedCheck | None:
-    """What is said of requests [rad] beyond the limits [rad] of their joint."""
+    """The message about requests [rad] beyond the limits [rad] of their joint."""
     lower, upper = limits
     excess = np.maximum(lower - requests, requests - upper)
     worst = index_of_largest(excess)

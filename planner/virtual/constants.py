@@ -23,7 +23,7 @@ class Constants:
 
     Nothing is known of the motors of the ERS-210A. These are those of a coreless motor of a size
     that fits the leg; top speed, lag and acceleration follow from it and are set nowhere. Every
-    field carries its unit and its source as metadata; a guess is said to be one.
+    field carries its unit and its source as metadata; a guess is marked as one.
     """
 
     terminal_resistance: float = constant(2.83, "ohm", MOTOR)

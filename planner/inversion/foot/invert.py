@@ -113,7 +113,7 @@ def invert_foot(
 ) -> FootInversion:
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
-    The joints err together: an error of one can make up for that of another. The search is that of
+    The error of one joint can compensate for that of another. The search is that of
     :func:`planner.invert_optimal` with the joints stacked, from their own plans on; the leg's
     kinematics come from CasADi. From rest the joints rest at the first point, or nearest to it.
 
@@ -302,8 +302,8 @@ def with_stationary_joints(
 ) -> tuple[TrackingProblem, State]:
     """The plan with the joints at rest that need not move, if it then is as good.
 
-    A joint that stays where it is all along the path can still make up for a little of what the
-    others miss. Where that is next to nothing, it had better not move at all.
+    A joint that stays where it is all along the path can still compensate for a little of the
+    errors of the others. Where that is next to nothing, it should not move at all.
 
     Args:
         problem: What the joints should do together.
