@@ -42,7 +42,8 @@ class SmoothingOptions:
         growth: By this c grows at most after a step within the allowed error [-].
         reduction: By this the weight falls at most after one beyond it [-].
         least_used: Share of the allowed rise below which c grows as if it were this [-].
-        enough: Share of the allowed rise from which on an answer is kept if it was no large gain.
+        enough: Share of the allowed rise from which on an answer is kept if it was no large gain,
+            and at which steps aim from beyond it.
         large_gain: Ratio of the second differences after a step to those before up to which it was
             a large gain, so that another one follows [-].
         unchanged: Relative change of the second differences after which no step follows [-].
@@ -161,7 +162,7 @@ def _smoothest(problem: TrackingProblem, given: State, error: float, most: float
                 break
             factor *= min(max(used, OPTIONS.least_used) ** -0.5, OPTIONS.growth)
         else:
-            factor *= max(1.0 / used, OPTIONS.reduction) * now / before  # so the weight falls
+            factor *= max(OPTIONS.enough / used, OPTIONS.reduction) * now / before
         if used <= 1.0 and 0.0 < abs(now / before - 1.0) < OPTIONS.unchanged:
             break
     logging.getLogger(__name__).debug(
