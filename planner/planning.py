@@ -14,8 +14,8 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.paths import write_joint_path
 from planner.identification.result import Identification
+from planner.inversion.arguments import model_of_each, range_of_each
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot.arguments import model_of_each, range_of_each
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion, Method

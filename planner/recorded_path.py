@@ -15,8 +15,8 @@ from planner.files.table import nearest
 from planner.identification.log import Log, as_logs, pieces_of, unwrapped
 from planner.identification.resampling import glitches
 from planner.identification.timestamps import timing_of
+from planner.inversion.arguments import range_of_each
 from planner.inversion.error_norm import error_norm
-from planner.inversion.foot.arguments import range_of_each
 from planner.inversion.load_of_pose import LoadOfPose
 from planner.model.joint import JointModel
 from planner.planning import Limits

@@ -16,15 +16,10 @@ from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
-from planner.inversion.arguments import Norm, check_norm
+from planner.inversion.arguments import Norm, check_norm, load_of_each, model_of_each, range_of_each
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
 from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot.arguments import (
-    checked_leg,
-    load_of_each,
-    model_of_each,
-    range_of_each,
-)
+from planner.inversion.foot.arguments import checked_leg
 from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion

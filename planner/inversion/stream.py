@@ -23,9 +23,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
-from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT, checked_limits
+from planner.inversion.arguments import (
+    NEGLIGIBLE_SAG,
+    ON_THE_LIMIT,
+    checked_limits,
+    range_of_each,
+    steps_of_each,
+)
 from planner.inversion.closed_form import switching_time
-from planner.inversion.foot.arguments import range_of_each, steps_of_each
 from planner.inversion.stream_arguments import (
     StepArguments,
     StepInput,

@@ -15,15 +15,15 @@ import numpy.typing as npt
 from kinematics.leg import Leg
 from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
-from planner.inversion.arguments import Norm, check_norm, checked_smoothness
-from planner.inversion.foot.arguments import (
-    checked_leg,
-    joints_of,
-    limits_of,
+from planner.inversion.arguments import (
+    Norm,
+    check_norm,
+    checked_smoothness,
     load_of_each,
     model_of_each,
     steps_of_each,
 )
+from planner.inversion.foot.arguments import checked_leg, joints_of, limits_of
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise

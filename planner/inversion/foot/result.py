@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from kinematics.leg import Leg
-from planner.inversion.arguments import Norm
+from planner.inversion.arguments import Norm, load_of_each
 from planner.inversion.error_norm import error_norm, relative_gap
-from planner.inversion.foot.arguments import axis_scales, joints_of, load_of_each
+from planner.inversion.foot.arguments import axis_scales, joints_of
 from planner.inversion.foot.bound import foot_bound
 from planner.inversion.trials import Learning
 from planner.model.joint import JointModel
