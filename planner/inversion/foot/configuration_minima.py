@@ -71,11 +71,16 @@ class Distance(NamedTuple):
     desired: Array
     scale: Array
 
+    def by_axis(self, angles: Array) -> tuple[Array, Array]:
+        """Scaled positions of the foot, (3, m), and their derivatives [1/rad], (k, 3, m)."""
+        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
+        scale = self.scale[:, np.newaxis]
+        return scale * foot, scale * np.stack(columns)
+
     def errors(self, angles: Array) -> tuple[Array, Array]:
         """Scaled positions of the foot, (m, 3), and their derivatives [1/rad], (m, 3, k)."""
-        foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
-        jacobians: Array = np.stack(columns, axis=-1).transpose(1, 0, 2)
-        return foot.T * self.scale, jacobians * self.scale[:, np.newaxis]
+        positions, jacobians = self.by_axis(angles)
+        return positions.T, jacobians.transpose(2, 1, 0)
 
     def squared(self, angles: Array) -> Array:
         """Scaled squared distances at one row of angles per sample, shape (n,)."""
@@ -135,30 +140,34 @@ def minima(
 def _block(
     distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
 ) -> Minima:
-    target = distance.desired * distance.scale
+    target = (distance.desired * distance.scale).T
     owner, half, centres = _first_cells(distance)
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
     for _ in range(OPTIONS.most_halvings):
-        positions, jacobians = distance.errors(centres)
-        errors = positions - target[owner]
-        values = weights[owner] * np.sum(errors**2, axis=1) + np.sum(
-            slopes[owner] * centres, axis=1
-        )
-        _update_least(owner, values, centres, least, angles)
-        depths = _depths(
-            errors,
+        positions, jacobians = distance.by_axis(centres)
+        cells = _Cells(
+            positions - target[:, owner],
             jacobians,
             weights[owner],
-            slopes[owner],
-            half[owner],
+            slopes.T[:, owner],
+            half.T[:, owner],
             _linearisation_error(distance, half)[owner],
         )
-        bounds = values - depths
-        is_open = ~(bounds >= least[owner] - tolerance)
+        values = cells.weights * _dot(cells.errors, cells.errors) + _dot(cells.slopes, centres.T)
+        _update_least(owner, values, centres, least, angles)
+        enough = (least - tolerance)[owner]
+        steepest, steep = cells.depths_by_slope()
+        is_open = ~(values - steepest >= enough)
+        # What the curvature leaves of a cell takes longest, and most cells are closed by now.
+        bounds = values[is_open] - np.minimum(
+            steepest[is_open], cells.some(is_open).depths_by_curvature(steep[:, is_open])
+        )
+        still = ~(bounds >= enough[is_open])
+        is_open[is_open] = still
         proved = least - tolerance
-        np.minimum.at(proved, owner[is_open], bounds[is_open])
+        np.minimum.at(proved, owner[is_open], bounds[still])
         if not np.any(is_open) or np.count_nonzero(is_open) * len(halves) > OPTIONS.most_cells:
             break
         half = half / 2.0
@@ -210,20 +219,61 @@ def _linearisation_error(distance: Distance, half: Array) -> Array:
     return curved
 
 
-def _depths(
-    errors: Array, jacobians: Array, weights: Array, slopes: Array, half: Array, curved: Array
-) -> Array:
-    """How far below the value at its centre the least value in a cell can be: (13b)."""
-    gradients = 2.0 * weights[:, np.newaxis] * np.einsum("mik,mi->mk", jacobians, errors) + slopes
-    along = np.sum(np.abs(gradients) * half, axis=1)
-    hessians = weights[:, np.newaxis, np.newaxis] * np.einsum("mik,mil->mkl", jacobians, jacobians)
-    steepness = np.trace(hessians, axis1=1, axis2=2) + along
-    ridge = np.maximum(HESSIAN_RIDGE * steepness, np.finfo(float).tiny)
-    hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(half.shape[1])
-    newton = np.linalg.solve(hessians, gradients[..., np.newaxis])[..., 0]
-    bowl = np.sum(gradients * newton, axis=1) / 4.0 + ridge * np.sum(half**2, axis=1)
-    farthest = np.linalg.norm(errors, axis=1) + np.sum(
-        np.linalg.norm(jacobians, axis=1) * half, axis=1
-    )
-    depth: Array = np.minimum(along, bowl) + 2.0 * weights * farthest * curved
-    return depth
+def _dot(one: Array, other: Array) -> Array:
+    """Sum over the first axis of the products: faster than over a short last one."""
+    total: Array = np.sum(one * other, axis=0)
+    return total
+
+
+class _Cells(NamedTuple):
+    """Cells of angles, a column each, with the foot at their centres.
+
+    Attributes:
+        errors: Scaled errors of the foot, shape (3, m).
+        jacobians: Derivatives of the foot [1/rad], shape (k, 3, m).
+        weights: Weight of each cell's sample, shape (m,).
+        slopes: Linear terms [1/rad], shape (k, m).
+        half: Half the widths [rad], shape (k, m).
+        curved: :func:`_linearisation_error`, shape (m,).
+    """
+
+    errors: Array
+    jacobians: Array
+    weights: Array
+    slopes: Array
+    half: Array
+    curved: Array
+
+    def some(self, chosen: npt.NDArray[np.bool_]) -> _Cells:
+        """The chosen ones of the cells."""
+        return _Cells(*(column[..., chosen] for column in self))
+
+    def depths_by_slope(self) -> tuple[Array, Array]:
+        """How far below the value at its centre a cell goes at most, by its slope: (13b).
+
+        Returns:
+            The depths, shape (m,), and the gradients at the centres [1/rad], shape (k, m).
+        """
+        pulls = np.stack([_dot(column, self.errors) for column in self.jacobians])
+        gradients = 2.0 * self.weights * pulls + self.slopes
+        return _dot(np.abs(gradients), self.half) + self._beyond_linear(), gradients
+
+    def depths_by_curvature(self, gradients: Array) -> Array:
+        """The same by slope and curvature: the least of a paraboloid, wherever that is."""
+        joints = len(self.half)
+        hessians = np.empty((len(self.weights), joints, joints))
+        for i, j in product(range(joints), repeat=2):
+            hessians[:, i, j] = self.weights * _dot(self.jacobians[i], self.jacobians[j])
+        steepness = np.trace(hessians, axis1=1, axis2=2) + _dot(np.abs(gradients), self.half)
+        ridge = np.maximum(HESSIAN_RIDGE * steepness, np.finfo(float).tiny)
+        hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(joints)
+        newton = np.linalg.solve(hessians, gradients.T[..., np.newaxis])[..., 0]
+        bowl = _dot(gradients, newton.T) / 4.0 + ridge * _dot(self.half, self.half)
+        return bowl + self._beyond_linear()
+
+    def _beyond_linear(self) -> Array:
+        """What the bend of the foot's path over a cell adds to a depth at most."""
+        steps = np.sqrt(np.sum(self.jacobians**2, axis=1))
+        farthest = np.sqrt(_dot(self.errors, self.errors)) + _dot(steps, self.half)
+        added: Array = 2.0 * self.weights * farthest * self.curved
+        return added
