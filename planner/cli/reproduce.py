@@ -230,12 +230,11 @@ def _write_report(
     """The page, which links to the files that are already there, and its pictures."""
     from planner.files.staging import list_files
     from planner.files.text import write_bytes, write_text
-    from planner.report.matplotlib_figure import draw, to_png, to_svg
+    from planner.report.matplotlib_figure import draw, svg_of, to_png
 
     linked = ["results.json", *list_files(folder)]
     (folder / "figures").mkdir()
     for figure in figures:
-        picture = draw(figure)
-        write_text(folder / "figures" / f"{figure.name}.svg", to_svg(picture))
-        write_bytes(folder / "figures" / f"{figure.name}.png", to_png(picture))
+        write_text(folder / "figures" / f"{figure.name}.svg", svg_of(figure))
+        write_bytes(folder / "figures" / f"{figure.name}.png", to_png(draw(figure)))
     write_text(folder / "report.html", page(document, figures, linked))

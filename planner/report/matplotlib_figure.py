@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
@@ -73,26 +73,40 @@ def height_of(figure: Figure, width: float = WIDTH) -> float:
 
 
 def to_svg(picture: Picture) -> str:
-    """The picture as an SVG file, text as text, without a date."""
+    """The picture as an SVG file, text as text, without a date.
+
+    Printed by its canvas: ``savefig`` draws everything once before, for the layout alone.
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     stream = io.StringIO()
     with applied():
-        picture.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        FigureCanvasSVG(picture).print_svg(stream, metadata={"Date": None, "Creator": None})
     return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
 
 
 def to_png(picture: Picture) -> bytes:
-    """The picture as a PNG file."""
+    """The picture as a PNG file, printed likewise."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     stream = io.BytesIO()
     with applied():
-        picture.savefig(stream, format="png", dpi=RESOLUTION, metadata={"Software": None})
+        picture.dpi = RESOLUTION
+        FigureCanvasAgg(picture).print_png(stream, metadata={"Software": None})
     return stream.getvalue()
+
+
+@lru_cache(maxsize=64)
+def svg_of(figure: Figure) -> str:
+    """The figure as an SVG file; its page shows the same, and it is drawn once."""
+    return to_svg(draw(figure))
 
 
 def to_inline_svg(figure: Figure) -> str:
     """The figure as an element of an HTML page, in the page's colours, light or dark."""
     from markupsafe import escape
 
-    svg = to_svg(draw(figure))
+    svg = svg_of(figure)
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{figure.name}-", svg)
