@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import importlib
 import inspect
 import os
 import pickle
 import shutil
 import subprocess
 from collections import Counter, defaultdict
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +20,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import settings
 
+from planner.inversion.foot import bound
 from tests.browser import Browser
 from tests.snapshots import Snapshot
 
@@ -37,6 +40,10 @@ SLOWEST = (
     "tests/robustness/test_killed.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end."""
+
+
+NO_PICTURE = '<svg viewBox="0 0 1 1">\n</svg>\n'
+"""An SVG file in which nothing is drawn."""
 
 
 def pytest_addoption(parser):
@@ -117,6 +124,35 @@ def once(tmp_path_factory):
     return once
 
 
+EXPERIMENTS = {"model": "reproduction.reproduce", "virtual": "virtual_experiment.play_experiment"}
+"""The function of planner.evaluation behind ``reproduce --robot``."""
+
+
+def _experiment(robot):
+    """The module of an experiment and its function's name there."""
+    module, _, name = EXPERIMENTS[robot].partition(".")
+    return importlib.import_module(f"planner.evaluation.{module}"), name
+
+
+@pytest.fixture(scope="session")
+def answered(once):
+    """An experiment's answer and what it told of its progress: by its robot, computed once."""
+
+    @functools.cache
+    def answered(robot):
+        if robot == "virtual":
+            pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
+
+        def make(folder):
+            told = []
+            answer = inspect.unwrap(getattr(*_experiment(robot)))(progress=told.append)
+            (folder / "answer").write_bytes(pickle.dumps((answer, told)))
+
+        return pickle.loads((once(f"answer {robot}", make) / "answer").read_bytes())
+
+    return answered
+
+
 class Reproduced(NamedTuple):
     """An experiment: its answer, what it told of its progress, its folder, and what was printed."""
 
@@ -126,57 +162,72 @@ class Reproduced(NamedTuple):
     printed: str
 
 
-def _reproduced(folder, robot, module, name):
-    """Fill a folder with an experiment, as the library and as the command make it."""
+@pytest.fixture(scope="session")
+def reproduction_of(once, answered):
+    """An experiment with what the command makes of it: by its robot, made once."""
     from planner.cli import cli
 
-    told = []
-    answer = inspect.unwrap(getattr(module, name))(progress=told.append)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, name, lambda **_: answer)
-        out = str(folder / "out")
-        result = CliRunner().invoke(cli, ["reproduce", "--robot", robot, "--out", out])
-    assert result.exit_code == 0, result.output
-    assert result.stderr == ""
-    (folder / "rest").write_bytes(pickle.dumps((answer, told, result.stdout)))
+    def reproduction_of(robot):
+        answer, told = answered(robot)
 
+        def make(folder):
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(*_experiment(robot), lambda **_: answer)
+                out = str(folder / "out")
+                result = CliRunner().invoke(cli, ["reproduce", "--robot", robot, "--out", out])
+            assert result.exit_code == 0, result.output
+            assert result.stderr == ""
+            (folder / "printed").write_bytes(result.stdout.encode())
 
-def _read(folder):
-    answer, told, printed = pickle.loads((folder / "rest").read_bytes())
-    return Reproduced(answer, told, folder / "out", printed)
+        made = once(f"reproduction {robot}", make)
+        return Reproduced(answer, told, made / "out", (made / "printed").read_bytes().decode())
+
+    return reproduction_of
 
 
 @pytest.fixture(scope="session")
-def reproduced(once):
+def reproduced(reproduction_of):
     """The paper's experiment, made once."""
-    from planner.evaluation import reproduction
-
-    return _read(once("reproduced", lambda at: _reproduced(at, "model", reproduction, "reproduce")))
+    return reproduction_of("model")
 
 
 @pytest.fixture(scope="session")
-def virtually_reproduced(once):
+def virtually_reproduced(reproduction_of):
     """The experiment on the virtual robot, made once."""
-    pytest.importorskip("mujoco", reason="needs the extra 'mujoco'")
-    from planner.evaluation import virtual_experiment as module
-
-    return _read(once("virtual", lambda at: _reproduced(at, "virtual", module, "play_experiment")))
+    return reproduction_of("virtual")
 
 
 @pytest.fixture
-def ready_experiments(request, monkeypatch):
-    """Let `reproduce` take the experiments that were made once."""
-    from planner.evaluation import reproduction, virtual_experiment
+def ready_experiments(answered, monkeypatch):
+    """Let `reproduce` take the answers that were computed once."""
+    for robot in EXPERIMENTS:
 
-    for module, name, fixture in (
-        (reproduction, "reproduce", "reproduced"),
-        (virtual_experiment, "play_experiment", "virtually_reproduced"),
-    ):
+        def ready(*, robot=robot, **_):
+            return answered(robot)[0]
 
-        def ready(*, fixture=fixture, **_):
-            return request.getfixturevalue(fixture).answer
-
+        module, name = _experiment(robot)
         monkeypatch.setattr(module, name, functools.wraps(getattr(module, name))(ready))
+
+
+@pytest.fixture
+def brief_search(monkeypatch):
+    """Let the search for the bound of a foot end after its first rounds: weaker, and as valid."""
+    options = replace(bound.OPTIONS, effort=100)  # of 1000
+    monkeypatch.setattr(bound, "OPTIONS", options)
+
+
+@pytest.fixture
+def undrawn_pages(monkeypatch):
+    """Leave the pictures of pages empty: tests/report and tests/virtual draw and look at them."""
+    monkeypatch.setattr("planner.report.matplotlib_figure.svg_of", lambda _: NO_PICTURE)
+
+
+@pytest.fixture
+def undrawn(undrawn_pages, monkeypatch):  # noqa: ARG001
+    """Leave pictures in files empty too: the commands' own tests draw them."""
+    for module in ("run.comparison", "report.matplotlib_figure"):  # the first imports the second
+        monkeypatch.setattr(f"planner.{module}.to_svg", lambda _: NO_PICTURE)
+        monkeypatch.setattr(f"planner.{module}.to_png", lambda _: b"")
 
 
 @pytest.fixture(scope="session")

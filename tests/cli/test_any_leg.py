@@ -55,6 +55,7 @@ def console(run, robots, tmp_path):
     return console
 
 
+@pytest.mark.usefixtures("brief_search")
 @pytest.mark.parametrize("name", ["solo", "anymal", "arm"])
 def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     word = {"arm": "ur5", "anymal": "anymal.urdf", "solo": "solo12"}[name]

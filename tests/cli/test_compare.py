@@ -14,7 +14,6 @@ import planner
 from planner.evaluation import cross_check as cross_check_module
 from planner.evaluation.joint_comparison import METHODS
 from planner.files.paths import read_joint_path
-from planner.inversion.foot.bound import FootBoundOptions
 from planner.model.joint import JointModel
 
 JOINT = JointModel.ers210a()
@@ -115,9 +114,8 @@ def test_the_table_has_every_plan_every_bound_and_the_verdict(run, desired, aske
     assert result.stderr == f"passed: {len(check.checks)} of {len(check.checks)} checks hold\n"
 
 
-def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run, monkeypatch):
-    brief = FootBoundOptions(effort=100)  # of 1000: a weaker bound, as valid
-    monkeypatch.setattr("planner.inversion.foot.bound.OPTIONS", brief)
+@pytest.mark.usefixtures("brief_search")
+def test_a_foot_path_through_a_pipe_is_compared_in_the_foot_too(run):
     arguments = ("compare", "-", "--leg", "reference", "--unreachable", "clamp")
     path = run("gait", "--samples", "24").stdout
     result = run(*arguments, stdin=path)
@@ -150,7 +148,7 @@ def test_joints_of_a_leg_may_come_in_any_order_and_some_may_be_missing(run, tmp_
     assert alone["joints"]["knee"]["limits_deg"] == pytest.approx([-27.0, 147.0])
 
 
-@pytest.mark.usefixtures("sabotage")
+@pytest.mark.usefixtures("sabotage", "undrawn")
 @pytest.mark.parametrize("as_json", [False, True])
 def test_plans_that_fail_their_checks_are_shown_and_end_with_status_1(run, desired, as_json):
     result = run("compare", desired, "--figure", "late.png", *(["--json"] if as_json else []))
@@ -184,6 +182,7 @@ def test_the_picture_is_what_its_name_says(run, desired, tmp_path, name):
         assert content.startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_folder_holds_what_the_plans_are_and_can_be_written_again(run, desired, tmp_path):
     for _ in range(2):
         assert run("compare", desired, "--out", "found").exit_code == 0

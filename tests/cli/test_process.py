@@ -36,12 +36,11 @@ def _on_pages():
     return {line for code in ran for line in shell.commands(code)}
 
 
-@pytest.mark.usefixtures("foot", "ready_experiments")
+@pytest.mark.usefixtures("foot", "ready_experiments", "undrawn")
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, monkeypatch):
-    """Examples that stand on a page run there. Pictures of experiments are drawn in their tests."""
+    """Examples that stand on a page run there."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
     if command in ("refine", "replay"):
         write_logs(tmp_path)
     for name in ("requests.csv", "path.csv", "measured.csv"):

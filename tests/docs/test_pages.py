@@ -5,13 +5,11 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import planner
-from planner.inversion.foot import bound
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks
 from tests.docs.logs import write_logs
@@ -34,23 +32,10 @@ def empty_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "play", clocked)
 
 
-@pytest.fixture
-def brief_search(monkeypatch):
-    """Let the search for the bound of a foot end after its first rounds."""
-    options = replace(bound.OPTIONS, effort=100)  # of 1000: it saves half of the leg's page
-    monkeypatch.setattr(bound, "OPTIONS", options)
-
-
-@pytest.fixture
-def no_bitmaps(monkeypatch):
-    """Leave bitmaps empty: tests/report and the commands' own tests draw them."""
-    monkeypatch.setattr("planner.report.matplotlib_figure.to_png", lambda _: b"")
-
-
-@pytest.mark.usefixtures("empty_folder", "ready_experiments", "brief_search", "no_bitmaps")
+@pytest.mark.usefixtures("empty_folder", "ready_experiments", "brief_search", "undrawn")
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
-    """Run whole, as a reader runs it, but for that search and bitmaps: up to ten seconds a page."""
+    """Run whole, as a reader runs it, but for a long search and pictures."""
     if page.name in ("logs.md", "replay.md"):
         write_logs(Path())
     names, not_installed = {}, set()

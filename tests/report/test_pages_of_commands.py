@@ -17,6 +17,8 @@ from planner.files.paths import write_joint_path
 SERVO = planner.JointModel.ers210a()
 SAMPLES = 32
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 RUN = """
 [path]
 file = "wanted angles.csv"

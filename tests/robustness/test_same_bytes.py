@@ -42,7 +42,7 @@ def test_threads_and_seeds_change_no_byte(name, tmp_path, monkeypatch, other_wor
     monkeypatch.chdir(tmp_path)
     (tmp_path / "desired.csv").write_text(PATH)
     (tmp_path / "log.csv").write_text(LOG)
-    CliRunner().invoke(cli, ["gait", "--samples", "24", "-o", "foot.csv"], catch_exceptions=False)
+    CliRunner().invoke(cli, ["gait", "--samples", "12", "-o", "foot.csv"], catch_exceptions=False)
     arguments = [*COMMANDS[name], "--out" if name == "compare" else "-o", "out"]
     here = CliRunner().invoke(cli, arguments, catch_exceptions=False)
     first = _files((tmp_path / "out").rename(tmp_path / "first"))
