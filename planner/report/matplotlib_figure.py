@@ -81,7 +81,8 @@ def to_svg(picture: Picture) -> str:
 
     stream = io.StringIO()
     with applied():
-        FigureCanvasSVG(picture).print_svg(stream, metadata={"Date": None, "Creator": None})
+        canvas: Any = FigureCanvasSVG(picture)
+        canvas.print_svg(stream, metadata={"Date": None, "Creator": None})
     return "\n".join(row.rstrip() for row in stream.getvalue().splitlines()) + "\n"
 
 
@@ -92,7 +93,8 @@ def to_png(picture: Picture) -> bytes:
     stream = io.BytesIO()
     with applied():
         picture.dpi = RESOLUTION
-        FigureCanvasAgg(picture).print_png(stream, metadata={"Software": None})
+        canvas: Any = FigureCanvasAgg(picture)
+        canvas.print_png(stream, metadata={"Software": None})
     return stream.getvalue()
 
 

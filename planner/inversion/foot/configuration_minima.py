@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -267,8 +267,8 @@ class _Cells(NamedTuple):
         steepness = np.trace(hessians, axis1=1, axis2=2) + _dot(np.abs(gradients), self.half)
         ridge = np.maximum(HESSIAN_RIDGE * steepness, np.finfo(float).tiny)
         hessians += ridge[:, np.newaxis, np.newaxis] * np.eye(joints)
-        newton = np.linalg.solve(hessians, gradients.T[..., np.newaxis])[..., 0]
-        bowl = _dot(gradients, newton.T) / 4.0 + ridge * _dot(self.half, self.half)
+        newton: Any = np.linalg.solve(hessians, gradients.T[..., np.newaxis])[..., 0]
+        bowl: Array = _dot(gradients, newton.T) / 4.0 + ridge * _dot(self.half, self.half)
         return bowl + self._beyond_linear()
 
     def _beyond_linear(self) -> Array:
