@@ -21,7 +21,7 @@ from planner.inversion.load_of_pose import LoadOfPose
 from planner.model.joint import JointModel
 from planner.planning import Limits
 from planner.trajectory import Array
-from planner.validation import as_number, freeze, is_one_of, shown
+from planner.validation import as_number, as_positive, freeze, is_one_of, shown
 
 Track = Literal["state", "action"]
 """The recorded signal to follow: what the robot did, or what it was asked to do."""
@@ -343,10 +343,7 @@ def _part(
 def _period(logs: Sequence[Log], rate: float | None) -> float:
     """Time between requests [s]."""
     if rate is not None:
-        number = as_number(rate)
-        if not number > 0.0:
-            raise InvalidInput(f"rate: got {shown(rate)}, expected more than 0 requests a second")
-        return 1.0 / number
+        return 1.0 / as_positive("rate", rate, "more than 0 requests a second")
     period = timing_of(logs, tick=None, hold=None).period
     whole = round(1.0 / period)
     near = whole >= 1 and abs(period * whole - 1.0) <= OPTIONS.whole_rate

@@ -11,7 +11,6 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from planner.exceptions import InvalidInput
 from planner.inversion.certify import lower_bound
 from planner.inversion.error_norm import error_norm
 from planner.inversion.load_of_pose import LoadOfPose
@@ -28,7 +27,7 @@ from planner.recorded_path import (
     recorded_path,
 )
 from planner.trajectory import Array
-from planner.validation import as_number, freeze, shown
+from planner.validation import as_positive, freeze
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -411,10 +410,7 @@ def checked_speed(speed: object) -> float:
     Raises:
         InvalidInput: It is no finite number above 0.
     """
-    number = as_number(speed)
-    if not number > 0.0:
-        raise InvalidInput(f"speed: got {shown(speed)}, expected a factor above 0, such as 1.5")
-    return number
+    return as_positive("speed", speed, "a factor above 0, such as 1.5")
 
 
 def _figures(joint: JointReplay) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import Infeasible, InvalidInput
+from planner.exceptions import Infeasible
 from planner.inversion.foot.invert import invert_foot
 from planner.model.joint import JointModel
 from planner.trajectory import Array
-from planner.validation import as_number, shown
+from planner.validation import as_positive
 
 if TYPE_CHECKING:
     from kinematics import Leg
@@ -99,8 +99,7 @@ def shortest_cycle(
         Infeasible: Not even the longest cycle keeps the tolerance.
         InvalidInput: The tolerance is not above 0.
     """
-    if not as_number(tolerance) > 0.0:
-        raise InvalidInput(f"tolerance: got {shown(tolerance)}, expected more than 0 m")
+    as_positive("tolerance", tolerance, "more than 0 m")
     known: dict[int, FootInversion] = {}
 
     def plan(count: int) -> FootInversion:

@@ -42,6 +42,23 @@ def as_number(value: object, *, infinite: bool = False) -> float:
     return number if infinite or math.isfinite(number) else math.nan
 
 
+def as_positive(name: str, value: object, expected: str) -> float:
+    """The value as a float above 0.
+
+    Args:
+        name: What to call it in the error.
+        value: What was passed.
+        expected: What the error says was expected, with the unit.
+
+    Raises:
+        InvalidInput: It is no finite number above 0.
+    """
+    number = as_number(value)
+    if not number > 0.0:
+        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
+    return number
+
+
 def as_whole(value: object) -> int | None:
     """The value as an int; None for whatever is no whole number."""
     if isinstance(value, (bool, np.bool_)):

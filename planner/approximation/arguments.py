@@ -12,7 +12,7 @@ import numpy.typing as npt
 from planner.approximation.problem import BARELY_SHORT
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, angle_text
 from planner.trajectory import LARGEST, Array, as_trajectory
-from planner.validation import as_flag, as_number, as_whole, freeze, shown
+from planner.validation import as_flag, as_number, as_positive, as_whole, freeze, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]
@@ -188,9 +188,7 @@ def checked_shortest(shortest: float) -> float:
 
 def positive(name: str, value: float, unit: str) -> float:
     """The number; raise InvalidInput unless it is finite, above 0 and of a plausible size."""
-    number = as_number(value)
-    if not number > 0.0:
-        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number above 0 [{unit}]")
+    number = as_positive(name, value, f"a finite number above 0 [{unit}]")
     if not SMALLEST <= number <= LARGEST:
         raise InvalidInput(
             f"{name}: got {number:g}, expected {SMALLEST:g} to {LARGEST:g} [{unit}]; check the unit"

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import LARGEST, MOST_SAMPLES, Array
-from planner.validation import as_flag, as_number, as_reals, as_whole, shown
+from planner.validation import as_flag, as_number, as_positive, as_reals, as_whole, shown
 
 Kind = TypeVar("Kind", bound=np.generic)
 
@@ -63,10 +63,7 @@ class PiecewiseLinear:
             raise InvalidInput(
                 f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
             )
-        if not as_number(self.tick) > 0.0:
-            raise InvalidInput(
-                f"tick: got {shown(self.tick)}, expected a finite number above 0 [s]"
-            )
+        as_positive("tick", self.tick, "a finite number above 0 [s]")
         if not np.all(self.lengths > 0.0):
             raise InvalidInput("knots: they must increase, and a cyclic curve's fit into one cycle")
 

@@ -13,7 +13,7 @@ from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.joint import JointModel
 from planner.model.load import checked_load
 from planner.trajectory import Array
-from planner.validation import as_number, as_reals, is_one_of, shown
+from planner.validation import as_number, as_positive, as_reals, is_one_of, shown
 
 Norm = Literal["rms", "max"]
 
@@ -147,15 +147,7 @@ def checked_tolerance(tolerance: float | None) -> float | None:
     """The tolerance as a float, None where none is asked for; raise InvalidInput for no number."""
     if tolerance is None:
         return None
-    return positive("tolerance", tolerance, "a finite number above 0")
-
-
-def positive(name: str, value: float, expected: str) -> float:
-    """The value as a float, if it is finite and above 0; else raise InvalidInput."""
-    number = as_number(value)
-    if not number > 0.0:
-        raise InvalidInput(f"{name}: got {shown(value)}, expected {expected}")
-    return number
+    return as_positive("tolerance", tolerance, "a finite number above 0")
 
 
 def model_of_each(

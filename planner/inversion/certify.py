@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory, SolverFailed
-from planner.inversion.arguments import Norm, check_norm, positive
+from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
@@ -20,6 +20,7 @@ from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
 from planner.model.response import checked_start
 from planner.trajectory import as_trajectory
+from planner.validation import as_positive
 
 
 class Certificate(NamedTuple):
@@ -125,7 +126,7 @@ def certify(
     """
     began = perf_counter()
     model = checked_model(model)
-    time_limit = positive("time_limit", time_limit, "a number of seconds above 0")
+    time_limit = as_positive("time_limit", time_limit, "a number of seconds above 0")
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     check_level(level)

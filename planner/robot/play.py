@@ -17,7 +17,7 @@ from planner.exceptions import InvalidInput
 from planner.robot.resample import MOST_ROWS
 from planner.robot.schedule import as_rows, check_cycles, check_period
 from planner.trajectory import Array
-from planner.validation import as_number, shown
+from planner.validation import as_positive, shown
 
 Send = Callable[[Array], Any]
 """Sends one row of requests [rad], shape (k,), to the joints."""
@@ -320,8 +320,7 @@ def ramp(current: npt.ArrayLike, first: npt.ArrayLike, *, speed: float, period: 
             not fit the requests.
     """
     check_period(period)
-    if not as_number(speed) > 0.0:
-        raise InvalidInput(f"speed: got {shown(speed)}, expected a positive number of rad/s")
+    as_positive("speed", speed, "a positive number of rad/s")
     start = _row(current, name="current")
     goal = _row(first, name="first")
     if start.shape != goal.shape:

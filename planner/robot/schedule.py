@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.trajectory import Array, as_trajectory
-from planner.validation import as_number, as_whole, shown
+from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9
 """Nanoseconds in a second, the resolution of ROS times."""
@@ -100,8 +100,7 @@ def check_period(period: float) -> None:
     Raises:
         InvalidInput: It is not positive and finite.
     """
-    if not as_number(period) > 0.0:
-        raise InvalidInput(f"period: got {shown(period)}, expected a positive number of seconds")
+    as_positive("period", period, "a positive number of seconds")
 
 
 def check_cycles(cycles: int) -> None:

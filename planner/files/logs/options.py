@@ -10,7 +10,7 @@ from pathlib import Path
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
 from planner.files.table import nearest
-from planner.validation import as_number, shown
+from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"
 """The name that stands for every joint of a log."""
@@ -61,11 +61,8 @@ class LogOptions:
             if field.name != "ticks_per_turn" and not isinstance(value, str | None):
                 raise InvalidInput(f"{field.name}: got {shown(value)}, expected text")
         _units(self.unit)
-        ticks = self.ticks_per_turn
-        if ticks is not None and not as_number(ticks) > 0.0:
-            raise InvalidInput(
-                f"ticks per turn: got {shown(ticks)}, expected more than 0, such as 4096"
-            )
+        if self.ticks_per_turn is not None:
+            as_positive("ticks per turn", self.ticks_per_turn, "more than 0, such as 4096")
         self.episode_numbers()
 
     def unit_of(self, joint: str) -> str | None:
