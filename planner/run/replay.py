@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -145,7 +145,7 @@ class ReplayTask:
         Raises:
             KinematicsError: It cannot be made.
         """
-        leg = load_leg(find_leg(self.given.leg))
+        leg = load_leg(find_leg(self.given.leg, self.recording.folder))
         if leg is None:
             return None
         called = {name: joint for joint, name in self.replay.urdf_joints.items()}
@@ -190,8 +190,15 @@ def tasks_of(
         first = ReplayTask(recording=recordings[0], models=models, replay=replay, rate=rate)
         first.check_length(first.recording.read())
     models = _models(run.model, replay, recordings, progress)
+    folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers of a cluster have another
     return tuple(
-        ReplayTask(recording=each, models=models, replay=replay, given=run, rate=rate)
+        ReplayTask(
+            recording=replace(each, folder=folder),
+            models=models,
+            replay=replay,
+            given=run,
+            rate=rate,
+        )
         for each in recordings
     )
 

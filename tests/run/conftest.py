@@ -1,6 +1,9 @@
-"""The command line in this process."""
+"""The command line in this process, and tests that other processes can import."""
 
 from __future__ import annotations
+
+import os
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -12,3 +15,14 @@ from planner.cli import cli
 def cli_run():
     """Arguments to a click result."""
     return lambda *arguments: CliRunner().invoke(cli, [*arguments])
+
+
+@pytest.fixture(scope="module")
+def importable(tmp_path_factory):
+    """Let other processes import the tests; the package they import is the one tested here."""
+    folder = tmp_path_factory.mktemp("path")
+    (folder / "tests").symlink_to(Path(__file__).resolve().parents[1], target_is_directory=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)  # for spawned processes, which take over this list
+        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)  # for commands
+        yield

@@ -17,6 +17,7 @@ from planner.files.paths import write_joint_path
 from planner.run.results import Results
 from planner.run.settings import HalfEllipse
 from planner.run.sweep import evaluate, number_of_points, read_sweep, sweep, walking_speed
+from tests.run.work import InThisProcess
 
 GAIT = """
 [leg]
@@ -33,18 +34,6 @@ method = "optimal"
 
 [sweep.parameters]
 """
-
-
-class InThisProcess:
-    """An engine without workers, and what it was asked to run."""
-
-    def __init__(self):
-        self.ran = []
-
-    def run(self, function, tasks):
-        for number, task in tasks:
-            self.ran.append(task.name)
-            yield (number, task), function(task.argument)
 
 
 @pytest.fixture

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-import os
-import re
 import signal
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from planner.exceptions import InvalidInput
 from planner.run import tasks as engine
 from planner.run.results import Results, Task, results_beside
-from planner.run.tasks import Failure, SchedulerLost, carry_out, engine_of
+from planner.run.tasks import Failure, carry_out, engine_of
 from tests.run import work
+
+pytestmark = pytest.mark.usefixtures("importable")
 
 
 def run(function, tasks, results, *, workers=None, scheduler=None, **more):
     """The tasks that fail."""
     with engine_of(workers, scheduler) as place:
         return carry_out(function, tasks, results, place, **more)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def importable(tmp_path_factory):
-    """Let other processes import the tests; the package they import is the one tested here."""
-    folder = tmp_path_factory.mktemp("path")
-    (folder / "tests").symlink_to(Path(__file__).resolve().parents[1], target_is_directory=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(folder)  # for spawned processes, which take over this list
-        patch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)  # for commands
-        yield
 
 
 @pytest.fixture
@@ -158,60 +146,6 @@ def test_a_command_that_is_killed_loses_nothing_and_leaves_no_process(finished, 
     run(work.square, work.tasks(), results, workers=2)
     assert work.held(folder) == work.held(results.folder)
     assert all((folder / name).stat().st_mtime_ns == time for name, time in before.items())
-
-
-@pytest.fixture(scope="module")
-def cluster(tmp_path_factory):
-    """A Dask scheduler and two workers, on the loopback interface: its address and its process."""
-    pytest.importorskip("distributed", reason="needs the extra cluster")
-    begun = [sys.executable, "-P", "-m"]
-    log, folder = subprocess.PIPE, tmp_path_factory.mktemp("workers")
-    local = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-    scheduler = subprocess.Popen(
-        [*begun, "distributed.cli.dask_scheduler", *local], stderr=log, text=True
-    )
-    found = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
-    address = next(filter(None, found))[1]
-    worker = [*begun, "distributed.cli.dask_worker", address, "--nworkers", "2", "--nthreads", "1"]
-    worker += ["--no-dashboard", "--local-directory", folder]
-    workers = subprocess.Popen(worker, stderr=subprocess.DEVNULL)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "ARRIVAL", 60.0)
-        patch.setattr(engine, "PATIENCE", 60.0)  # a machine at work may take that long to begin
-        yield address, scheduler
-    for process in (workers, scheduler):
-        process.kill()
-        process.wait()
-    scheduler.stderr.close()
-
-
-def test_a_cluster_gives_the_same_bytes(tmp_path, results, cluster):
-    """So does one whose worker dies over a task: Dask tries it again."""
-    tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
-    assert run(work.kill_once, tasks, results, scheduler=cluster[0]) == []
-    here = Results(tmp_path / "here", {"power": 2})
-    run(work.square, work.tasks(), here, workers=2)
-    assert work.held(results.folder) == work.held(here.folder) != {}
-
-
-def test_a_task_that_fails_on_a_cluster_is_reported(results, cluster):
-    tasks, address = work.tasks(), cluster[0]
-    with pytest.warns(UserWarning, match="four is even"):
-        (failure,) = run(work.refuse_three, tasks, results, scheduler=address)
-    assert failure == Failure("task 3", "episode: got nothing, expected samples")
-
-
-def test_a_scheduler_that_goes_away_leaves_what_was_finished(results, cluster):
-    """The last test that uses it."""
-
-    def end(_):
-        if len(work.held(results.folder)) == 2:
-            scheduler.kill()
-
-    address, scheduler = cluster
-    with pytest.raises(SchedulerLost, match=r"went away; what was finished is kept, and --resume"):
-        run(work.square, work.tasks(50), results, scheduler=address, progress=end)
-    assert 2 <= len(work.held(results.folder)) < 50
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "http://127.0.0.1:8786"])

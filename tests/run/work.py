@@ -53,6 +53,24 @@ def tasks(count=8):
     return [Task(f"task {number}", number) for number in range(count)]
 
 
+class InThisProcess:
+    """An engine without workers, and what it was asked to run."""
+
+    def __init__(self):
+        self.ran = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def run(self, function, tasks):
+        for number, task in tasks:
+            self.ran.append(task.name)
+            yield (number, task), function(task.argument)
+
+
 def run_and_die_after(folder, finished):
     """Carry out tasks, resuming, and kill the whole command once some have a result."""
     results = Results(folder, {"power": 2}, resume=True)

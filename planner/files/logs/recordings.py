@@ -25,12 +25,14 @@ class Recording:
         options: How to read it; the episode of a dataset among them.
         dataset: The dataset that it is of, as it was named; "" where it is of none.
         episode: Its number in the dataset; None where it has none.
+        folder: From which the path is named, for a process that works elsewhere.
     """
 
     path: str
     options: LogOptions
     dataset: str = ""
     episode: int | None = None
+    folder: str = ""
 
     @property
     def name(self) -> str:
@@ -42,7 +44,7 @@ class Recording:
     @property
     def place(self) -> EpisodeFile:
         """Where its rows are, of an episode of a dataset."""
-        return EpisodeFile(Path(self.path), self.episode)
+        return EpisodeFile(Path(self._file), self.episode)
 
     def read(self) -> tuple[Log, ...]:
         """Its logs, one for each joint.
@@ -50,7 +52,11 @@ class Recording:
         Raises:
             InvalidFile: It cannot be read.
         """
-        return read_logs(self.path, options=self.options)
+        return read_logs(self._file, options=self.options)
+
+    @property
+    def _file(self) -> str:
+        return str(Path(self.folder, self.path)) if self.folder else self.path
 
 
 def recordings_in(paths: Sequence[str], options: LogOptions) -> tuple[Recording, ...]:
