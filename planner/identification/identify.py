@@ -31,6 +31,7 @@ from planner.identification.result import Alternative, Identification, Interval,
 from planner.identification.robust_loss import rms
 from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
+from planner.identification.unmodelled import unmodelled
 from planner.identification.validation import HeldOut, held_out
 from planner.identification.verdict import notes_on, opposite_sign, verdict_on
 from planner.trajectory import Array
@@ -116,7 +117,7 @@ def identify(
         )
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
-    notes += patterns(model, fits, noise, unit)
+    notes += patterns(model, fits, noise, unit, unmodelled(fit))
     return Identification(
         model=model,
         fits=fits,

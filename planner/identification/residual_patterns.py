@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.result import LogFit
+from planner.identification.unmodelled import Departure
 from planner.identification.verdict import said as _said
 from planner.model.joint import JointModel
-from planner.trajectory import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,10 @@ class PatternOptions:
             Shaken joints of an arm move by 0.44 to 0.67, others by 0.22 or less (at half one calm
             recording counts as shaken, at twice none does).
         shaken_alike: Correlation of neighbouring rows of such motion; noise of a sensor has none.
-        acceleration: Factor by which the predicted accelerations exceed those measured.
+        shown: Share of the largest difference that play, or a limit, makes to the angles from which
+            on a row shows it.
+        apart: Rows that show it and are fewer than so many apart are one place.
+        places: So many places are named, those where the error falls most.
     """
 
     clear: float = 5.0
@@ -49,13 +52,15 @@ class PatternOptions:
     stop_visits: int = 2
     stop_width: float = 0.005
     drift: float = 0.3
-    acceleration: float = 1.5
     contradiction: float = 2.0
     resting: float = 0.01
     rest: float = 0.3
     rest_rows: int = 10
     shaken: float = 0.35
     shaken_alike: float = 0.5
+    shown: float = 0.3
+    apart: int = 5
+    places: int = 2
 
 
 OPTIONS = PatternOptions()
@@ -110,7 +115,13 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
     return found
 
 
-def patterns(model: JointModel, fits: Sequence[LogFit], noise: float, unit: str) -> list[str]:
+def patterns(
+    model: JointModel,
+    fits: Sequence[LogFit],
+    noise: float,
+    unit: str,
+    departures: Sequence[Departure] = (),
+) -> list[str]:
     """A sentence for each pattern that shows.
 
     Args:
@@ -118,19 +129,16 @@ def patterns(model: JointModel, fits: Sequence[LogFit], noise: float, unit: str)
         fits: What it makes of each log.
         noise: Standard deviation of the noise [rad].
         unit: Unit of the angles in words; empty for shares of a range.
+        departures: What :func:`planner.identification.unmodelled.unmodelled` found.
     """
-    found = []
+    found = [_departure(each, fits, unit) for each in departures]
     if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:
         found.append(
             f"asymmetry: the joint reaches {model.v_max + model.v_offset:.3g} {unit}/s upwards and "
             f"{model.v_max - model.v_offset:.3g} {unit}/s downwards, as under a load"
         )
     for fit in fits:
-        shown = (
-            *_ringing(model, fit, noise),
-            *_drift(fit, noise, unit),
-            *_acceleration(fit, noise, unit),
-        )
+        shown = (*_ringing(model, fit, noise), *_drift(fit, noise, unit))
         found += [f"{fit.log.name}: {text}" for text in shown]
     return found + _contradictions(fits, unit)
 
@@ -168,6 +176,46 @@ def shaken(model: JointModel, fits: Sequence[LogFit], unit: str) -> list[str]:
                 "record slow motion in which nothing shakes it, such as excite --kind slow-triangle"
             )
     return found
+
+
+def _departure(found: Departure, fits: Sequence[LogFit], unit: str) -> str:
+    """What a joint has beside the model, and where it shows."""
+    error = (
+        f"the error is {_said(found.rms, unit)} with it and {_said(found.without, unit)} without"
+    )
+    if found.name == "backlash":
+        return (
+            f"backlash: after a reversal the joint starts late, as with a play of about "
+            f"{_said(found.size, unit, digits=2)} ({error}, rms); it shows {_places(found, fits)}; "
+            "friction that gives way late looks alike: move the joint by hand while the motor "
+            "holds, where play is free"
+        )
+    return (
+        f"an acceleration limit: the joint gains speed by at most about "
+        f"{_said(found.size, unit, '/s^2', digits=2)} ({error}, rms); it shows "
+        f"{_places(found, fits)}; plans with gentler changes of speed are met better"
+    )
+
+
+def _places(found: Departure, fits: Sequence[LogFit]) -> str:
+    """In how many places of the logs a departure shows, and the clearest of them."""
+    ends = np.cumsum([np.sum(fit.used) for fit in fits])[:-1]
+    pieces = (np.split(each, ends) for each in (found.difference, found.gained))
+    places = []
+    for fit, difference, gained in zip(fits, *pieces, strict=True):
+        shows = difference > OPTIONS.shown * float(np.max(found.difference))
+        rows, gains = np.flatnonzero(fit.used)[shows], gained[shows]
+        turns = np.flatnonzero(np.diff(rows) > OPTIONS.apart) + 1
+        for place, gain in zip(np.split(rows, turns), np.split(gains, turns), strict=True):
+            if len(place):
+                places.append((float(np.sum(gain)), fit.log, int(place[0]), int(place[-1])))
+    clearest = sorted(places, key=lambda place: -place[0])[: OPTIONS.places]
+    named = [
+        f"{f'{log.name} ' if len(fits) > 1 else ''}rows {first} to {last} "
+        f"({log.times[first]:.2f} to {log.times[last]:.2f} s)"
+        for _, log, first, last in clearest
+    ]
+    return f"in {len(places)} places, most in {' and '.join(named)}"
 
 
 def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
@@ -234,33 +282,6 @@ def _drift(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
             f"a slow drift: the angles leave the model by {change:.3g} {unit} from row {used[0]} "
             f"to row {used[-1]}"
         )
-
-
-def _acceleration(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
-    """Accelerations that the model predicts and the joint never reaches."""
-    measured, predicted = (
-        _accelerations(fit, column) for column in (fit.log.angles, fit.predicted)
-    )
-    if not len(measured):
-        return
-    most, asked = (float(np.quantile(np.abs(each), 0.99)) for each in (measured, predicted))
-    period = fit.log.period
-    floor = OPTIONS.clear * noise * math.sqrt(6.0) / (2.0 * period) ** 2
-    if asked > OPTIONS.acceleration * most and asked - most > floor:
-        row = int(np.nanargmax(np.abs(predicted)))
-        yield (
-            f"an acceleration limit: the joint gains at most {most:.3g} {unit}/s^2, where the "
-            f"model predicts {asked:.3g}, most near used row {row}"
-        )
-
-
-def _accelerations(fit: LogFit, angles: Array) -> Array:
-    """Second differences over five rows that are all used [rad/s^2]."""
-    rows = np.flatnonzero(fit.used[:-4] & fit.used[2:-2] & fit.used[4:])
-    times = fit.log.times
-    after = (angles[rows + 4] - angles[rows + 2]) / (times[rows + 4] - times[rows + 2])
-    before = (angles[rows + 2] - angles[rows]) / (times[rows + 2] - times[rows])
-    return np.asarray((after - before) / (0.5 * (times[rows + 4] - times[rows])))
 
 
 def _between(rows: npt.NDArray[np.int_]) -> str:

@@ -7,12 +7,18 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import planner
 from benchmark.parts import Options
 from benchmark.table import Table
+from planner.identification.fit import fit_joint, with_observed_speed
+from planner.identification.terms import with_terms
+from planner.identification.timestamps import timing_of
+from planner.identification.unmodelled import unmodelled as departures_of
+from tests.identification.made import random_servo
 
 SEEDS = 10
 """Repetitions for each instance that is asked for."""
@@ -40,7 +46,7 @@ PENDULUMS = {
 def measure(options: Options) -> list[Table]:
     """Made logs, and the recordings where they are."""
     seeds = SEEDS * options.instances
-    tables = [coverage(seeds), friction(seeds)]
+    tables = [coverage(seeds), friction(seeds), unmodelled(4 * options.instances)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if folder and Path(folder).is_dir():
         tables.append(recordings(Path(folder)))
@@ -109,6 +115,54 @@ def friction(seeds: int) -> Table:
             100.0 * float(np.sqrt(np.mean(errors**2))),
             100.0 * float(np.max(np.abs(errors))),
             50.0 * float(np.median(ends[:, 1] - ends[:, 0])) / truth.dead_band,
+        )
+    return table
+
+
+def unmodelled(seeds: int) -> Table:
+    """One row for each thing that a servo has and the model does not."""
+    table = Table(
+        "What identification names in logs of servos that are not the model, made",
+        ("backlash, %", "acceleration limit, %", "median error of its size, %", "time, s"),
+        note="Servos with a time constant and random constants, half of them with dry friction of "
+        "0.5 to 2 degrees, in 30 s of random steps, sines and triangles; limits act in steps. "
+        "Shares of the logs in which each is named. Play is 1 to 4 degrees, limits are 15 to 60 "
+        f"rad/s^2; {seeds} seeds.",
+        stub="the servo has",
+    )
+    kinds: dict[str, tuple[str, float, float, dict[str, Any]]] = {
+        "neither": ("", 0.0, 0.0, {}),
+        "backlash": ("play", math.radians(1.0), math.radians(4.0), {}),
+        "backlash behind its sensor": (
+            "play",
+            math.radians(1.0),
+            math.radians(4.0),
+            {"behind": True},
+        ),
+        "an acceleration limit": ("most", 15.0, 60.0, {"kinds": ("steps", "mixed")}),
+    }
+    for name, (defect, least, most, asked) in kinds.items():
+        named: list[set[str]] = []
+        errors = []
+        seconds = 0.0
+        for seed in range(seeds):
+            size = float(np.random.default_rng([seed, 1]).uniform(least, most))
+            log = random_servo(seed, **({defect: size} if defect else {}), **asked)
+            fit = with_terms(fit_joint([log], timing_of([log], tick=None, hold=None))).fit
+            began = time.process_time()
+            found = departures_of(with_observed_speed(fit))
+            seconds += (time.process_time() - began) / seeds
+            named.append({each.name for each in found})
+            own = {"play": "backlash", "most": "acceleration limit"}.get(defect)
+            errors += [abs(each.size / size - 1.0) for each in found if each.name == own]
+        table.add(
+            name,
+            *(
+                100.0 * float(np.mean([each in names for names in named]))
+                for each in ("backlash", "acceleration limit")
+            ),
+            100.0 * float(np.median(errors)) if errors else math.nan,
+            seconds,
         )
     return table
 

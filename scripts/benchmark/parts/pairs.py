@@ -15,10 +15,11 @@ from benchmark.parts import Options
 from benchmark.table import Table
 from planner.identification.fit import fit_joint
 from planner.identification.parameters import Parameters
-from planner.identification.resampling import resampled
+from planner.identification.resampling import Grid, resampled
 from planner.identification.result import Identification
 from planner.identification.simulation import respond
 from planner.identification.timestamps import timing_of
+from planner.trajectory import Array
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
 
@@ -40,11 +41,13 @@ class Tested(NamedTuple):
         error: Root mean square error [rad].
         share: The same over the standard deviation of the motion.
         outside: In what the log is outside of what the model was tested on.
+        told: Error to expect, by the accelerations of the predicted angles [rad].
     """
 
     error: float
     share: float
     outside: tuple[str, ...]
+    told: float
 
 
 def measure(options: Options) -> list[Table]:
@@ -66,9 +69,11 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
     """Models of three recordings of the arm on the others."""
     table = Table(
         "Models of three recordings of an SO-101 on its other recordings",
-        ("four numbers", "identified", "of motion, %", "error to expect"),
+        ("four numbers", "identified", "of motion, %", "told", "told over met", "outside"),
         note=f"Fitted to {', '.join(FITTED)}; rms, mrad, the Jaw in thousandths of its range. The "
-        "four numbers have a static sag, but no dead band.",
+        "four numbers have a static sag, but no dead band. Told is the error to expect of motion "
+        "with these accelerations; outside, in how many ways the motion is outside of what was "
+        "tested.",
         stub="joint and recording",
     )
     for joint, logs in arm.items():
@@ -81,9 +86,16 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
         for log in logs:
             if log.name not in FITTED:
                 plain, _ = errors_of(four, log)
-                error, share = errors_of(found.model, log)
-                told = 1e3 * found.expected_error
-                table.add(f"{joint}, {log.name}", 1e3 * plain, 1e3 * error, 100.0 * share, told)
+                each = tested(found, log)
+                table.add(
+                    f"{joint}, {log.name}",
+                    1e3 * plain,
+                    1e3 * each.error,
+                    100.0 * each.share,
+                    1e3 * each.told,
+                    each.told / each.error,
+                    float(len(each.outside)),
+                )
     return table
 
 
@@ -159,15 +171,25 @@ def tested(found: Identification, log: planner.Log) -> Tested:
     smooth = np.convolve(log.angles[kept], np.ones(SMOOTHED) / SMOOTHED, "valid")
     load = 0.0 if log.load is None else log.load
     outside = found.tested.exceeded(smooth, period=log.period, cyclic=False, load=load)
-    return Tested(*errors_of(found.model, log), outside)
+    grid, predicted = _predicted(found.model, log)
+    told = found.tested.error_of(predicted, period=log.period, cyclic=False)
+    return Tested(*_errors(grid, predicted), outside, told)
 
 
 def errors_of(model: planner.JointModel, log: planner.Log) -> tuple[float, float]:
     """Error of a model on a log [rad], rms, and over the standard deviation of the motion."""
+    return _errors(*_predicted(model, log))
+
+
+def _predicted(model: planner.JointModel, log: planner.Log) -> tuple[Grid, Array]:
+    """The rows of a log, and the angles there by a model [rad]."""
     joint = Parameters.of(model)
     window = joint.lag + joint.acceleration_time
     grid = resampled([log], tick=model.tick, reach=max(0.5, 1.2 * window), burn_in=window)
-    predicted = grid.at_rows(respond(grid, joint, grid.measured_starts))
+    return grid, grid.at_rows(respond(grid, joint, grid.measured_starts))
+
+
+def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
     runs = len(grid.starts)
     means = np.bincount(grid.run, grid.angles, runs) / np.bincount(grid.run, minlength=runs)
     motion = float(np.sqrt(np.mean((grid.angles - means[grid.run]) ** 2)))

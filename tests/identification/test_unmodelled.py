@@ -1,0 +1,100 @@
+"""Backlash and an acceleration limit are named with their size and rows, and nowhere else."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from planner.identification.fit import fit_joint
+from planner.identification.timestamps import timing_of
+from planner.identification.unmodelled import Enlarged, _Excerpt
+from tests.identification.made import NOISE, hobby_servo, measured, random_servo, rich_log, servo
+
+DEFECTS = ("backlash:", "acceleration limit:")
+
+SECONDS = 12.0
+"""Length of the logs: half of the time and more is spent on longer ones."""
+
+PLACE = re.compile(r"rows (\d+) to (\d+) \((\d+\.\d\d) to (\d+\.\d\d) s\)")
+
+
+def sentences(log):
+    found = planner.identify(log, hold_out=False)
+    assert all(text in found.to_dict()["warnings"] for text in found.warnings)
+    return [text for text in found.warnings if any(name in text for name in DEFECTS)]
+
+
+@pytest.mark.parametrize("degrees", [1.0, 3.0])
+def test_backlash_is_named_with_its_play_and_the_rows_after_reversals(degrees):
+    period = 0.02
+    levels = np.tile([0.1, 0.2, 0.5, 0.6, 0.3, 0.0], 6)
+    requests = np.repeat(levels, 20)
+    angles = servo(
+        requests,
+        period,
+        gain=12.0,
+        up=5.0,
+        down=5.0,
+        delay=0.02,
+        constant=0.01,
+        play=math.radians(degrees),
+    )
+    log = planner.Log(
+        times=period * np.arange(len(requests)),
+        requests=requests,
+        angles=measured(angles, np.random.default_rng(0), noise=0.001, quantum=0.0015),
+    )
+    (said,) = sentences(log)
+    play = float(re.search(r"play of about ([\d.]+) rad", said).group(1))
+    assert abs(math.degrees(play) / degrees - 1.0) <= 0.1
+    places = PLACE.findall(said)
+    assert len(places) == 2
+    reversals = 20 * np.flatnonzero(np.isin(levels, [0.3, 0.1]))  # the first steps down and up
+    for first, last, begins, ends in places:
+        assert begins == f"{log.times[int(first)]:.2f}"
+        assert ends == f"{log.times[int(last)]:.2f}"
+        late = int(first) - reversals
+        assert np.min(late[late >= 0]) <= 5  # of 20 rows: the delay, and the time to cross the play
+
+
+@pytest.mark.parametrize(("seed", "limit"), [(3, 40.0), (4, 20.0)])
+def test_an_acceleration_limit_is_named_with_its_size_and_rows(seed, limit):
+    log = random_servo(seed, kinds=("steps",), seconds=SECONDS, most=limit)
+    (said,) = sentences(log)
+    found = float(re.search(r"at most about ([\d.]+) rad/s\^2", said).group(1))
+    assert abs(found / limit - 1.0) <= 0.1
+    assert PLACE.search(said)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 8])
+def test_a_servo_with_neither_shows_neither(seed):
+    assert not sentences(random_servo(seed, kinds=("steps",), seconds=SECONDS))
+
+
+def test_residuals_that_are_noise_show_nothing():
+    assert not sentences(rich_log(noise=NOISE, rows=600))
+
+
+def test_without_anything_more_an_enlarged_joint_is_the_model():
+    log = hobby_servo(np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 20), 40), 0.02)
+    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    excerpt = _Excerpt(fit)
+    (joint,) = (Enlarged(fit.parameters, 1e-9),)
+    residuals = excerpt._residuals([joint])[:, 0]
+    # The first tick of a chunk has the speed that it is called to: the same thing here.
+    assert np.max(np.abs(residuals - fit.residuals[excerpt.compared])) <= 1e-12
+    assert np.mean(excerpt.compared) >= 0.8
+
+
+def test_a_log_of_two_pieces_names_rows_of_either():
+    logs = [
+        replace(random_servo(3, kinds=("steps",), seconds=part, play=0.05), name=name)
+        for name, part in (("one", 6.0), ("two", 8.0))
+    ]
+    (said,) = sentences(logs)
+    assert "one rows" in said or "two rows" in said
