@@ -162,7 +162,8 @@ class TrackingProblem:
     def second_differences(self, requests: Array) -> Array:
         """Second differences of requests [rad], (n, joints), from rest (n - 1, joints)."""
         if self.cyclic:
-            return np.roll(requests, 1, axis=0) - 2.0 * requests + np.roll(requests, -1, axis=0)
+            around = np.concatenate([requests[-1:], requests, requests[:1]])
+            return np.asarray(around[:-2] - 2.0 * requests + around[2:])
         return np.diff(requests, n=2, axis=0, prepend=requests[:1])
 
     def error(self, angles: Array) -> float:

@@ -80,13 +80,11 @@ def minimise_over_cones(
     if curvature is None:
         curvature = np.zeros(matrix.shape[1])
     if isinstance(curvature, np.ndarray):
-        quadratic = sparse.csc_matrix(sparse.diags_array(curvature))
-    else:
-        quadratic = sparse.csc_matrix(curvature)
+        curvature = sparse.diags_array(curvature).tocsc()
     solver = clarabel.DefaultSolver(
-        quadratic,
+        curvature,
         slopes[0],
-        sparse.csc_matrix(matrix),
+        matrix.tocsc(),
         limits,
         kinds,
         settings,
