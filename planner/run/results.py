@@ -93,6 +93,11 @@ class Results:
         """The result of a task that has one."""
         return self._file(task).read_bytes()
 
+    def remove_if_empty(self) -> None:
+        """Remove the folder where it holds no result."""
+        if next(self.folder.glob("??/*"), None) is None:
+            self.remove()
+
     def remove(self) -> None:
         """Remove the folder, once the outputs are written."""
         shutil.rmtree(self.folder, ignore_errors=True)

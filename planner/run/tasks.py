@@ -123,13 +123,17 @@ def carry_out(
             else:
                 yield number, task
 
-    with closing(engine.run(function, missing())) as outcomes:
-        for (number, task), outcome in outcomes:
-            if isinstance(outcome, Failure):
-                failures[number] = outcome
-            else:
-                results.write(task, outcome)
-            progress(task)
+    try:
+        with closing(engine.run(function, missing())) as outcomes:
+            for (number, task), outcome in outcomes:
+                if isinstance(outcome, Failure):
+                    failures[number] = outcome
+                else:
+                    results.write(task, outcome)
+                progress(task)
+    except BaseException:  # such as a scheduler that does not answer
+        results.remove_if_empty()
+        raise
     return [failures[number] for number in sorted(failures)]
 
 

@@ -154,4 +154,5 @@ def test_a_scheduler_that_is_not_there_is_one_clear_error(address, results, monk
     monkeypatch.setattr(engine, "PATIENCE", 0.2)
     with pytest.raises(InvalidInput, match=r"--scheduler: (nothing answers|got '.*', expected)"):
         run(work.square, work.tasks(), results, scheduler=address)
+    assert not results.folder.exists(), "nothing is kept for --resume"
     assert run(work.square, [], results, scheduler=address) == []
