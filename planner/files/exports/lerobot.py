@@ -38,6 +38,9 @@ CHUNK_FILES = 1000
 BATCH = 1000
 """Episodes whose descriptions are kept before they are written."""
 
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+"""By which some policies normalise; by the names that LeRobot gives them."""
+
 COUNTED = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 """Columns of every dataset that count rows."""
 
@@ -263,6 +266,8 @@ class Statistics:
         most: The largest.
         mean: The mean.
         variance: The mean of the squared distances from it.
+        quantiles: Those of :data:`QUANTILES`, shape (5, k); of several columns the mean of theirs
+            by their rows, as LeRobot has it.
         count: Rows.
     """
 
@@ -270,6 +275,7 @@ class Statistics:
     most: Array
     mean: Array
     variance: Array
+    quantiles: Array
     count: int
 
     @classmethod
@@ -277,7 +283,8 @@ class Statistics:
         """The figures of a column, shape (n,) or (n, k)."""
         values = column.reshape(len(column), -1).astype(np.float64)
         least, most, mean = values.min(axis=0), values.max(axis=0), values.mean(axis=0)
-        return cls(least, most, mean, values.var(axis=0), len(values))
+        quantiles = np.quantile(values, [*QUANTILES.values()], axis=0)
+        return cls(least, most, mean, values.var(axis=0), quantiles, len(values))
 
     def with_more(self, more: Statistics) -> Statistics:
         """The figures of both columns, one after the other: the parallel-axis theorem."""
@@ -290,6 +297,7 @@ class Statistics:
             (1.0 - share) * self.variance
             + share * more.variance
             + share * (1.0 - share) * apart**2,
+            (1.0 - share) * self.quantiles + share * more.quantiles,
             count,
         )
 
@@ -300,6 +308,7 @@ class Statistics:
             "max": self.most.tolist(),
             "mean": self.mean.tolist(),
             "std": np.sqrt(self.variance).tolist(),
+            **dict(zip(QUANTILES, self.quantiles.tolist(), strict=True)),
             "count": [self.count],
         }
 

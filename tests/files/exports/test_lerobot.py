@@ -126,6 +126,9 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     assert stats["std"] == pytest.approx(every.std(axis=0), abs=1e-6)
     assert stats["mean"] == pytest.approx(every.mean(axis=0), abs=1e-6)
     assert stats["count"] == [12]
+    parts = [np.quantile(each.astype(np.float32), 0.99, axis=0) for each in actions]
+    assert about[1]["stats/action/q99"] == pytest.approx(parts[1], abs=1e-6)
+    assert stats["q99"] == pytest.approx(np.average(parts, axis=0, weights=[4, 5, 3]), abs=1e-6)
 
 
 def test_a_dataset_that_is_not_finished_is_not_there(tmp_path, parquet):  # noqa: ARG001
