@@ -46,7 +46,8 @@ class SmoothingOptions:
             and at which steps aim from beyond it.
         large_gain: Ratio of the second differences after a step to those before up to which it was
             a large gain, so that another one follows [-].
-        unchanged: Relative change of the second differences after which no step follows [-].
+        unchanged: Relative change of the second differences after which no step follows [-],
+        settled: where this share of the allowed rise is used [-].
     """
 
     encoder_step: float = 2.0 * math.pi / 4096.0
@@ -58,6 +59,7 @@ class SmoothingOptions:
     enough: float = 0.9
     large_gain: float = 0.5
     unchanged: float = 0.02
+    settled: float = 0.5
 
 
 OPTIONS = SmoothingOptions()
@@ -163,7 +165,7 @@ def _smoothest(problem: TrackingProblem, given: State, error: float, most: float
             factor *= min(max(used, OPTIONS.least_used) ** -0.5, OPTIONS.growth)
         else:
             factor *= max(OPTIONS.enough / used, OPTIONS.reduction) * now / before
-        if used <= 1.0 and 0.0 < abs(now / before - 1.0) < OPTIONS.unchanged:
+        if OPTIONS.settled < used <= 1.0 and abs(now / before - 1.0) < OPTIONS.unchanged:
             break
     logging.getLogger(__name__).debug(
         "smoothing: error %s of %s, second differences %s",
