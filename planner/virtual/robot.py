@@ -93,7 +93,7 @@ class VirtualRobot:
         made = np.arange(self._made, self._made + len(kept), dtype=np.float64)
         times = self.constants.request_period * made
         for k, row in enumerate(kept):
-            angles[k], sensed[k] = self._data.qpos, self._sense()
+            angles[k], sensed[k] = self._data.qpos, self.sense()
             for _ in range(self._periods):
                 self._advance(tuple(map(float, row)))
         self._made += len(kept)
@@ -102,8 +102,11 @@ class VirtualRobot:
         return Recording(times, asked, sensed, angles)
 
     def sense(self) -> Array:
-        """What the sensors say now [rad], shape (k,): before the next request is made."""
-        return self._sense()
+        """The angles now, in whole counts of the sensor and with its noise [rad], shape (k,)."""
+        count = self.constants.count
+        noise = self.constants.sensor_noise * self._random.standard_normal(self._model.nq)
+        sensed: Array = count * np.round((self._data.qpos + noise) / count)
+        return sensed
 
     def rest(self, seconds: float, angles: npt.ArrayLike) -> None:
         """Hold requests [rad], shape (k,), for so long [s]."""
@@ -125,16 +128,9 @@ class VirtualRobot:
         self._under_way.append(row)
         arrived = self._under_way.popleft()
         voltage = self._supply.voltage(sum(servo.drawn for servo in self._servos))
-        sensed, speeds = self._sense(), self._data.qvel
+        sensed, speeds = self.sense(), self._data.qvel
         for j, servo in enumerate(self._servos):
             servo.request = arrived[j]
             servo.control(float(sensed[j]))
             self._data.qfrc_applied[j] = servo.drive(voltage, float(speeds[j]))
         self._step(self._model, self._data)
-
-    def _sense(self) -> Array:
-        """The angles in whole counts of the sensor, with its noise [rad]."""
-        count = self.constants.count
-        noise = self.constants.sensor_noise * self._random.standard_normal(self._model.nq)
-        sensed: Array = count * np.round((self._data.qpos + noise) / count)
-        return sensed
