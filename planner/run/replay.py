@@ -1,25 +1,21 @@
-"""From settings and recordings to replays: models, one recording at a time, and what is said."""
+"""From settings and a recording to its replay, and what is said of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, PlannerError
-from planner.files.joint_model import ModelFile, read_model_file
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
-from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.error_norm import error_norm
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.model.joint import JointModel
-from planner.recorded_path import WHY, RecordedPath, check_length, is_gripper, recorded_path
+from planner.recorded_path import WHY, RecordedPath, check_length, recorded_path
 from planner.replaying import JointReplay, Replay, replay_at
 from planner.report.table import NOTHING, number, text_table
 from planner.retiming import Fastest, Measure, fastest_at
@@ -27,13 +23,10 @@ from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key
 from planner.run.load import with_load
+from planner.run.replay_models import JointModels, joint_models
 
 if TYPE_CHECKING:
     from kinematics import Leg
-
-MOST_IDENTIFIED = 10
-"""Recordings from which models are identified with ``--model from-log``: further ones of the same
-robot add little to what these determine, and time grows with each."""
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
 """By a log's unit: what people read, and how many of it one is."""
@@ -43,21 +36,6 @@ ROUNDING = 1e-9
 
 PASSED_ON = "recorded requests, re-timed"
 """What a joint gets that is not planned."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointModels:
-    """The models of a replay.
-
-    Attributes:
-        by_joint: The models; "" is that of every other joint.
-        words: Where they come from.
-        remarks: What the user should know about them.
-    """
-
-    by_joint: Mapping[str, JointModel]
-    words: str = ""
-    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +167,7 @@ def tasks_of(
     if len(recordings) == 1:  # of several, those that are too short or too long are left out
         first = ReplayTask(recording=recordings[0], models=models, replay=replay, rate=rate)
         first.check_length(first.recording.read())
-    models = _models(run.model, replay, recordings, progress)
+    models = joint_models(run.model, replay, recordings, progress)
     folder = str(Path.cwd()) if len(recordings) > 1 else ""  # workers of a cluster have another
     return tuple(
         ReplayTask(
@@ -450,97 +428,6 @@ def _check_tolerance(run: settings.Run, replay: settings.Replay) -> None:
         raise BadSetting(key, " has no effect without ", Key("replay.fastest", True))
     if replay.fastest and "speed" in replay.keys_set:
         raise BadSetting(Key("replay.speed"), " is what ", Key("replay.fastest", True), " finds")
-
-
-def _models(
-    model: settings.Model,
-    replay: settings.Replay,
-    recordings: Sequence[Recording],
-    progress: Callable[[str], None],
-) -> JointModels:
-    """The models that the settings name, or those of the recordings themselves."""
-    key = Key("model.file")
-    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
-        raise BadSetting(
-            key,
-            " is missing: name a file that `identify` wrote, or identify the joints from the "
-            "recording itself with ",
-            Key("model.file", settings.FROM_LOG),
-        )
-    if model.file == settings.FROM_URDF:
-        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
-    if model.file == settings.SHIPPED_MODEL:
-        words = f"model: {settings.SHIPPED_MODEL}, a joint of the Sony Aibo"
-        return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
-    if model.file == settings.FROM_LOG:
-        return _identified(replay, recordings, progress)
-    return _of_file(read_model_file(model.file))
-
-
-def _of_file(file: ModelFile) -> JointModels:
-    """The models of a file, with their errors."""
-    common = {} if file.common is None else {"": file.common}
-    return JointModels(by_joint={**common, **file.by_joint}, words=f"model: {file.path}")
-
-
-def _identified(
-    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
-) -> JointModels:
-    """Models of the joints from the recordings that are to be replayed.
-
-    Raises:
-        PlannerError: None can be identified.
-    """
-    used = recordings[:MOST_IDENTIFIED]
-    by_joint: dict[str, list[Log]] = {}
-    for log in _readable(used):
-        by_joint.setdefault(log.joint or "joint", []).append(log)
-    wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
-    models: dict[str, JointModel] = {}
-    remarks: list[str] = []
-    refusal: PlannerError = InvalidInput("no recording could be read")
-    for name in replay.joints or wanted:
-        if name not in by_joint:
-            continue
-        progress(f"identifying {name}")
-        try:
-            found = identify(by_joint[name])
-        except PlannerError as error:
-            remarks.append(f"{name}: no model: {error}")
-            refusal = error
-            continue
-        if not found.accepted:
-            remarks.append(f"{name}: its model does not fit the recording, and is not used")
-            refusal = InvalidInput(
-                "no model of any joint fits the recording; identify the joints from better logs"
-            )
-            continue
-        models[name] = found.model
-    if not models:
-        raise refusal
-    several = f"the first {len(used)} of {len(recordings)} recordings"
-    words = "the recording" if len(recordings) == 1 else several
-    if len(used) == len(recordings) > 1:
-        words = f"the {len(recordings)} recordings"
-    return JointModels(
-        by_joint=models,
-        words=f"models: identified from {words}",
-        remarks=tuple(remarks),
-    )
-
-
-def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
-    """The logs of the recordings that can be read; the others are reported when they are planned.
-
-    Raises:
-        PlannerError: There is only one, and it cannot.
-    """
-    for recording in recordings:
-        try:
-            yield from recording.read()
-        except PlannerError:
-            if len(recordings) == 1:
-                raise
 
 
 def _rate(recordings: Sequence[Recording]) -> float | None:

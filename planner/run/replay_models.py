@@ -1,0 +1,137 @@
+"""The models of a replay: those of a file, or identified from the recordings themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from planner.exceptions import InvalidInput, PlannerError
+from planner.files.joint_model import ModelFile, read_model_file
+from planner.files.logs.recordings import Recording
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.model.joint import JointModel
+from planner.recorded_path import is_gripper
+from planner.run import settings
+from planner.run.faults import BadSetting, Key
+
+MOST_IDENTIFIED = 10
+"""Recordings from which models are identified with ``--model from-log``: further ones of the same
+robot add little to what these determine, and time grows with each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointModels:
+    """The models of a replay.
+
+    Attributes:
+        by_joint: The models; "" is that of every other joint.
+        words: Where they come from.
+        remarks: What the user should know about them.
+    """
+
+    by_joint: Mapping[str, JointModel]
+    words: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def joint_models(
+    model: settings.Model,
+    replay: settings.Replay,
+    recordings: Sequence[Recording],
+    progress: Callable[[str], None],
+) -> JointModels:
+    """The models that the settings name, or those of the recordings themselves.
+
+    Args:
+        model: The settings.
+        replay: How to replay.
+        recordings: Where the recordings are.
+        progress: Called with what is being identified.
+
+    Raises:
+        BadSetting: No model is named.
+        InvalidInput: The models cannot be read, or none can be identified.
+    """
+    key = Key("model.file")
+    if model.file == settings.SHIPPED_MODEL and "file" not in model.keys_set:
+        raise BadSetting(
+            key,
+            " is missing: name a file that `identify` wrote, or identify the joints from the "
+            "recording itself with ",
+            Key("model.file", settings.FROM_LOG),
+        )
+    if model.file == settings.FROM_URDF:
+        raise BadSetting(Key("model.file", settings.FROM_URDF), " has no effect on a replay")
+    if model.file == settings.SHIPPED_MODEL:
+        words = f"model: {settings.SHIPPED_MODEL}, a joint of the Sony Aibo"
+        return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
+    if model.file == settings.FROM_LOG:
+        return _identified(replay, recordings, progress)
+    return _of_file(read_model_file(model.file))
+
+
+def _of_file(file: ModelFile) -> JointModels:
+    """The models of a file, with their errors."""
+    common = {} if file.common is None else {"": file.common}
+    return JointModels(by_joint={**common, **file.by_joint}, words=f"model: {file.path}")
+
+
+def _identified(
+    replay: settings.Replay, recordings: Sequence[Recording], progress: Callable[[str], None]
+) -> JointModels:
+    """Models of the joints from the recordings that are to be replayed.
+
+    Raises:
+        PlannerError: None can be identified.
+    """
+    used = recordings[:MOST_IDENTIFIED]
+    by_joint: dict[str, list[Log]] = {}
+    for log in _readable(used):
+        by_joint.setdefault(log.joint or "joint", []).append(log)
+    wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
+    models: dict[str, JointModel] = {}
+    remarks: list[str] = []
+    refusal: PlannerError = InvalidInput("no recording could be read")
+    for name in replay.joints or wanted:
+        if name not in by_joint:
+            continue
+        progress(f"identifying {name}")
+        try:
+            found = identify(by_joint[name])
+        except PlannerError as error:
+            remarks.append(f"{name}: no model: {error}")
+            refusal = error
+            continue
+        if not found.accepted:
+            remarks.append(f"{name}: its model does not fit the recording, and is not used")
+            refusal = InvalidInput(
+                "no model of any joint fits the recording; identify the joints from better logs"
+            )
+            continue
+        models[name] = found.model
+    if not models:
+        raise refusal
+    several = f"the first {len(used)} of {len(recordings)} recordings"
+    words = "the recording" if len(recordings) == 1 else several
+    if len(used) == len(recordings) > 1:
+        words = f"the {len(recordings)} recordings"
+    return JointModels(
+        by_joint=models,
+        words=f"models: identified from {words}",
+        remarks=tuple(remarks),
+    )
+
+
+def _readable(recordings: Sequence[Recording]) -> Iterator[Log]:
+    """The logs of the recordings that can be read; the others are reported when they are planned.
+
+    Raises:
+        PlannerError: There is only one, and it cannot.
+    """
+    for recording in recordings:
+        try:
+            yield from recording.read()
+        except PlannerError:
+            if len(recordings) == 1:
+                raise
