@@ -21,6 +21,9 @@ Array = npt.NDArray[np.float64]
 KNOWN = 0.2
 """Time ahead that a stream knows [s]."""
 
+LONGER = 0.3
+"""Time ahead by which one sees what more of the future is worth [s]."""
+
 ALPHA = 0.25
 """Share of the new value in exponential smoothing, as users set it."""
 
@@ -36,6 +39,9 @@ TICKS = 1000
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll")
 
 COLUMNS = ("direct", "EMA", "feed-forward", "shift", "stream", "whole plan", "stream over whole, %")
+
+MODELLED = (*COLUMNS, f"with {1e3 * LONGER:g} ms, %")
+"""Where the joint is its model."""
 
 EXPLAINED = (
     f"Root mean square of the error, mrad, from rest, with {1e3 * KNOWN:g} ms known ahead. EMA: "
@@ -85,10 +91,13 @@ def fed_forward(model: planner.JointModel, path: Array) -> Array:
 
 
 def streamed(
-    model: planner.JointModel, path: Array, measured: Callable[[Array], Array] | None = None
+    model: planner.JointModel,
+    path: Array,
+    measured: Callable[[Array], Array] | None = None,
+    known: float = KNOWN,
 ) -> Array:
     """The stream's requests; ``measured`` sends each and returns the next measured angle."""
-    preview = round(KNOWN / model.period)
+    preview = round(known / model.period)
     stream, sent, angle = planner.Stream(model, preview=preview), [], None
     for k in range(len(path)):
         requests = stream.step(path[k : k + preview], angle)
@@ -120,14 +129,17 @@ def modelled(table: Table, name: str, model: planner.JointModel, path: Array) ->
     def execute(requests: Array) -> Array:
         return planner.simulate(model, requests, cyclic=False, start=float(path[0]))
 
-    errors, whole = row(model, path, execute)
-    stream = rms(execute(streamed(model, path)) - path)
-    table.add(name, *compared(errors, stream, rms(execute(whole) - path)))
+    errors, requests = row(model, path, execute)
+    whole = rms(execute(requests) - path)
+    stream, longer = (
+        rms(execute(streamed(model, path, known=known)) - path) for known in (KNOWN, LONGER)
+    )
+    table.add(name, *compared(errors, stream, whole), 100.0 * (longer / whole - 1.0))
 
 
 def on_models() -> Table:
     """The reference walk, whose joints saturate, and slower ones, which they can follow."""
-    table = Table("Streams, walks on the model", COLUMNS, note=EXPLAINED, stub="joint")
+    table = Table("Streams, walks on the model", MODELLED, note=EXPLAINED, stub="joint")
     joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
     for share in (1.0, 0.5, 0.25):
         for name, angles in zip(("rotator", "abductor", "knee"), walk.desired.T, strict=True):
@@ -178,7 +190,7 @@ def on_recordings(folder: Path) -> list[Table]:
     """Recorded angles followed again, and recorded requests predicted from them."""
     followed = Table(
         "Streams, recorded angles of an SO-101 followed again",
-        COLUMNS,
+        MODELLED,
         note=EXPLAINED + f"{ROWS} rows of random way-points; the joints are models, identified "
         "from 2,000 rows of a pseudo-random binary sequence.",
         stub="joint",
