@@ -16,8 +16,9 @@ from planner.exceptions import InvalidFile, InvalidInput, InvalidModel
 from planner.files.table import nearest
 from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
-from planner.model.evidence import Evidence
+from planner.model.evidence import GAIN, Evidence
 from planner.model.joint import JointModel
+from planner.trajectory import Array
 from planner.validation import as_reals, shown
 
 FIELDS = tuple(each.name for each in fields(JointModel))
@@ -30,9 +31,27 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
         (0, 2),
         "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
     ),
-    "v_max_at_most": ((), "[rad/s] largest v_max that fits the logs"),
 }
-"""Keys beside the parameters, for the fields of Evidence: their shapes, and what they hold."""
+"""Keys beside the parameters, for the first fields of Evidence: shapes, and what they hold."""
+
+INTERVALS = {
+    f"{name}_interval": (name, unit)
+    for name, unit in {
+        **{each.name: each.metadata["unit"] for each in fields(JointModel)},
+        GAIN: "1/s",
+    }.items()
+    if name not in ("tick", "hold")
+}
+"""Keys of intervals: the parameter of each, and its unit."""
+
+CORRELATIONS = "correlations"
+"""Key of the correlations of the parameters that have intervals, in the order of these."""
+
+KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS)
+"""Every key of a model."""
+
+ROUNDING = 1e-9
+"""By this share of its size a parameter may be beyond its interval."""
 
 KINDS = ("a number, 0 or more", "two numbers", "pairs of numbers, 0 or more")
 """Such values in words, by the number of their axes."""
@@ -100,9 +119,10 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
         path: The file, as ``identify`` and :meth:`planner.JointModel.to_toml` write it.
 
     Returns:
-        The models by joint, with what they were tested on, where the file says it:
-        :attr:`planner.JointModel.evidence`. The model of all joints without a table of their own,
-        if there is one, stands under ``""``; :func:`planner.plan` takes the dict as it is.
+        The models by joint, with what they were tested on and the intervals of their parameters,
+        where the file says it: :attr:`planner.JointModel.evidence`. The model of all joints without
+        a table of their own, if there is one, stands under ``""``; :func:`planner.plan` takes the
+        dict as it is.
 
     Raises:
         InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
@@ -133,14 +153,12 @@ def read_model_file(path: Path | str) -> ModelFile:
         for key in keys:
             _check_key(file, key, table)
     by_joint = {
-        table: _model(path, {**common, **own}, f"table [{table}]: ").with_evidence(
-            _tested(path, own)  # a table that changes parameters is another model
-        )
+        # A table that changes parameters is another model: what is known of it stands in the table.
+        table: _model(path, {**common, **own}, own, f"table [{table}]: ")
         for table, own in tables.items()
     }
-    evidence = _tested(path, common)
     complete = not tables or all(key in common for key in REQUIRED)
-    model = _model(path, common, "").with_evidence(evidence) if complete else None
+    model = _model(path, common, common, "") if complete else None
     return ModelFile(path, model, by_joint)
 
 
@@ -179,6 +197,7 @@ def models_text(
             for key, value in zip(TESTED, seen, strict=False)
             if np.size(value) and np.isfinite(value).all()
         ]
+        lines += _interval_lines(model.evidence)
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
 
@@ -195,7 +214,24 @@ def _key(joint: str) -> str:
     return json.dumps(joint, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:
+def _interval_lines(evidence: Evidence | None) -> list[str]:
+    """The intervals of a model, and the correlations of its parameters."""
+    if evidence is None:
+        return []
+    lines = [
+        f"{name}_interval = [{least!r}, {most!r}]  # 95 %{' [1/s]' * (name == GAIN)}"
+        for name, (least, most) in evidence.intervals.items()
+    ]
+    if evidence.correlations:
+        matrix = json.dumps(evidence.correlations)
+        lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
+    return lines
+
+
+def _model(
+    path: Path | str, keys: Mapping[str, Any], known: Mapping[str, Any], place: str
+) -> JointModel:
+    """The model of these keys, with what some of them say that is known of it."""
     missing = [key for key in REQUIRED if key not in keys]
     if missing:
         raise InvalidFile(
@@ -203,30 +239,72 @@ def _model(path: Path | str, keys: Mapping[str, Any], place: str) -> JointModel:
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
     try:
-        return JointModel(**{key: value for key, value in keys.items() if key not in TESTED})
+        model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
+    try:
+        found = _tested(known) if "expected_error" in known else {}
+        found |= _intervals(known, model)
+    except InvalidInput as error:
+        raise InvalidFile(path, f"{place}{error}") from error
+    return model.with_evidence(Evidence(**found)) if found else model
 
 
-def _tested(path: Path | str, keys: Mapping[str, Any]) -> Evidence | None:
-    """What a model's keys say of its test; None where they say nothing of it."""
-    if "expected_error" not in keys:
-        return None
+def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """What a model's keys say of its test, as the fields of Evidence."""
     found: dict[str, Any] = {}
-    for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=True):
+    for (key, (shape, words)), name in zip(TESTED.items(), Evidence._fields, strict=False):
         if key not in keys:
             continue
-        try:
-            values = as_reals(keys[key])
-        except (TypeError, ValueError):
-            values = np.array(math.nan)
+        values = _reals(keys[key])
         fits = values.ndim == len(shape) and values.shape[-1:] == shape[-1:]
         if not fits or np.isnan(values).any() or (key != "tested_angles" and np.any(values < 0.0)):
-            raise InvalidFile(
-                path, f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}"
-            )
+            raise InvalidInput(f"{key}: got {keys[key]!r}, expected {KINDS[len(shape)]}: {words}")
         found[name] = _as_tuples(values.tolist())
-    return Evidence(**found)
+    return found
+
+
+def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
+    """What a model's keys say of where its parameters lie, as the fields of Evidence."""
+    given = [key for key in keys if key in INTERVALS]
+    both = [f"{name}_interval" for name in (GAIN, "theta_0")]
+    if set(both) <= set(given):
+        raise InvalidInput(
+            f"got {' and '.join(both)}, expected one of them: by v_max one follows from the other"
+        )
+    intervals = {}
+    for key in given:
+        name, unit = INTERVALS[key]
+        value = model.v_max / model.theta_0 if name == GAIN else getattr(model, name)
+        ends, rounding = _reals(keys[key]), ROUNDING * abs(value)
+        if ends.shape != (2,) or not ends[0] - rounding <= value <= ends[1] + rounding:
+            raise InvalidInput(
+                f"{key}: got {keys[key]!r}, expected least and largest value [{unit}], with "
+                f"{value:g}, that of the model, between them; inf or -inf where there is none"
+            )
+        intervals[name] = (float(ends[0]), float(ends[1]))
+    if CORRELATIONS not in keys:
+        return {"intervals": intervals} if intervals else {}
+    matrix = _reals(keys[CORRELATIONS])
+    if (
+        matrix.shape != (len(given), len(given))
+        or not np.all(np.abs(matrix) <= 1.0)
+        or not np.array_equal(matrix, matrix.T)
+        or not np.all(np.diag(matrix) == 1.0)
+    ):
+        raise InvalidInput(
+            f"{CORRELATIONS}: got {keys[CORRELATIONS]!r}, expected a symmetric matrix of numbers "
+            f"from -1 to 1, with 1 on its diagonal and a row for each of {', '.join(given) or 0}"
+        )
+    return {"intervals": intervals, "correlations": _as_tuples(matrix.tolist())}
+
+
+def _reals(given: Any) -> Array:
+    """Numbers of a file; NaN for anything else."""
+    try:
+        return as_reals(given)
+    except (TypeError, ValueError):
+        return np.array(math.nan)
 
 
 def _as_tuples(value: Any) -> Any:
@@ -234,11 +312,11 @@ def _as_tuples(value: Any) -> Any:
 
 
 def _check_key(file: Toml, key: str, table: str | None) -> None:
-    if key in FIELDS or key in TESTED:
+    if key in KNOWN:
         return
     place = f" in [{table}]" if table is not None else ""
     raise InvalidFile(
         file.path,
-        f"unknown key '{key}'{place}{nearest(key, FIELDS)}; keys: {', '.join(FIELDS)}",
+        f"unknown key '{key}'{place}{nearest(key, KNOWN)}; keys: {', '.join(FIELDS)}",
         line=file.line_of((key,) if table is None else (table, key)),
     )

@@ -25,7 +25,7 @@ from planner.identification.intervals import (
 )
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, unwrapped
-from planner.identification.parameters import PARAMETERS, TERMS, model_derivatives
+from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Identification, Interval, LogFit
 from planner.identification.robust_loss import rms
@@ -39,6 +39,9 @@ from planner.validation import as_flag
 
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain beside those at a mechanical stop."""
+
+CORRELATION_DIGITS = 4
+"""Decimals of correlations: a model file has a row of them for each parameter."""
 
 
 def identify(
@@ -131,6 +134,7 @@ def identify(
         intervals=intervals,
         gain_interval=bounds["gain"],
         covariance=_covariance(fit, bounds, uncertainty),
+        correlations=_correlations(fit, uncertainty),
         alternatives=_alternatives(simple, errors, held),
         warnings=(*verdict.warnings, *notes),
         accepted=verdict.word != "refused",
@@ -258,6 +262,22 @@ def _covariance(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertain
     covariance = change @ uncertainty.covariance[fitted] @ change.T
     covariance.setflags(write=False)
     return np.asarray(covariance)
+
+
+def _correlations(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
+    """Correlations of what was fitted of :data:`PARAMETERS`, the gain in the place of theta_0."""
+    change = model_derivatives(fit.grid, fit.parameters)
+    theta_0, gain = PARAMETERS.index("theta_0"), Parameters._fields.index("gain")
+    change[theta_0] = np.eye(len(change))[gain]
+    known = fit.free & np.isfinite(np.diag(uncertainty.covariance))
+    change = change[np.ix_(fit.free, known)]
+    covariance = change @ uncertainty.covariance[np.ix_(known, known)] @ change.T
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+    found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)
+    np.fill_diagonal(found, 1.0)
+    rounded = np.round((found + found.T) / 2.0, CORRELATION_DIGITS) + 0.0  # no -0.0
+    return tuple(map(tuple, rounded.tolist()))
 
 
 def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:

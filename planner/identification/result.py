@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.model.evidence import Evidence, Run, errors_by_acceleration
+from planner.model.evidence import GAIN, Evidence, Run, errors_by_acceleration
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
@@ -120,6 +120,8 @@ class Identification:
             saturates.
         covariance: Of the parameters in the order of ``intervals``, SI units, shape (p, p); None
             where one of them is not determined.
+        correlations: The same as correlations, v_max / theta_0 in the place of theta_0 and 0 where
+            they are not known, shape (p, p); empty where none is.
         alternatives: Simpler descriptions of the same rows.
         terms: What dry friction, asymmetry and load would bring, those that were tried.
         warnings: What to know before the model is used, in words.
@@ -146,6 +148,7 @@ class Identification:
     fastest: float = math.nan
     heaviest: float = 0.0
     verdict: str = "holds"
+    correlations: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the array, and let the model carry what it was tested on."""
@@ -159,7 +162,7 @@ class Identification:
 
     @property
     def tested(self) -> Evidence:
-        """What the model file says of errors to expect, and of the motion they were seen in."""
+        """What the model file says of errors to expect, the motion they were seen in, intervals."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
         return Evidence(
             self.expected_error,
@@ -169,7 +172,11 @@ class Identification:
             if len(angles)
             else (-math.inf, math.inf),
             errors_by_acceleration([run for fit in self.fits for run in _runs(fit)]),
-            self.intervals["v_max"].upper,
+            {
+                GAIN if name == "theta_0" else name: (interval.lower, interval.upper)
+                for name, interval in (self.intervals | {"theta_0": self.gain_interval}).items()
+            },
+            self.correlations,
         )
 
     @property

@@ -1,9 +1,9 @@
-"""What an identified model was tested on, and what it then says of the error on the robot."""
+"""What is known of a model: its test, the error on the robot that follows, and its intervals."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +34,12 @@ class EvidenceOptions:
 
 OPTIONS = EvidenceOptions()
 
+GAIN = "gain"
+"""v_max / theta_0 [1/s], of which logs tell more than of theta_0."""
+
+WITHOUT_ANGLES = ("lag", "acceleration_time", GAIN)
+"""Parameters that are the same in any unit of the angles."""
+
 
 OPEN_TOP_SPEED = (
     "the logs leave open how fast the joint can be, and v_max is the least that fits them"
@@ -42,30 +48,36 @@ OPEN_TOP_SPEED = (
 
 
 class Evidence(NamedTuple):
-    """How far off an identified model was, and on what it was tested.
+    """How far off a model was, on what it was tested, and where its parameters lie.
 
     Attributes:
-        error: Root mean square error on rows that were not fitted [rad].
+        error: Root mean square error on rows that were not fitted [rad]; NaN where it was not
+            tested.
         speed: Fastest tested motion [rad/s]; infinite where that is not known.
         load: Largest tested torque [N m]; 0 where none is known.
         angles: Least and largest tested angle [rad]; infinite where they are not known.
         by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
             root mean square error of such motion [rad]; empty where that is not known. The last
             pair is that of the most accelerated part of the logs.
-        top_speed: Largest v_max that fits the logs [rad/s]; infinite where any larger one does.
+        intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
+            names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
+            stands in the place of theta_0.
+        correlations: Of the parameters in the order of ``intervals``, shape (p, p); empty where
+            they are independent.
     """
 
-    error: float
+    error: float = math.nan
     speed: float = math.inf
     load: float = 0.0
     angles: tuple[float, float] = (-math.inf, math.inf)
     by_acceleration: tuple[tuple[float, float], ...] = ()
-    top_speed: float = math.inf
+    intervals: Mapping[str, tuple[float, float]] = {}
+    correlations: tuple[tuple[float, ...], ...] = ()
 
     @property
     def leaves_top_speed_open(self) -> bool:
         """Whether v_max is only a lower bound: the logs do not show how fast the joint can be."""
-        return not math.isfinite(self.top_speed)
+        return not math.isfinite(self.intervals.get("v_max", (0.0, math.inf))[1])
 
     def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
@@ -123,13 +135,18 @@ class Evidence(NamedTuple):
         """The same of angles in a unit that is this many times as small."""
         low, high = self.angles
         pairs = tuple((factor * size, factor * error) for size, error in self.by_acceleration)
+        intervals = {
+            name: (least, most) if name in WITHOUT_ANGLES else (factor * least, factor * most)
+            for name, (least, most) in self.intervals.items()
+        }
         return Evidence(
             factor * self.error,
             factor * self.speed,
             self.load,
             (factor * low, factor * high),
             pairs,
-            factor * self.top_speed,
+            intervals,
+            self.correlations,
         )
 
 
@@ -165,7 +182,7 @@ def expectation(
         cyclic: Whether the plan repeats.
         load: Torque on the joint [N m], shape (n,); None for none.
     """
-    if evidence is None:
+    if evidence is None or math.isnan(evidence.error):
         return Expectation(math.nan, ())
     torque = 0.0 if load is None else load
     error = evidence.error_of(predicted, period=period, cyclic=cyclic)

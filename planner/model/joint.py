@@ -215,7 +215,7 @@ class JointModel:
 
     @property
     def evidence(self) -> Evidence | None:
-        """How far off the identified model was, and on what it was tested; None where unknown.
+        """How far off the model was, its test, and its intervals; None where unknown.
 
         It is no parameter: equal models may have different evidence, and a copy with other
         parameters (``dataclasses.replace``) has none.

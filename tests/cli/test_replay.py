@@ -422,13 +422,13 @@ def test_the_fastest_replay_says_what_is_possible_and_what_is_not(run, demo, mod
     assert content["joints"]["elbow"]["planned"]["max_deg"] <= 2.0
     assert 1.0 < found["speed"] < found["impossible"]["speed"]
     assert found["impossible"]["lower_bound_deg"] > 2.0
-    assert found["impossible"]["of_model_only"], "the file does not say v_max_at_most"
+    assert found["impossible"]["of_model_only"], "the file has no v_max_interval"
     assert set(found["errors_by_speed"][0]) == {
         *("speed", "direct_max_deg", "shifted_max_deg", "planned_max_deg", "bound_max_deg")
     }
 
 
-@pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_at_most = 4.1\n", 0)])
+@pytest.mark.parametrize(("known", "said"), [("", 1), ("v_max_interval = [3.9, 4.1]\n", 0)])
 def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
     known, said, run, demo, model
 ):

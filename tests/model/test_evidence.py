@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.model.evidence import Evidence, Run, errors_by_acceleration
+from planner.model.evidence import Evidence, Run, errors_by_acceleration, expectation
 from planner.model.joint import JointModel
 
 SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
@@ -85,6 +85,20 @@ def test_a_model_carries_its_evidence_until_a_parameter_changes():
     assert model.requested_every(0.02).evidence == SEEN
     assert replace(model, lag=0.02).evidence is None
     assert JointModel.ers210a().evidence is None
+
+
+def test_a_model_that_was_not_tested_promises_nothing_whatever_its_intervals():
+    untested = Evidence(intervals={"v_max": (5.0, 6.0)})
+    told = expectation(untested, PHASE, PHASE, period=0.01, cyclic=False, load=np.ones(200))
+    assert np.isnan(told.error)
+    assert told.untested == ()
+
+
+def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
+    intervals = {"v_max": (1.0, np.inf), "gain": (30.0, 40.0), "lag": (0.02, 0.03)}
+    scaled = SEEN._replace(intervals=intervals, correlations=((1.0,),)).scaled(100.0)
+    assert scaled.intervals == intervals | {"v_max": (100.0, np.inf)}
+    assert scaled.correlations == ((1.0,),)
 
 
 def test_evidence_in_another_unit_is_scaled():

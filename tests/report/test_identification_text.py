@@ -158,6 +158,63 @@ def test_a_model_file_says_how_far_off_the_model_was_and_in_which_motion(tmp_pat
             read_model_file(file)
 
 
+HAND_WRITTEN = """
+v_max = 5.0
+theta_0 = 0.1
+lag = 0.03
+acceleration_time = 0.05
+v_max_interval = [4.5, 5.5]
+theta_0_interval = [0.09, 0.1]
+lag_interval = [0.02, inf]
+correlations = [[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1.0]]
+
+[knee]
+v_max = 4.0
+"""
+
+
+def test_intervals_of_a_model_file_are_read_and_written_again_to_the_last_digit(tmp_path):
+    file = tmp_path / "joint.toml"
+    file.write_text(HAND_WRITTEN)
+    model, knee = read_model_file(file).for_joints(["hip", "knee"])
+    ends = {"v_max": (4.5, 5.5), "theta_0": (0.09, 0.1), "lag": (0.02, math.inf)}
+    assert model.evidence == Evidence(
+        intervals=ends, correlations=((1.0, 0.9, 0.0), (0.9, 1.0, 0.0), (0.0, 0.0, 1.0))
+    )
+    assert knee.evidence is None
+    model.to_toml(file)
+    again = JointModel.from_toml(file)
+    assert (again, again.evidence) == (model, model.evidence)
+    identified = made_up().model
+    identified.to_toml(file)
+    known, read = identified.evidence, JointModel.from_toml(file).evidence
+    assert (read.intervals, read.correlations) == (known.intervals, known.correlations)
+    assert set(known.intervals) == {*made_up().intervals} - {"theta_0"} | {"gain"}
+
+
+@pytest.mark.parametrize(
+    ("written", "wrong", "said"),
+    [
+        ("[4.5, 5.5]", "[5.1, 5.5]", r"v_max_interval: got \[5.1, 5.5\], .* \[rad/s\], with 5,"),
+        ("[4.5, 5.5]", "[5.5, 4.5]", "v_max_interval: got .*, expected least and largest value"),
+        ("[4.5, 5.5]", "5.0", "v_max_interval: got 5.0"),
+        ("[4.5, 5.5]", '["fast", 5.5]', "v_max_interval: got "),
+        ("[4.5, 5.5]", "[nan, 5.5]", "v_max_interval: got "),
+        ("0.9, 0.0]", "0.8, 0.0]", "correlations: got .*expected a symmetric matrix"),
+        ("[1.0, 0.9, 0.0]", "[2.0, 0.9, 0.0]", "from -1 to 1, with 1 on its diagonal"),
+        (", [0.0, 0.0, 1.0]", "", "a row for each of v_max_interval, theta_0_interval, lag_"),
+        ("lag_interval", "gain_interval = [40, 60]\nlag_interval", "expected one of them"),
+        ("lag_interval", "lag_intervall", "'lag_intervall' .did you mean 'lag_interval'"),
+    ],
+)
+def test_intervals_that_cannot_be_meant_are_refused(tmp_path, written, wrong, said):
+    assert written in HAND_WRITTEN
+    file = tmp_path / "joint.toml"
+    file.write_text(HAND_WRITTEN.replace(written, wrong, 1))
+    with pytest.raises(InvalidFile, match=said):
+        read_model_file(file)
+
+
 def test_a_model_file_without_the_details_of_its_test_is_read(tmp_path):
     file = tmp_path / "joint.toml"
     file.write_text(models_text({"": JointModel.ers210a()}) + "expected_error = 0.01\n")
