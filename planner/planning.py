@@ -19,7 +19,7 @@ from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion, Method
-from planner.inversion.robust import ModelOrModels, checked_models
+from planner.inversion.robust import ModelOrModels, Robust, checked_models
 from planner.model.joint import JointModel
 from planner.model.load import checked_load
 from planner.robot.schedule import as_rows
@@ -102,15 +102,8 @@ class Plan:
 
     def under(self, torques: Array) -> Self:
         """The same requests under the load of a pose [N m], shape (n, k)."""
-        inversions = tuple(
-            replace(
-                each,
-                load=checked_load(column, each.model, len(column)),
-                load_of_pose=each.model.feels_load,
-            )
-            for each, column in zip(self.inversions, torques.T, strict=True)
-        )
-        return replace(self, inversions=inversions)
+        pairs = zip(self.inversions, torques.T, strict=True)
+        return replace(self, inversions=tuple(_under(each, column) for each, column in pairs))
 
     def save(self, path: Path | str) -> None:
         """Write the requests as CSV: ``t_s`` [s] and one ``<joint>_deg`` column per joint.
@@ -137,6 +130,7 @@ def plan(
     load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
     max_step: npt.ArrayLike | Mapping[str, float] | None = None,
     smoothness: float | None = None,
+    robust: Robust | None = None,
     method: Method = "optimal",
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
@@ -171,12 +165,14 @@ def plan(
             by joint: see :func:`planner.invert_optimal`. Only with method "optimal".
         smoothness: Relative rise of the error that smoother requests may cost, as there; by default
             0.005. Only with method "optimal".
+        robust: "mean" or "worst": which error over the models that each joint may have counts, as
+            there; a single model needs intervals, from which others are drawn. Only with method
+            "optimal".
         method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
             :func:`planner.invert_closed_form`.
         progress: Called with the name of each joint before it is planned.
-        **options: What the function of the method takes beyond these: ``norm``, ``tolerance``,
-            ``solver`` and ``robust`` of the one, ``segments``, ``rule`` and ``refine`` of the
-            other.
+        **options: What the function of the method takes beyond these: ``norm``, ``tolerance``
+            and ``solver`` of the one, ``segments``, ``rule`` and ``refine`` of the other.
 
     Returns:
         The plan.
@@ -204,7 +200,7 @@ def plan(
     rows = as_rows(desired, name="desired")
     count = rows.shape[1]
     names = _names(names, models, count)
-    several = _of_joints(models, names)
+    several = _of_joints(models, names, robust)
     first = [each[0] for each in several]
     each = model_of_each(first, count, given_as="models", joints=_JOINTS)
     if callable(load):
@@ -218,6 +214,7 @@ def plan(
             start=start,
             max_step=max_step,
             smoothness=smoothness,
+            robust=robust,
             method=method,
             progress=progress,
             **options,
@@ -225,13 +222,14 @@ def plan(
         return settled(lambda torques: again(load=torques), load, rows)
     ranges, starts = _ranges(limits, names), _of_each("start", start, names)
     loads, steps = _loads(load, rows.shape, names), _of_each("max_step", max_step, names)
-    only = {"limits": limits, "start": start, "max_step": max_step, "smoothness": smoothness}
-    if method == "closed_form" and any(len(models_of_joint) > 1 for models_of_joint in several):
-        raise InvalidInput("models: got several of a joint, which need method 'optimal'")
+    only = {"limits": limits, "start": start, "max_step": max_step}
+    only |= {"smoothness": smoothness, "robust": robust}
     if method == "closed_form" and (strange := [k for k, v in only.items() if v is not None]):
         raise InvalidInput(
             f"{', '.join(strange)}: without effect with method 'closed_form'; leave it out"
         )
+    if method == "closed_form" and any(len(models_of_joint) > 1 for models_of_joint in several):
+        raise InvalidInput("models: got several of a joint, which need method 'optimal'")
     inversions = []
     for j, name in enumerate(names):
         progress(name)
@@ -250,6 +248,7 @@ def plan(
                     load=loads.get(name),
                     max_step=steps.get(name),
                     smoothness=smoothness,
+                    robust=robust,
                     **options,
                 )
         except PlannerError as error:
@@ -260,6 +259,16 @@ def plan(
 
 
 _JOINTS = "columns of desired"
+
+
+def _under(plan: Inversion, torques: Array) -> Inversion:
+    """The same requests under the load of a pose [N m], shape (n,)."""
+    return replace(
+        plan,
+        load=checked_load(torques, plan.model, len(torques)),
+        load_of_pose=plan.model.feels_load,
+        nominal=plan.nominal and _under(plan.nominal, torques),
+    )
 
 
 def _columns(arrays: Sequence[Array]) -> Array:
@@ -289,7 +298,9 @@ def _names(names: Sequence[str] | None, models: object, count: int) -> tuple[str
     return tuple(f"joint_{j + 1}" for j in range(count))
 
 
-def _of_joints(models: Models, names: Sequence[str]) -> list[tuple[JointModel, ...]]:
+def _of_joints(
+    models: Models, names: Sequence[str], robust: Robust | None
+) -> list[tuple[JointModel, ...]]:
     """The models that each joint may have, in the order of the joints."""
     if isinstance(models, Mapping):
         if missing := [name for name in names if name not in models and "" not in models]:
@@ -310,7 +321,7 @@ def _of_joints(models: Models, names: Sequence[str]) -> list[tuple[JointModel, .
         fits = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
         if len(given) != len(names) or not fits:
             model_of_each(models, len(names), given_as="models", joints=_JOINTS)  # type: ignore[arg-type]
-    return [checked_models(each) for each in given]
+    return [checked_models(each, robust) for each in given]
 
 
 def _ranges(limits: Limits | None, names: Sequence[str]) -> Mapping[str, tuple[float, float]]:

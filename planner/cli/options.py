@@ -193,6 +193,7 @@ SETTINGS = {
         _setting("plan.max_step_deg", "--max-step-deg", metavar="DEG"),
         _setting("plan.max_request_speed_deg_s", "--max-request-speed-deg-s", metavar="DEG/S"),
         _setting("plan.smoothness", "--smoothness", metavar="SHARE"),
+        _setting("plan.robust", "--robust"),
         _setting(
             "plan.weights",
             "--weights",

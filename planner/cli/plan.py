@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     "plan.max_step_deg",
     "plan.max_request_speed_deg_s",
     "plan.smoothness",
+    "plan.robust",
     "limits",
     "tolerance.deg",
     "tolerance.cm",
@@ -57,12 +58,17 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
         request-planner plan foot.csv --leg front-left --max-request-speed-deg-s 500 -o requests.csv
 
     \b
+    Example, requests that are good for every model that the intervals of an identified one allow:
+        request-planner plan path.csv --model joint.toml --robust worst -o requests.csv
+
+    \b
     Example, a second opinion on the first of them:
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
     from planner.files.text import write_text
     from planner.run.pages import plan_report
-    from planner.run.plan import document, misses, summary
+    from planner.run.plan import misses
+    from planner.run.plan_answer import document, summary
     from planner.run.run import prepare
 
     prepared = prepare(run)

@@ -85,7 +85,7 @@ def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.files.staging import output_folder
     from planner.run.outputs import write_run
-    from planner.run.plan import summary
+    from planner.run.plan_answer import summary
     from planner.run.run import speaking_of
 
     settings, names = ready.settings, ready.prepared.desired.names

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.evaluation.metrics import RequestMotion, request_motion
+from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate_joints
@@ -38,6 +39,10 @@ class PlanOutcome:
         foot_gap: How far the plan is above that.
         loads: Torques on the joints for which the requests are [N m], shape (n, k); None for none.
         no_bound: Why there is no lower bound; None where there is one.
+        robust: Which error over the models that joints may have was minimised, "mean" or "worst";
+            None where only that of the nominal models was.
+        over_models: With it, errors over these models of each joint, under its robust plan and
+            under the plan for its nominal model.
     """
 
     names: tuple[str, ...]
@@ -56,6 +61,8 @@ class PlanOutcome:
     foot_gap: float | None = None
     loads: Array | None = None
     no_bound: str | None = None
+    robust: str | None = None
+    over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]] = field(default_factory=dict)
 
     @cached_property
     def expected(self) -> tuple[Expectation, ...]:

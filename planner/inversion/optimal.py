@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 
 import numpy as np
@@ -34,7 +34,6 @@ from planner.inversion.reversals import without_small_reversals
 from planner.inversion.robust import (
     ModelOrModels,
     Robust,
-    check_robust,
     checked_models,
     robust_requests,
 )
@@ -86,7 +85,7 @@ def invert_optimal(
     load: npt.ArrayLike | None = None,
     max_step: float | None = None,
     smoothness: float | None = None,
-    robust: Robust = "mean",
+    robust: Robust | None = None,
 ) -> Inversion:
     """Requests of least tracking error, by a local search over requests and angles.
 
@@ -103,8 +102,8 @@ def invert_optimal(
 
     Args:
         model: The joint. Or several models that it may have, the nominal one first, or the answer
-            of :func:`planner.identify`, from whose covariance or intervals eight are drawn beside
-            its own, always the same ones: the requests are then good for all of them.
+            of :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
+            the same ones: the requests are then good for all of them.
         desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
@@ -121,19 +120,22 @@ def invert_optimal(
         smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
             for none. Errors are those that an encoder of 12 bits would measure: where they are far
             below its noise of 0.025 degrees, the error may rise by up to 0.0025 degrees.
-        robust: With several models: "mean" to minimise the root mean square of their errors,
-            "worst" for the largest of them.
+        robust: "mean" to minimise the root mean square of the errors of several models, the default
+            for them, "worst" for the largest of them. With one model eight others are drawn from
+            the intervals that its file has.
 
     Returns:
         The plan; its bound and gap say how much better any other could be. The bound does not know
         of ``limits`` and ``max_step``: it holds with them, but the gap then includes their cost.
-        Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors.
+        Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors,
+        ``nominal`` the plan for the nominal model alone.
 
     Raises:
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
         InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle is
             given a ``start``, the load does not fit the samples or the joint, ``max_step`` is not
-            above 0 or ``smoothness`` below it.
+            above 0, ``smoothness`` below it, or a model without intervals is to be planned for
+            robustly.
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found that lead to a steady cycle, or CasADi's solver
             stopped without an answer.
@@ -145,9 +147,8 @@ def invert_optimal(
         >>> f"{np.degrees(made.rms):.1f} deg rms, {np.degrees(made.lower_bound):.1f} at best"
         '10.4 deg rms, 10.2 at best'
     """
-    models = checked_models(model)
+    models = checked_models(model, robust)
     model = models[0]
-    check_robust(robust)
     check_norm(norm)
     check_solver(solver)
     tolerance = checked_tolerance(tolerance)
@@ -176,21 +177,15 @@ def invert_optimal(
         load=torques,
     )
     guess = initial_guess(problem)
-    own = share if len(models) == 1 else 0.0
     if solver == "gauss-newton":
-        column = search(problem, guess, smoothness=own)
+        column = search(problem, guess, smoothness=share)
     else:
         column = transcribed_requests(problem, guess, solver=solver)
-        column = smoothed(problem, column, smoothness=own)
-    if len(models) > 1:
-        loads = [checked_load(load, each, len(desired)) for each in models]
-        column = robust_requests(problem, models, loads, column, robust=robust, smoothness=share)
-    best = column[:, 0].copy()
-    best.setflags(write=False)
-    return Inversion(
+        column = smoothed(problem, column, smoothness=share)
+    alone = Inversion(
         model=model,
         desired=desired,
-        requests=best,
+        requests=_only(column),
         method="optimal",
         solver=solver,
         cyclic=cyclic,
@@ -199,11 +194,28 @@ def invert_optimal(
         start=start,
         max_step=None if math.isinf(step) else step,
         smoothness=share,
-        models=models if len(models) > 1 else (),
-        robust=robust if len(models) > 1 else None,
         tolerance=tolerance,
         load=torques,
     )
+    if len(models) == 1:
+        return alone
+    robust = robust or "mean"
+    loads = [checked_load(load, each, len(desired)) for each in models]
+    column = robust_requests(problem, models, loads, column, robust=robust, smoothness=share)
+    return replace(
+        alone,
+        requests=_only(column),
+        models=models,
+        robust=robust,
+        nominal=replace(alone, models=models),
+    )
+
+
+def _only(column: Array) -> Array:
+    """The requests of one joint, (n,), from those of shape (n, 1)."""
+    requests: Array = column[:, 0].copy()
+    requests.setflags(write=False)
+    return requests
 
 
 def search(problem: TrackingProblem, guess: State, *, smoothness: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,20 @@ from planner.model.response import simulate
 from planner.trajectory import Array
 
 Method = Literal["closed_form", "optimal"]
+
+
+class ErrorsOfModels(NamedTuple):
+    """Errors of a plan over the models that a joint may have, in the plan's norm [rad].
+
+    Attributes:
+        nominal: That of the nominal model.
+        mean: Root mean square over all models.
+        worst: The largest.
+    """
+
+    nominal: float
+    mean: float
+    worst: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,8 +53,10 @@ class Inversion:
         limits: Smallest and largest request allowed [rad]; None where there was no limit.
         max_step: Largest change allowed from one request to the next [rad]; None for any.
         smoothness: Relative rise of the error that smoother requests were allowed to cost [-].
-        models: All models for which the requests are, the nominal one first; () for that alone.
-        robust: Whether the "mean" or the "worst" of their errors was minimised; None for one model.
+        models: All models that are judged, the nominal one first; () for that alone.
+        robust: Whether the "mean" or the "worst" of their errors was minimised; None where only
+            that of the nominal model was.
+        nominal: With several models: the plan for the nominal one alone, to compare with.
         start: From rest: angle at which the joint rests before the first request [rad].
         approximation: The piecewise linear trajectory behind a closed form, else None.
         tolerance: Error that was asked for, in the plan's norm [rad]; None where none was.
@@ -65,6 +81,7 @@ class Inversion:
     smoothness: float = 0.0
     models: tuple[JointModel, ...] = ()
     robust: Literal["mean", "worst"] | None = None
+    nominal: Inversion | None = None
     start: float | None = None
     approximation: PiecewiseLinear | None = None
     tolerance: float | None = None
@@ -134,6 +151,12 @@ class Inversion:
     def worst_error(self) -> float:
         """The largest of them [rad]."""
         return float(np.max(self.errors_of_models))
+
+    @property
+    def over_models(self) -> ErrorsOfModels:
+        """The nominal, the mean and the worst of them [rad]."""
+        mean = error_norm(self.errors_of_models, "rms")
+        return ErrorsOfModels(self.error, mean, self.worst_error)
 
     @cached_property
     def lower_bound(self) -> float:

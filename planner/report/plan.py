@@ -91,6 +91,7 @@ def plan_page(
     joints = {
         "outcome": outcome,
         "table": joints_table(outcome),
+        "over_models": models_errors_table(outcome) if outcome.over_models else None,
         "known": any(expected_errors(outcome)),
         "joints": [joint_figure(outcome, role, j) for j in range(len(outcome.names))],
     }
@@ -132,7 +133,11 @@ JOINTS = """
 {% elif outcome.bounds %}No requests bring the {{ outcome.norm }} error below the lower bound.
 {% else %}The plan is for the foot: single joints may have errors that compensate for one
   another.{% endif %}</p>
-{{ hints }}
+{% if over_models %}{{ over_models }}
+<p class="note">Errors ({{ outcome.norm }}) over the nominal model and others drawn from the
+intervals of its parameters; the mean is a root mean square. The robust plan makes the
+{{ outcome.robust }} error small.</p>
+{% endif %}{{ hints }}
 {{ figures(joints) }}
 """
 
@@ -379,6 +384,20 @@ def joints_table(outcome: PlanOutcome) -> Table:
         ]
         rows.append(Row(row.name, tuple(cells)))
     return Table("joint", tuple(columns), tuple(rows), label="Joints")
+
+
+def models_errors_table(outcome: PlanOutcome) -> Table:
+    """Errors of the robust plan over the models that joints may have, beside the nominal plan's."""
+    parts = ("nominal", "mean", "worst")
+    columns = (
+        Column("robust plan [deg]", parts),
+        Column("plan for the nominal model [deg]", parts),
+    )
+    rows = (
+        Row(name, tuple(tuple(f"{e:.3f}" for e in np.degrees(errors)) for errors in plans))
+        for name, plans in outcome.over_models.items()
+    )
+    return Table("joint", columns, tuple(rows), label="Errors over the models")
 
 
 def _limits(lower: float, upper: float) -> str:

@@ -17,7 +17,8 @@ from planner.robot.schedule import Schedule
 from planner.run.comparison import comparison_of, write_picture
 from planner.run.export import rows_document, rows_of, rows_summary, write_rows
 from planner.run.pages import plan_report
-from planner.run.plan import document, misses
+from planner.run.plan import misses
+from planner.run.plan_answer import document
 from planner.run.schema import flat
 
 if TYPE_CHECKING:

@@ -66,6 +66,12 @@ def plan_report(
         foot_bound=answer.foot_bound,
         foot_gap=together.gap if together and answer.foot_bound else None,
         loads=answer.loads,
+        robust=run.plan.robust,
+        over_models={
+            name: (each.over_models, each.nominal.over_models)
+            for name, each in answer.inversions.items()
+            if each.nominal
+        },
     )
     return plan_page(
         outcome,
@@ -131,6 +137,7 @@ def _origins(prepared: Prepared, leg: Leg | None) -> list[tuple[str, str]]:
         "largest step [deg]": run.plan.max_step_deg,
         "largest request speed [deg/s]": run.plan.max_request_speed_deg_s,
         "smoothness": run.plan.smoothness,
+        "robust": run.plan.robust,
         "lock": _positions(run.leg.lock) + _positions(run.leg.lock_m, "m"),
         "near": _positions(run.leg.near),
     }

@@ -15,10 +15,10 @@ from planner.exceptions import ANGLE_UNIT
 from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
-from planner.model.evidence import Expectation, expectation, untested_words
+from planner.inversion.robust import has_intervals
+from planner.model.evidence import Expectation, expectation
 from planner.model.load import load_columns
 from planner.planning import plan
-from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
 from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
@@ -40,10 +40,10 @@ NO_BOUND = "a load that depends on the pose: other requests would meet another l
 IGNORED = {
     "closed-form": (
         *("norm", "solver", "weights", "start"),
-        *("max_step_deg", "max_request_speed_deg_s", "smoothness"),
+        *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
     ),
     "optimal": ("segments", "rule", "weights"),
-    "foot-optimal": ("segments", "rule", "solver", "start"),
+    "foot-optimal": ("segments", "rule", "solver", "start", "robust"),
 }
 """Settings that have no effect on a method, and that are therefore refused."""
 
@@ -141,6 +141,7 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
             raise BadSetting(key, " has no effect with ", method)
     if given.method == "foot-optimal" and desired.foot is None:
         raise BadSetting(method, " plans for a foot path: it needs columns x_m, y_m, z_m and a leg")
+    _check_intervals(run, desired)
     degrees, centimetres = Key("tolerance.deg"), Key("tolerance.cm")
     if run.tolerance.deg is not None and given.method == "foot-optimal":
         raise BadSetting(
@@ -148,6 +149,24 @@ def check_settings(run: settings.Run, desired: Desired) -> None:
         )
     if run.tolerance.cm is not None and desired.foot is None:
         raise BadSetting(centimetres, " is for a foot path: use ", degrees)
+
+
+def _check_intervals(run: settings.Run, desired: Desired) -> None:
+    """Refuse to plan for models that no interval tells.
+
+    Raises:
+        BadSetting: A joint's model has no intervals.
+    """
+    if run.plan.robust is None:
+        return
+    pairs = zip(desired.names, desired.models, strict=True)
+    if without := [name for name, model in pairs if not has_intervals(model)]:
+        raise BadSetting(
+            Key("plan.robust", run.plan.robust),
+            f" draws models from intervals, and the model of {', '.join(without)} has none "
+            f"({model_words(run.model)}); identify the joint, which writes them, or add to its "
+            "model file what you know, such as v_max_interval = [5.2, 5.7] beside v_max",
+        )
 
 
 def answer_of(
@@ -234,98 +253,6 @@ def misses(run: settings.Run, answer: Answer) -> list[str]:
     return found
 
 
-def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, Any]:
-    """The plan for machines; what a plan for the foot does not have is null."""
-    desired, together, loads = answer.desired, answer.together, answer.loads
-    joints = {}
-    for j, name in enumerate(desired.names):
-        inversion, unit = answer.inversions.get(name), desired.unit(j)
-        joints[name] = {
-            **_errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), unit),
-            "norm": inversion and inversion.norm,
-            "solver": inversion and inversion.solver,
-            f"expected_rms_{unit}": _degrees_or_null(answer.expected[j].error),
-            "untested": list(answer.expected[j].untested),
-            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
-            "gap": inversion and inversion.gap,
-            **_motion(answer.motions[name], unit),
-            f"requests_{unit}": np.degrees(answer.requests[:, j]).tolist(),
-            f"predicted_{unit}": np.degrees(answer.predicted[:, j]).tolist(),
-            **({} if loads is None else {"load_Nm": loads[:, j].tolist()}),
-        }
-    foot = None
-    if desired.foot is not None:
-        bound = answer.foot_bound
-        foot = {
-            **_errors(100.0 * answer.foot_distances, "cm"),
-            "norm": together and together.norm,
-            "lower_bound_cm": None if bound is None else 100.0 * bound,
-            "gap": None if bound is None else together and together.gap,
-            "predicted_m": answer.foot_positions.tolist(),
-        }
-    step = max_step_of(run.plan, desired.period)
-    asked = run.tolerance.deg is not None or run.tolerance.cm is not None
-    return {
-        "method": run.plan.method,
-        "cyclic": desired.cyclic,
-        "period_s": desired.period,
-        "max_step_deg": None if step is None else math.degrees(step),
-        "unreachable_samples": desired.unreachable,
-        "lower_bound_withdrawn": answer.bound_withdrawn,
-        "joints": joints,
-        "foot": foot,
-        "within_tolerance": not missed if asked else None,
-    }
-
-
-def summary(run: settings.Run, answer: Answer) -> str:
-    """The plan for people."""
-    desired, rows = answer.desired, []
-    known = any(np.isfinite(each.error) for each in answer.expected)
-    text = (
-        f"{len(answer.requests)} requests, one every {1e3 * desired.period:g} ms; "
-        f"{model_words(run.model)}\n"
-    )
-    for j, name in enumerate(desired.names):
-        errors = _errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), "deg")
-        bounded = [NOTHING, NOTHING]
-        if name in answer.inversions and not answer.bound_withdrawn:
-            inversion = answer.inversions[name]
-            bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        shown = name if desired.unit(j) == "deg" else f"{name} [% of its range]"
-        expected = np.degrees(answer.expected[j].error)
-        robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
-        rows.append([shown, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
-    robot = ["on the robot"] * known
-    text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
-    text += "\n" + text_table(
-        [
-            "requests",
-            "largest step [deg]",
-            "reversals/s",
-            "length [deg]",
-            "desired",
-            "beyond [deg]",
-        ],
-        [_motion_cells(name, each) for name, each in answer.motions.items()],
-    )
-    if desired.foot is not None:
-        rms, largest = _errors(100.0 * answer.foot_distances, "cm").values()
-        text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
-        text += _bounded_foot(answer)
-    if known:
-        text += "\non the robot: rms error to expect, by what the models were tested on"
-    if words := untested_words(desired.names, answer.expected):
-        text += f"\n{words}"
-    if answer.bound_withdrawn:
-        text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
-    if max_step_of(run.plan, desired.period) is not None:
-        text += "\nlower bounds are for requests with steps of any size"
-    if desired.unreachable:
-        text += f"\n{desired.unreachable} samples were out of the leg's reach"
-    return text
-
-
 def _for_the_foot(
     given: settings.Plan, desired: Desired, limits: Limits, load: Load | None
 ) -> Answer:
@@ -371,6 +298,7 @@ def _options(
         "solver": given.solver or "gauss-newton",
         "max_step": max_step_of(given, period),
         "smoothness": given.smoothness,
+        "robust": given.robust,
     }
 
 
@@ -400,48 +328,3 @@ def _beyond_limits(
         Key("plan.method", "optimal"),
         " keeps to them",
     )
-
-
-def _bounded_foot(answer: Answer) -> str:
-    """What is proved about the foot, if anything is."""
-    if answer.together is None or not answer.foot_bound:
-        return ""
-    weighted = "" if len(set(answer.together.weights)) == 1 else " as weighted"
-    norm = {"rms": "rms", "max": "at most"}[answer.together.norm]
-    return (
-        f"\nno requests within the limits bring it below {100.0 * answer.foot_bound:.3f} cm {norm}"
-        f"{weighted}: the plan is {percent(answer.together.gap)} above that"
-    )
-
-
-def _degrees_or_null(angle: float) -> float | None:
-    return None if np.isnan(angle) else float(np.degrees(angle))
-
-
-def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
-    """How the requests of a joint move, for machines."""
-    return {
-        f"largest_step_{unit}": math.degrees(motion.largest_step),
-        "reversals_per_s": motion.reversals_per_s,
-        f"path_length_{unit}": math.degrees(motion.path_length),
-        f"desired_path_length_{unit}": math.degrees(motion.desired_length),
-        f"beyond_desired_{unit}": math.degrees(motion.beyond),
-    }
-
-
-def _motion_cells(name: str, motion: RequestMotion) -> list[str]:
-    """The same for people."""
-    step, length, desired, beyond = np.degrees(
-        [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
-    )
-    return [
-        *(name, f"{step:.2f}", f"{motion.reversals_per_s:.1f}", f"{length:.1f}", f"{desired:.1f}"),
-        f"{beyond:.2f}",
-    ]
-
-
-def _errors(errors: Array, unit: str) -> dict[str, float]:
-    return {
-        f"rms_{unit}": error_norm(errors, "rms"),
-        f"max_{unit}": error_norm(errors, "max"),
-    }

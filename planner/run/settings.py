@@ -46,6 +46,7 @@ Method = Literal["closed-form", "optimal", "foot-optimal"]
 Norm = Literal["rms", "max"]
 Solver = Literal["gauss-newton", "ipopt", "fatrop"]
 Rule = Literal["paper", "exact"]
+Robust = Literal["mean", "worst"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
 Level = Literal["slope", "envelope", "exact"]
 Format = Literal["csv", "yaml", "bag", "mcap", "lerobot"]
@@ -316,6 +317,15 @@ class Plan(Settings):
             "cost; 0 for none.",
             otherwise="0.005",
             example=0.005,
+        ),
+    ] = None
+    robust: Annotated[
+        Robust | None,
+        About(
+            help="Method optimal: plan for models drawn from the intervals of the model file, too, "
+            "and make the mean or the worst of their errors small.",
+            otherwise="the model alone",
+            example="worst",
         ),
     ] = None
     weights: Annotated[

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 import planner
 from planner.cli import cli
 from planner.files.paths import read_joint_path
+from planner.model.evidence import Evidence
 
 JOINT = planner.JointModel.ers210a()
 REFERENCE = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
@@ -165,6 +166,67 @@ def test_a_missed_tolerance_of_a_joint_is_reported_in_the_plans_norm_with_its_bo
     )
 
 
+@pytest.fixture
+def uncertain(tmp_path):
+    """A model that may be slower, as a file."""
+    known = Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.03, 0.034)})
+    JOINT.with_evidence(known).to_toml(tmp_path / "uncertain.toml")
+    return tmp_path / "uncertain.toml"
+
+
+def test_a_robust_plan_tells_the_errors_over_the_models_beside_those_of_the_nominal_plan(
+    run, brief, uncertain
+):
+    ask = ("plan", brief, "--model", uncertain, "--robust", "worst", "-o", "out.csv")
+    document = json.loads(run(*ask, "--json").stdout)
+    library = planner.plan(
+        planner.read_models(uncertain)[""], read_joint_path(brief).angles, robust="worst"
+    )
+    assert document["robust"] == "worst"
+    for joint, inversion in zip(document["joints"].values(), library.inversions, strict=True):
+        both = ("robust_plan", inversion), ("nominal_plan", inversion.nominal)
+        for name, made in both:
+            told = joint["over_models"][name]
+            errors = np.degrees(made.errors_of_models)
+            assert told["of_each_deg"] == pytest.approx(errors, abs=1e-9)
+            assert told["nominal_deg"] == pytest.approx(errors[0], abs=1e-9)
+            assert told["mean_deg"] == pytest.approx(np.sqrt(np.mean(errors**2)), abs=1e-9)
+            assert told["worst_deg"] == pytest.approx(np.max(errors), abs=1e-9)
+    text = run(*ask).stderr
+    assert "rms errors over the nominal model and 8 drawn from its intervals:\nplan  " in text
+    hip = document["joints"]["hip"]["over_models"]["robust_plan"]
+    row = next(line for line in text.splitlines() if line.startswith("hip, for the worst"))
+    assert row.split()[-3:] == [
+        f"{hip[f'{name}_deg']:.3f}" for name in ("nominal", "mean", "worst")
+    ]
+
+
+def test_a_robust_plan_needs_intervals_and_the_method_that_takes_them(run, desired, uncertain):
+    for model in ((), ("--model", uncertain.parent / "bare.toml")):
+        JOINT.to_toml(uncertain.parent / "bare.toml")
+        refused = run("plan", desired, *model, "--robust", "mean")
+        assert (refused.exit_code, refused.stdout) == (2, "")
+        assert "--robust mean draws models from intervals, and the model of hip, knee has none" in (
+            refused.stderr
+        )
+        assert "identify the joint" in refused.stderr
+    for method in ("closed-form", "foot-optimal"):
+        refused = run("plan", desired, "--model", uncertain, "--robust", "mean", "--method", method)
+        assert refused.exit_code == 2
+        assert f"--robust has no effect with --method {method}" in refused.stderr
+    run_file = uncertain.parent / "run.toml"
+    run_file.write_text(
+        '[model]\nfile = "uncertain.toml"\n[path]\nfile = "desired.csv"\n'
+        '[plan]\nrobust = "mean"\n[model.joints.knee]\nlag = 0.04\n'
+    )
+    refused = run("run", run_file, "--check")
+    assert refused.exit_code == 2
+    assert (
+        'line 6: plan.robust = "mean" draws models from intervals, and the model of knee has'
+        in (refused.stderr)
+    )
+
+
 def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     model = planner.JointModel(v_max=1.1, theta_0=0.11, lag=0.03, acceleration_time=0.05)
     model.to_toml(tmp_path / "jaw.toml")
@@ -180,6 +242,13 @@ def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
     assert jaw["lower_bound_percent"] == pytest.approx(100.0 * library.lower_bound, abs=1e-3)
     assert (tmp_path / "out.csv").read_text().startswith("t_s,jaw_range\n")
     assert "jaw [% of its range]" in run("plan", tmp_path / "jaw.csv", *arguments).stderr
+    known = model.with_evidence(Evidence(intervals={"v_max": (1.0, 1.2), "lag": (0.02, 0.04)}))
+    known.to_toml(tmp_path / "known.toml")
+    robust = ("--model", tmp_path / "known.toml", "--robust", "mean")
+    drawn = run("plan", tmp_path / "jaw.csv", *robust, "--smoothness", 0, "--json").stdout
+    told = json.loads(drawn)["joints"]["jaw"]["over_models"]["nominal_plan"]["of_each_percent"]
+    errors = planner.invert_optimal(known, shares, smoothness=0.0, robust="mean").nominal
+    assert told == pytest.approx(100.0 * errors.errors_of_models, abs=1e-3)
     again = run("simulate", tmp_path / "out.csv", *arguments[:2], "--desired", tmp_path / "jaw.csv")
     assert f"jaw: {jaw['rms_percent']:.3f} percent rms from the desired angles" in again.stderr
     beyond = run("plan", tmp_path / "jaw.csv", *arguments, "--limits-deg", "0:55")

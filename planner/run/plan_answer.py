@@ -1,0 +1,198 @@
+"""What the command line and run files say of a plan: JSON for machines, text for people."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from planner.inversion.error_norm import error_norm
+from planner.model.evidence import untested_words
+from planner.report.table import NOTHING, percent, text_table
+from planner.run import settings
+from planner.run.models import model_words
+from planner.run.plan import max_step_of
+
+if TYPE_CHECKING:
+    from planner.evaluation.metrics import RequestMotion
+    from planner.inversion.result import Inversion
+    from planner.run.plan import Answer
+    from planner.trajectory import Array
+
+
+def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, Any]:
+    """The plan for machines; what a plan for the foot does not have is null."""
+    desired, together, loads = answer.desired, answer.together, answer.loads
+    joints = {}
+    for j, name in enumerate(desired.names):
+        inversion, unit = answer.inversions.get(name), desired.unit(j)
+        joints[name] = {
+            **_errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), unit),
+            "norm": inversion and inversion.norm,
+            "solver": inversion and inversion.solver,
+            f"expected_rms_{unit}": _degrees_or_null(answer.expected[j].error),
+            "untested": list(answer.expected[j].untested),
+            f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
+            "gap": inversion and inversion.gap,
+            "over_models": inversion and _over_models(inversion, unit),
+            **_motion(answer.motions[name], unit),
+            f"requests_{unit}": np.degrees(answer.requests[:, j]).tolist(),
+            f"predicted_{unit}": np.degrees(answer.predicted[:, j]).tolist(),
+            **({} if loads is None else {"load_Nm": loads[:, j].tolist()}),
+        }
+    foot = None
+    if desired.foot is not None:
+        bound = answer.foot_bound
+        foot = {
+            **_errors(100.0 * answer.foot_distances, "cm"),
+            "norm": together and together.norm,
+            "lower_bound_cm": None if bound is None else 100.0 * bound,
+            "gap": None if bound is None else together and together.gap,
+            "predicted_m": answer.foot_positions.tolist(),
+        }
+    step = max_step_of(run.plan, desired.period)
+    asked = run.tolerance.deg is not None or run.tolerance.cm is not None
+    return {
+        "method": run.plan.method,
+        "cyclic": desired.cyclic,
+        "period_s": desired.period,
+        "robust": run.plan.robust,
+        "max_step_deg": None if step is None else math.degrees(step),
+        "unreachable_samples": desired.unreachable,
+        "lower_bound_withdrawn": answer.bound_withdrawn,
+        "joints": joints,
+        "foot": foot,
+        "within_tolerance": not missed if asked else None,
+    }
+
+
+def summary(run: settings.Run, answer: Answer) -> str:
+    """The plan for people."""
+    desired, rows = answer.desired, []
+    known = any(np.isfinite(each.error) for each in answer.expected)
+    text = (
+        f"{len(answer.requests)} requests, one every {1e3 * desired.period:g} ms; "
+        f"{model_words(run.model)}\n"
+    )
+    for j, name in enumerate(desired.names):
+        errors = _errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), "deg")
+        bounded = [NOTHING, NOTHING]
+        if name in answer.inversions and not answer.bound_withdrawn:
+            inversion = answer.inversions[name]
+            bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
+        shown = name if desired.unit(j) == "deg" else f"{name} [% of its range]"
+        expected = np.degrees(answer.expected[j].error)
+        robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
+        rows.append([shown, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
+    robot = ["on the robot"] * known
+    text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
+    text += "\n" + text_table(
+        [
+            "requests",
+            "largest step [deg]",
+            "reversals/s",
+            "length [deg]",
+            "desired",
+            "beyond [deg]",
+        ],
+        [_motion_cells(name, each) for name, each in answer.motions.items()],
+    )
+    if over_models := _over_models_table(answer):
+        text += f"\n{over_models}"
+    if desired.foot is not None:
+        rms, largest = _errors(100.0 * answer.foot_distances, "cm").values()
+        text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
+        text += _bounded_foot(answer)
+    if known:
+        text += "\non the robot: rms error to expect, by what the models were tested on"
+    if words := untested_words(desired.names, answer.expected):
+        text += f"\n{words}"
+    if answer.bound_withdrawn:
+        text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
+    if max_step_of(run.plan, desired.period) is not None:
+        text += "\nlower bounds are for requests with steps of any size"
+    if desired.unreachable:
+        text += f"\n{desired.unreachable} samples were out of the leg's reach"
+    return text
+
+
+def _over_models(inversion: Inversion, unit: str) -> dict[str, Any] | None:
+    """Errors over the models that were drawn, for machines; None where none were."""
+    if inversion.nominal is None:
+        return None
+    return {
+        name: {
+            **{
+                f"{which}_{unit}": math.degrees(error)
+                for which, error in plan.over_models._asdict().items()
+            },
+            f"of_each_{unit}": np.degrees(plan.errors_of_models).tolist(),
+        }
+        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
+    }
+
+
+def _over_models_table(answer: Answer) -> str:
+    """The same for people; empty where no models were drawn."""
+    rows, norm, drawn = [], "", 0
+    for j, (name, inversion) in enumerate(answer.inversions.items()):
+        if inversion.nominal is None:
+            return ""
+        norm, drawn = inversion.norm, len(inversion.models) - 1
+        unit = "" if answer.desired.unit(j) == "deg" else " [% of its range]"
+        for plan, kind in ((inversion, inversion.robust), (inversion.nominal, "nominal model")):
+            errors = (f"{error:.3f}" for error in np.degrees(plan.over_models))
+            rows.append([f"{name}{unit}, for the {kind}", *errors])
+    if not rows:
+        return ""
+    header = ["plan", "nominal [deg]", "mean [deg]", "worst [deg]"]
+    return (
+        f"{norm} errors over the nominal model and {drawn} drawn from its intervals:\n"
+        f"{text_table(header, rows)}"
+    )
+
+
+def _bounded_foot(answer: Answer) -> str:
+    """What is proved about the foot, if anything is."""
+    if answer.together is None or not answer.foot_bound:
+        return ""
+    weighted = "" if len(set(answer.together.weights)) == 1 else " as weighted"
+    norm = {"rms": "rms", "max": "at most"}[answer.together.norm]
+    return (
+        f"\nno requests within the limits bring it below {100.0 * answer.foot_bound:.3f} cm {norm}"
+        f"{weighted}: the plan is {percent(answer.together.gap)} above that"
+    )
+
+
+def _degrees_or_null(angle: float) -> float | None:
+    return None if np.isnan(angle) else float(np.degrees(angle))
+
+
+def _motion(motion: RequestMotion, unit: str) -> dict[str, float]:
+    """How the requests of a joint move, for machines."""
+    return {
+        f"largest_step_{unit}": math.degrees(motion.largest_step),
+        "reversals_per_s": motion.reversals_per_s,
+        f"path_length_{unit}": math.degrees(motion.path_length),
+        f"desired_path_length_{unit}": math.degrees(motion.desired_length),
+        f"beyond_desired_{unit}": math.degrees(motion.beyond),
+    }
+
+
+def _motion_cells(name: str, motion: RequestMotion) -> list[str]:
+    """The same for people."""
+    step, length, desired, beyond = np.degrees(
+        [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+    )
+    return [
+        *(name, f"{step:.2f}", f"{motion.reversals_per_s:.1f}", f"{length:.1f}", f"{desired:.1f}"),
+        f"{beyond:.2f}",
+    ]
+
+
+def _errors(errors: Array, unit: str) -> dict[str, float]:
+    return {
+        f"rms_{unit}": error_norm(errors, "rms"),
+        f"max_{unit}": error_norm(errors, "max"),
+    }
