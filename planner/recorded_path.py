@@ -232,7 +232,7 @@ def recorded_path(
                 None if model is None else _requested_every(model, period, name),
                 track,
                 origin,
-                reason="" if model is not None else _reason(name, every),
+                reason="" if model is not None else _reason(name, every, joints),
                 remarks=remarks,
             )
         )
@@ -312,8 +312,8 @@ def is_gripper(name: str) -> bool:
     return any(word in name.lower() for word in GRIPPERS)
 
 
-def _reason(name: str, models: Mapping[str, JointModel]) -> str:
-    if name not in models and "" not in models:
+def _reason(name: str, models: Mapping[str, JointModel], joints: Sequence[str]) -> str:
+    if name not in models and "" not in models and not joints:
         return "no model"
     return "a gripper" if is_gripper(name) else "not chosen"
 

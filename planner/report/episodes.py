@@ -10,7 +10,7 @@ import numpy as np
 
 from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Page, Section, heading, origin_lists
+from planner.report.page import Card, Page, Section, origin_lists, sentence
 from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
 from planner.report.table import NOTHING, Column, Row, Table, number
 
@@ -82,9 +82,9 @@ def episodes_page(
             f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
             f"{median['direct']:.2g}",
         ),
-        note=f"{heading(words)}.",
+        note=sentence(words),
         good=not failed,
-        remarks=[f"{heading(each)}." for each in document["remarks"]],
+        remarks=[sentence(each) for each in document["remarks"]],
         cards=[
             Card(f"{worst['planned_rms']:.3g}", f"{UNITS[worst['unit']]} rms",
                  f"the plan that is farthest off, of {worst['worst_joint']} in {_short(worst)}; "

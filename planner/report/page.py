@@ -327,6 +327,11 @@ def heading(name: str) -> str:
     return words[:1].upper() + words[1:]
 
 
+def sentence(words: str) -> str:
+    """Words, names in them as they are, to begin a line with and to end with a stop."""
+    return f"{words[:1].upper()}{words[1:]}."
+
+
 def _breakable(name: str) -> Markup:
     """A name of a file that may break between its parts, not inside a word."""
     from markupsafe import Markup, escape

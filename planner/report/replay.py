@@ -31,9 +31,9 @@ from planner.report.page import (
     LinkedFile,
     Page,
     Section,
-    heading,
     models_table,
     origin_lists,
+    sentence,
 )
 from planner.report.style import (
     APPROXIMATION,
@@ -129,11 +129,11 @@ def replay_page(
         else f"Replay at {replay.speed:.3g} times the speed",
         eyebrow=f"request-planner replay · {title}",
         verdict=Markup("<strong>{}</strong>, {}.").format(head, tail),
-        note=f"{words}.",
+        note=sentence(words),
         good=not missed,
         remarks=[
-            *(f"{heading(each)}." for each in (verdict, *missed, *replay.path.remarks) if each),
-            *_said(replay),
+            *(sentence(each) for each in (verdict, *missed, *replay.path.remarks) if each),
+            *_said(replay, found),
             *remarks,
         ],
         cards=cards(replay),
@@ -186,7 +186,7 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     return head, tail
 
 
-def _said(replay: Replay) -> list[str]:
+def _said(replay: Replay, found: Fastest | None) -> list[str]:
     """What somebody who sends these requests should know first."""
     said = []
     fast = [each for each in replay.planned if each.too_fast]
@@ -195,7 +195,9 @@ def _said(replay: Replay) -> list[str]:
             f"{each.name} ({sum(b - a for a, b in each.too_fast):.2g} s)" for each in fast
         )
         unknown = _listed(replay.path.open_top_speeds & {each.name for each in fast})
-        only = f" That is by the model only of {unknown}: {OPEN_TOP_SPEED}." if unknown else ""
+        proof = found and found.impossible
+        reason = "" if proof and proof.of_model_only else f": {OPEN_TOP_SPEED}"
+        only = f" That is by the model only of {unknown}{reason}." if unknown else ""
         said.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
     if untested := [each for each in replay.planned if each.untested]:
         listed = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
@@ -389,7 +391,7 @@ def joint_figure(replay: Replay, j: int) -> Figure:
             "shift of it, and as planned; shaded where the path is faster than the joint can be. "
             "In the middle: errors. Below: requests"
         )
-    return timeline.figure(f"joint_{j}", panels, (joint.name, f"{heading(words)}."), clock=True)
+    return timeline.figure(f"joint_{j}", panels, (joint.name, sentence(words)), clock=True)
 
 
 def speeds_figure(found: Fastest) -> Figure:

@@ -381,7 +381,7 @@ def replay_report(
     task: ReplayTask, made: Replay, found: Fastest | None, page: str, output: str
 ) -> str:
     """The page about a replay, which will stand at ``page`` and links to its files."""
-    from planner.report.page import heading, linked_files
+    from planner.report.page import linked_files
     from planner.report.replay import replay_page
 
     arm = task.arm()
@@ -391,7 +391,7 @@ def replay_report(
     return replay_page(
         made,
         title=PurePath(task.recording.name).name,
-        words=heading(first_line(made, task.models)),
+        words=first_line(made, task.models),
         found=found,
         verdict="" if found is None else fastest_text(found),
         arm=arm,

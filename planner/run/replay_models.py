@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.joint_model import ModelFile, read_model_file
 from planner.files.logs.recordings import Recording
+from planner.files.table import nearest
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.model.joint import JointModel
@@ -50,7 +51,7 @@ def joint_models(
         progress: Called with what is being identified.
 
     Raises:
-        BadSetting: No model is named.
+        BadSetting: No model is named, or a joint that is not there.
         InvalidInput: The models cannot be read, or none can be identified.
     """
     key = Key("model.file")
@@ -89,6 +90,13 @@ def _identified(
     by_joint: dict[str, list[Log]] = {}
     for log in _readable(used):
         by_joint.setdefault(log.joint or "joint", []).append(log)
+    for name in replay.joints:
+        if by_joint and name not in by_joint:
+            raise BadSetting(
+                Key("replay.joints"),
+                f": no joint '{name}'{nearest(name, list(by_joint))}; joints: "
+                + ", ".join(by_joint),
+            )
     wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
     models: dict[str, JointModel] = {}
     remarks: list[str] = []

@@ -392,6 +392,7 @@ def test_models_come_from_the_recording_itself(run, demo):
         (("--model", "from-log", "--speed", "1e9"), "1 request remains of 2.387 s"),
         (("--model", "from-log", "--rate-hz", "1e-9"), "1 request remains of 2.387 s"),
         (("--model", "arm.toml", "--joint", "knee"), "no joint 'knee'"),
+        (("--model", "from-log", "--joint", "knee"), "--joint: no joint 'knee'; joints: elbow"),
         (("--model", "arm.toml", "--start", "9"), "expected a moment of the recording"),
         (("--model", "arm.toml", "--limits-deg", "knee=0:1"), "no joint 'knee'"),
     ],
