@@ -42,9 +42,13 @@ class UnmodelledOptions:
     """When a joint has more than the model, and how that is sought.
 
     Attributes:
-        saving: Least share of the loss that play, or a limit, has to explain.
+        saving: Least share of the loss that play, or a limit, has to explain. Of 40 made servos
+            with neither none reaches it (``scripts/bench identify``).
         explained: Share of the standard deviation of the motion that the enlarged joint misses at
             most: what explains less is another joint.
+        most_play: Largest play, as a share of the standard deviation of the motion: a joint whose
+            play is wider hardly moves. It keeps a play of 2 degrees from a humanoid's shoulder that
+            moved by 4, and one of 38 from an overloaded servo.
         chunk: Rows are simulated in chunks of this time side by side, each from where the model
             is by then [s]; a fifth of the time of a run in one piece.
         settling: Rows so soon after the start of a chunk do not count [s].
@@ -59,9 +63,10 @@ class UnmodelledOptions:
 
     saving: float = 0.2
     explained: float = 0.25
+    most_play: float = 0.5
     chunk: float = 4.0
     settling: float = 0.5
-    most_ticks: int = 12000
+    most_ticks: int = 6000
     trials: int = 4
     evaluations: int = 15
     tolerance: float = 1e-3
@@ -144,11 +149,13 @@ def unmodelled(fit: Fit) -> list[Departure]:
             without = each.joint._replace(acceleration=math.inf, play=0.0)
             again = excerpt.fitted(without, OPTIONS.evaluations)
             bare = min(bare, again, key=lambda trial: trial.cost)
-    most = OPTIONS.explained * float(np.std(excerpt.angles))
+    motion = float(np.std(excerpt.angles))
     named = [
         excerpt.departure(name, bare, each)
         for name, each in found.items()
-        if _saving(bare, each) >= OPTIONS.saving and rms(each.residuals) <= most
+        if _saving(bare, each) >= OPTIONS.saving
+        and rms(each.residuals) <= OPTIONS.explained * motion
+        and each.joint.play <= OPTIONS.most_play * motion
     ]
     return sorted(named, key=lambda departure: departure.rms)
 

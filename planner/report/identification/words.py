@@ -16,7 +16,7 @@ NAMES = {
     "lag": "lag",
     "acceleration_time": "acceleration time",
     "offset": "static sag",
-    "dead_band": "dry friction: error that does not move it",
+    "dead_band": "dry friction or play: error that does not move it",
     "v_offset": "top speed up, less v_max",
     "compliance": "sag per torque",
     "speed_per_torque": "top speed per torque",
