@@ -16,7 +16,8 @@ from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.run.results import Results
 from planner.run.settings import HalfEllipse
-from planner.run.sweep import evaluate, number_of_points, read_sweep, sweep, walking_speed
+from planner.run.sweep import evaluate, sweep, walking_speed
+from planner.run.sweep_space import number_of_points, read_sweep
 from tests.run.work import InThisProcess
 
 GAIT = """

@@ -1,0 +1,375 @@
+"""Sweep files: run files with a table of parameters, understood, and the run file of a point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from planner.evaluation.swept import Point, Requirement
+from planner.exceptions import MissingExtra
+from planner.files.paths import is_foot_path
+from planner.files.table import read_table
+from planner.files.toml import Toml, read_toml
+from planner.run.desired import find_leg, load_leg
+from planner.run.faults import BadSetting, Key
+from planner.run.kinds import Count, Expected, FromList, Positive, Range
+from planner.run.models import beside, models_of
+from planner.run.run import RunFile, prepare, speaking_of
+from planner.run.schema import About, Settings, Unfit, settings_of, understand
+from planner.run.settings import Run
+
+
+def _rises(values: tuple[float, ...]) -> tuple[float, ...]:
+    if not values or any(high <= low for low, high in pairwise(values)):
+        raise ValueError
+    return values
+
+
+Values = Annotated[tuple[float, ...], FromList(), Expected("a list of rising numbers", _rises)]
+
+
+class Parameters(Settings):
+    """Values of the parameters to try, rising; cma tries any from the first to the last."""
+
+    length: Annotated[
+        Values | None,
+        About(
+            help="Gait: half of the stroke [m].",
+            example=[0.03, 0.04, 0.05],
+            set_to=(0.03, 0.04, 0.05),
+        ),
+    ] = None
+    height: Annotated[
+        Values | None, About(help="Gait: how high the foot swings [m].", example=[0.02, 0.04])
+    ] = None
+    forward: Annotated[
+        Values | None, About(help="Gait: middle before the hip [m].", example=[0.03, 0.05])
+    ] = None
+    sideways: Annotated[
+        Values | None, About(help="Gait: outward of the hip [m].", example=[0.02, 0.03])
+    ] = None
+    hip_height: Annotated[
+        Values | None, About(help="Gait: hip above ground [m].", example=[0.07, 0.09])
+    ] = None
+    ground_fraction: Annotated[
+        Values | None,
+        About(help="Gait: part of the cycle on the ground.", example=[0.5, 0.6, 0.75]),
+    ] = None
+    heading_deg: Annotated[
+        Values | None,
+        About(help="Gait: direction, from x towards y [deg].", example=[0.0, 90.0]),
+    ] = None
+    period_s: Annotated[
+        Values | None,
+        About(
+            help="Gait: duration of a cycle [s], rounded to whole requests.",
+            example=[0.5, 0.7, 0.9],
+            set_to=(0.5, 0.6, 0.7, 0.8),
+        ),
+    ] = None
+    speed: Annotated[
+        Values | None,
+        About(
+            help="A path of a file: how many times as fast to follow it.", example=[1.0, 1.5, 2.0]
+        ),
+    ] = None
+    smoothness: Annotated[
+        Values | None,
+        About(help="Any path: `smoothness` of [plan].", example=[0.0, 0.01, 0.1]),
+    ] = None
+
+
+class Search(Settings):
+    """What is sought, and how: without a required error or speed, all of the Pareto front."""
+
+    method: Annotated[
+        Literal["grid", "cma"],
+        About(
+            help="All combinations of the values, or a search by CMA-ES (extra 'sweep') for two "
+            "parameters or more."
+        ),
+    ] = "grid"
+    steps: Annotated[
+        Count | None,
+        About(
+            help="Method grid: so many values of each parameter, evenly from its first to its "
+            "last.",
+            otherwise="the values as they are",
+            example=5,
+        ),
+    ] = None
+    evaluations: Annotated[
+        Annotated[int, Range(ge=20, le=10**6)] | None,
+        About(help="Method cma: how many plans.", otherwise="200", example=200),
+    ] = None
+    seed: Annotated[
+        Annotated[int, Range(ge=0, le=10**9)] | None,
+        About(help="Method cma: of its random numbers.", otherwise="0", example=0),
+    ] = None
+    at_error_cm: Annotated[
+        Positive | None,
+        About(help="Seek the fastest with at most this error of the foot [cm].", example=1.0),
+    ] = None
+    at_error_deg: Annotated[
+        Positive | None,
+        About(help="The same for a path of joints: error of the worst joint [deg].", example=2.0),
+    ] = None
+    at_speed_cm_s: Annotated[
+        Positive | None,
+        About(help="Seek the least error of a gait of at least this speed [cm/s].", example=20.0),
+    ] = None
+    at_speed: Annotated[
+        Positive | None,
+        About(help="The same for the path of a file: times its own speed.", example=1.5),
+    ] = None
+    parameters: Parameters = Parameters()
+
+
+class Sweep(Run):
+    """Where the results go. All tables but [sweep] are those of a run file."""
+
+    sweep: Search = Search()
+
+
+@dataclass(frozen=True)
+class Space:
+    """A sweep file, understood and with all that it names.
+
+    Attributes:
+        file: The file.
+        settings: What it sets, and defaults.
+        folder: The folder from which files are named.
+        values: The values of each parameter by name, at least one of each.
+        period: Time between requests [s], where a parameter is the period of a gait.
+        error_unit: Of errors: "cm" of a foot, "deg" of joints.
+    """
+
+    file: Toml
+    settings: Sweep
+    folder: str
+    values: Mapping[str, tuple[float, ...]]
+    period: float = math.nan
+    error_unit: str = "cm"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters."""
+        return tuple(self.values)
+
+    @property
+    def gait(self) -> bool:
+        """Whether the path is a half ellipse, not that of a file."""
+        return self.settings.path.file is None
+
+    @property
+    def requirement(self) -> Requirement | None:
+        """What is required of a point."""
+        search = self.settings.sweep
+        error, speed = search.at_error_cm or search.at_error_deg, search.at_speed_cm_s
+        speed = speed or search.at_speed
+        if error is not None:
+            return Requirement("error", error)
+        return None if speed is None else Requirement("speed", speed)
+
+    def canonical(self, values: Iterable[float]) -> Point:
+        """A point with a cycle of whole requests."""
+        return tuple(
+            round(round(value / self.period) * self.period, 12)
+            if name == "period_s"
+            else float(value)
+            for name, value in zip(self.names, values, strict=True)
+        )
+
+    def content(self, point: Point) -> dict[str, Any]:
+        """The run file of a point."""
+        content = deepcopy(self.file.content)
+        content.pop("sweep", None)
+        path = content.setdefault("path", {})
+        for name, value in zip(self.names, point, strict=True):
+            if name == "speed":
+                path["speed"] = value
+                continue
+            if name == "smoothness":
+                content.setdefault("plan", {})["smoothness"] = value
+                continue
+            walk = path.setdefault("half_ellipse", {})
+            if name == "period_s":
+                walk["samples"] = round(value / self.period)
+            else:
+                walk[name] = value
+        if self.gait:
+            path.setdefault("half_ellipse", {})
+        return content
+
+    def run_file(self, point: Point) -> RunFile:
+        """A point as a run file, ready to be planned.
+
+        Raises:
+            PlannerError: It has no plan.
+            KinematicsError: The leg cannot follow it.
+        """
+        with speaking_of(self.file):
+            run = settings_of(self.content(point), Run)
+            return RunFile(self.file, prepare(run, self.folder))
+
+
+def read_sweep(path: str) -> Space:
+    """Read a sweep file and what it names, as far as that is the same for all points.
+
+    Raises:
+        InvalidFile: Something is wrong with it; the message says where.
+        KinematicsError: The leg cannot be made.
+    """
+    file = read_toml(path, example="length = [0.03, 0.04]")
+    settings = understand(file, Sweep)
+    with speaking_of(file):
+        return _checked(Space(file, settings, str(Path(path).parent), _values(settings.sweep)))
+
+
+def _values(search: Search) -> dict[str, tuple[float, ...]]:
+    """The values of each parameter."""
+    given = {
+        name: values
+        for name in Parameters.keys
+        if (values := getattr(search.parameters, name)) is not None
+    }
+    if not given:
+        raise BadSetting(
+            Key("sweep.parameters"),
+            f": is empty, expected values of one or more of {', '.join(Parameters.keys)}",
+        )
+    if search.method == "cma" or search.steps is None:
+        return given
+    return {
+        name: tuple(np.linspace(values[0], values[-1], search.steps).tolist())
+        for name, values in given.items()
+    }
+
+
+def _checked(space: Space) -> Space:
+    """The space with the period of its requests.
+
+    Raises:
+        BadSetting: Settings contradict each other, or values are out of their range.
+    """
+    search, folder = space.settings.sweep, space.folder
+    key = "sweep.parameters."
+    for name in space.names:
+        if name != "smoothness" and (name == "speed") == space.gait:
+            other = "period_s" if space.gait else "speed"
+            of = "a file" if name == "speed" else "a gait"
+            raise BadSetting(
+                Key(f"{key}{name}"), f": is of the path of {of}; use ", Key(f"{key}{other}")
+            )
+    if search.method == "cma":
+        for name, values in space.values.items():
+            if len(values) < 2:
+                raise BadSetting(
+                    Key(f"{key}{name}"), ": got one value, expected two or more with method cma"
+                )
+        if len(space.names) < 2:
+            raise BadSetting(
+                Key("sweep.method", "cma"), ": needs two parameters or more; use ",
+                Key("sweep.method", "grid"),
+            )  # fmt: skip
+        try:
+            import cma  # noqa: F401
+        except ImportError as error:
+            raise MissingExtra("a search by CMA-ES", "sweep") from error
+    ignored = ("evaluations", "seed") if search.method == "grid" else ("steps",)
+    for name in ignored:
+        if getattr(search, name) is not None:
+            method = Key("sweep.method", search.method)
+            raise BadSetting(Key(f"sweep.{name}"), " has no effect with ", method)
+    required = [
+        f"sweep.{name}"
+        for name in ("at_error_cm", "at_error_deg", "at_speed_cm_s", "at_speed")
+        if getattr(search, name) is not None
+    ]
+    if len(required) > 1:
+        raise BadSetting(Key(required[1]), ": got ", Key(required[0]), " too, expected one of them")
+    leg = load_leg(find_leg(space.settings.leg, folder))
+    of_foot = space.gait or is_foot_path(read_table(beside(folder, str(space.settings.path.file))))
+    space = replace(space, error_unit="cm" if of_foot else "deg")
+    foreign = {
+        "at_error_deg" if of_foot else "at_error_cm": "joints" if of_foot else "a foot",
+        "at_speed" if space.gait else "at_speed_cm_s": "a file" if space.gait else "a gait",
+    }
+    for name, of in foreign.items():
+        if f"sweep.{name}" in required:
+            raise BadSetting(Key(f"sweep.{name}"), f": is for the path of {of}")
+    if space.gait and leg is None:
+        raise BadSetting(Key("sweep.parameters"), ": a gait needs a leg; set ", Key("leg.name"))
+    if "period_s" in space.names:
+        assert leg is not None, "a gait without a leg is refused"
+        run = space.settings
+        models = models_of(run.model, leg.joint_names, leg, folder, rate_hz=run.path.rate_hz)
+        space = replace(space, period=models[0].period)
+    for name, values in space.values.items():
+        _check_values(space, name, values)
+    return space
+
+
+def _check_values(space: Space, name: str, values: tuple[float, ...]) -> None:
+    """Make sure that each value of a parameter is one that a run file may have."""
+    first = {other: each[0] for other, each in space.values.items()}
+    for value in values:
+        point = space.canonical({**first, name: value}.values())
+        try:
+            settings_of(space.content(point), Run)
+        except Unfit as error:
+            problem = error.problem.partition(", expected ")[2] or error.problem
+            if name == "period_s":
+                problem = f"4 to 1000000 requests, which are {space.period:g} s apart"
+            raise BadSetting(
+                Key(f"sweep.parameters.{name}"), f": got {value:g}, expected {problem}"
+            ) from error
+
+
+def point_of(space: Space, given: Sequence[tuple[str, float]]) -> Point:
+    """A point from values by name.
+
+    Raises:
+        BadSetting: A parameter is missing or unknown.
+    """
+    values = dict(given)
+    if values.keys() != space.values.keys():
+        raise BadSetting(
+            f"--at: got {', '.join(values) or 'nothing'}, expected a value for each of "
+            f"{', '.join(space.names)}"
+        )
+    return space.canonical(values[name] for name in space.names)
+
+
+def identity(space: Space) -> dict[str, Any]:
+    """What the outcomes of points depend on, beside the point."""
+    content = {key: value for key, value in space.file.content.items() if key != "sweep"}
+    run = space.settings
+    files = [run.model.file, run.path.file, run.leg.urdf]
+    files += [joint.file for joint in run.model.joints.values()]
+    places = [Path(beside(space.folder, name)) for name in files if name]
+    digests = {
+        str(place): sha256(place.read_bytes()).hexdigest() for place in places if place.is_file()
+    }
+    return {"command": "sweep", "content": content, "files": digests}
+
+
+def origin(space: Space) -> dict[str, Any]:
+    """What a sweep depends on: that of its points, and which of them are tried."""
+    return {**identity(space), "sweep": space.settings.sweep.values()}
+
+
+def number_of_points(space: Space) -> int:
+    """How many points are planned at most."""
+    search = space.settings.sweep
+    if search.method == "cma":
+        return search.evaluations or 200
+    return math.prod(len(values) for values in space.values.values())
