@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import pickle
 from pathlib import Path
 
 import pytest
 
 import planner
+from planner.inversion.foot import result as foot_result
+from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks
 from tests.docs.logs import write_logs
@@ -32,7 +35,33 @@ def empty_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "play", clocked)
 
 
-@pytest.mark.usefixtures("empty_folder", "ready_experiments", "brief_search", "undrawn")
+@pytest.fixture(scope="module")
+def answered_before():
+    """What was answered to the questions that several pages ask."""
+    return {}
+
+
+@pytest.fixture
+def asked_once(answered_before, monkeypatch):
+    """Let the longest searches answer once to the same arguments."""
+
+    def once(honest):
+        def kept(*arguments, **options):
+            asked = {option: value for option, value in options.items() if option != "progress"}
+            question = pickle.dumps((honest.__name__, arguments, asked))
+            if question not in answered_before:
+                answered_before[question] = honest(*arguments, **options)
+            return answered_before[question]
+
+        return kept
+
+    for module, name in ((foot_result, "foot_bound"), (comparison, "cross_check")):
+        monkeypatch.setattr(module, name, once(getattr(module, name)))
+
+
+@pytest.mark.usefixtures(
+    "empty_folder", "asked_once", "ready_experiments", "brief_search", "undrawn"
+)
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page):
     """Run whole, as a reader runs it, but for a long search and pictures."""

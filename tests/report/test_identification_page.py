@@ -95,6 +95,7 @@ def test_the_verdict_comes_first_and_says_what_the_model_adds(one):
     assert one.index('class="verdict"') < one.index("<table")
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_what_is_not_determined_is_said_in_words_and_marked(several):
     assert "only v_max/theta_0 = 44.6 per second is known" in several
     assert several.count('<tr class="unknown">') == 2
@@ -151,6 +152,7 @@ def test_every_log_is_drawn_row_by_row_and_zoomed_by_its_button(browser, several
     assert len(picture) > 20_000  # an empty page of this size takes a few thousand bytes
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_long_names_of_files_do_not_make_the_page_wider_than_a_phone(browser, tmp_path):
     long = f"{'../' * 5}{'folder_' * 9}/log.csv"
     page = tmp_path / "report.html"

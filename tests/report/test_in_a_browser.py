@@ -75,9 +75,7 @@ def _moment(browser):
     return browser.ask("live.moment")
 
 
-@pytest.mark.parametrize(
-    ("width", "dark"), [(DESK, False), (DESK, True), (PHONE, False), (PHONE, True)]
-)
+@pytest.mark.parametrize(("width", "dark"), [(DESK, False), (PHONE, True)])
 def test_every_figure_comes_to_life_and_fits_the_screen(quiet, report, width, dark):
     _open(quiet, report, width=width, dark=dark)
     quiet.ask(SCROLL_THROUGH)

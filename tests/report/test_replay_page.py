@@ -44,6 +44,7 @@ def test_the_page_says_what_is_promised_and_what_is_passed_on(made):
     assert page == replay_page(made, title="demo.csv", words="follows the state")
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_a_slider_shows_every_joint_at_a_moment(made):
     figures = live(replay_page(made, title="demo.csv", words="follows the state"))
     moment = figures["moment"]
@@ -56,6 +57,7 @@ def test_a_slider_shows_every_joint_at_a_moment(made):
     assert figures["joint_0"]["clock"] == 1000.0
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_an_arm_moves_through_the_episode():
     place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
     leg = Leg.from_urdf(**place)
@@ -70,6 +72,7 @@ def test_an_arm_moves_through_the_episode():
     assert "moment" not in figures
 
 
+@pytest.mark.usefixtures("undrawn_pages")
 def test_the_curve_of_errors_over_speed_is_on_the_page():
     found = fastest(logs("elbow"), SERVO, tolerance=0.02)
     page = replay_page(

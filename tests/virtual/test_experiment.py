@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import re
@@ -221,7 +222,10 @@ FIDELITY = 1.0
 """What a model identified from step tests leaves of a walk it never saw [deg]."""
 
 
-def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well():
+@pytest.mark.usefixtures("brief_search")
+def test_a_servo_that_is_fast_and_fine_is_planned_for_as_well(monkeypatch):
+    brief = functools.partial(virtual_experiment.learn, trials=2)  # of which nothing is asked here
+    monkeypatch.setattr(virtual_experiment, "learn", brief)
     outcome = virtual_experiment.play_experiment(constants=FAST, cycles=4)
     unseen = outcome.unseen_rms
     for joint, found in zip(outcome.planned.joints, outcome.identifications, strict=True):
