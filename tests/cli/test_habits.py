@@ -103,7 +103,7 @@ def test_verbose_says_how_long_it_took_and_what_the_solvers_said(run, desired, a
     number = r"\d[\d.e-]*"
     for line in (
         f"joint: {number} searches, best {number} deg",
-        r"lower bound: Clarabel says Solved after \d+ iterations",
+        r"Clarabel: Solved after \d+ iterations",
         f"hip: {number} s",
         f"knee: {number} s",
         f"{number} s in all",
