@@ -28,7 +28,7 @@ output = click.option(
 output_or_folder = click.option(
     "-o",
     "--output",
-    type=types.INPUT,  # a folder has a check of its own, types.OUTPUT takes files only
+    type=types.OUTPUT_OR_FOLDER,
     default="-",
     metavar="OUT",
     help="The file, or folder, to write; '-' is standard output.  [default: -]",

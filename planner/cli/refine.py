@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("requests", type=types.INPUT)
+@click.argument("requests", type=types.REWRITTEN)
 @click.argument("measured", type=types.INPUT, nargs=-1, required=True)
 @click.option(
     "--desired",

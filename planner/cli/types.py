@@ -1,7 +1,8 @@
 """Types of options: each parses a value once, refuses what it is not, and completes it in a shell.
 
 NAME=VALUE of a joint, numbers above 0, a leg or a URDF, and names of files and folders. A file or a
-folder that is to be written is checked here, before anything is computed.
+folder that is to be written is checked here, before anything is computed; so is that no output
+overwrites an input.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import os
 import re
 from collections.abc import Callable
 from copy import copy
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 import click
 from click.shell_completion import CompletionItem
@@ -98,20 +100,46 @@ class LegName(click.ParamType):  # type: ignore[type-arg]  # generic from click 
 class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.5 on
     """The name of a file or a folder, which a shell completes; one to write is checked at once."""
 
-    def __init__(self, kind: str, check: Callable[[str], None] = lambda _: None) -> None:
-        """Complete to ``file``, which has folders on the way, or ``dir``, and check the name."""
+    def __init__(
+        self,
+        kind: str,
+        check: Callable[[str], None] = lambda _: None,
+        *,
+        use: Literal["read", "written"] | None,
+    ) -> None:
+        """Complete to ``file``, which has folders on the way, or ``dir``, and check the name.
+
+        Args:
+            kind: ``file`` or ``dir``.
+            check: Raises where the name cannot be what it has to be.
+            use: No place that is written may be another one of the same command; None where a file
+                is meant to be replaced by what becomes of it.
+        """
         self.name = self.kind = kind
         self.check = check
+        self.use = use
 
-    def convert(
-        self,
-        value: Any,
-        param: click.Parameter | None,  # noqa: ARG002
-        ctx: click.Context | None,  # noqa: ARG002
-    ) -> str:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The same text, where it passes the check."""
         self.check(value)
-        return str(value)
+        text = str(value)
+        if self.use is not None and param is not None and ctx is not None:
+            self._check_others(text, param, ctx)
+        return text
+
+    def _check_others(self, text: str, param: click.Parameter, ctx: click.Context) -> None:
+        """Refuse a place that is written and has another use in this command."""
+        from planner.files.staging import cannot_write
+
+        place = Path(text).resolve()
+        is_device = place.exists() and not (place.is_file() or place.is_dir())
+        if text == "-" or is_device:
+            return
+        others = ctx.meta.setdefault(f"{__name__}.places", {}).setdefault(place, {})
+        others[param.name] = self.use
+        if len(others) > 1 and "written" in others.values():
+            reason = "an input too" if "read" in others.values() else "another output too"
+            raise cannot_write(text, ValueError(f"it is {reason}"))
 
     def shell_complete(
         self,
@@ -200,6 +228,8 @@ POSITIONS = ByJoint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)
 NAMES = ByJoint(str, "JOINT=NAME, such as Rotation=shoulder_pan", all_joints=False)
 TICKS = ByJoint(_tick, "N or JOINT=N, such as knee=2048")
 
-INPUT = Place("file")
-OUTPUT = Place("file", _check_file)
-FOLDER = Place("dir", _check_folder)
+INPUT = Place("file", use="read")
+OUTPUT = Place("file", _check_file, use="written")
+FOLDER = Place("dir", _check_folder, use="written")
+OUTPUT_OR_FOLDER = Place("file", use="written")  # checked once the format is known
+REWRITTEN = Place("file", use=None)

@@ -100,6 +100,12 @@ BAD = {
     "no period": "gait --period 0",
     "a folder that is not ours": "reproduce --out .",
     "an output folder that is not there": "gait -o nowhere/foot.csv",
+    "a path in place of which its requests would be written": "plan d.csv -o d.csv",
+    "a log in place of which its model would be written": "identify log.csv -o ./log.csv",
+    "a model in place of which a page would be written": "plan d.csv --model slow.toml "
+    "--report slow.toml",
+    "a recording in place of which its replay would be written": "replay log.csv -o log.csv",
+    "two outputs in one file": "plan d.csv -o new.csv --report new.csv",
     "an unknown option value": "plan d.csv --method magic",
     "an unknown norm": "plan d.csv --norm l7",
     "an unknown rule": "plan d.csv --method closed-form --rule best",

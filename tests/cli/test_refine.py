@@ -85,11 +85,12 @@ def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
         ((), 50, "got 50 rows, expected 88 a cycle"),
         ((), 100, "got 100 rows, 12 more than 1 cycles of 88"),
         (("--cycles", 3), None, "got 2 of 88 rows, expected 3 cycles"),
-        (("--history", "desired.csv"), None, "not JSON"),
+        (("--history", "notes.json"), None, "not JSON"),
         (("--joint", "ankle"), None, "no column ankle_deg"),
     ],
 )
-def test_what_does_not_fit_is_refused(run, desired, execute, options, ending, message):
+def test_what_does_not_fit_is_refused(run, desired, tmp_path, execute, options, ending, message):
+    (tmp_path / "notes.json").write_text("monday")
     run("plan", desired, "-o", "requests.csv")
     execute(cycles=2, ending=ending)
     line = ("refine", "requests.csv", "measured.csv", "--desired", desired, *options)
