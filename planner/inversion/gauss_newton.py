@@ -255,7 +255,7 @@ def iterate(
     cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)
     if stage.smoothing:
         regularisation = Regularisation(
-            stage.weight, problem.second_differences(requests), second_differences=True
+            stage.weight, problem.roughness_terms(requests), second_differences=True
         )
     else:
         regularisation = Regularisation(stage.weight, requests - problem.resting)

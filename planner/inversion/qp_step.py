@@ -138,7 +138,7 @@ class _Programme:
         self._angle = self.count + np.arange(samples * models).reshape(samples, models)
         self._size = self.count + samples * models
         self.operator = (
-            second_difference_matrix(samples, cyclic=problem.cyclic)
+            smoothing_matrix(samples, cyclic=problem.cyclic, centring=problem.centring)
             if second_differences
             else sparse.csr_array(sparse.eye_array(samples))
         )
@@ -238,3 +238,11 @@ def second_difference_matrix(samples: int, *, cyclic: bool) -> sparse.csr_array:
     columns = np.concatenate([before % samples, here, (here + 1) % samples])
     values: npt.NDArray[np.float64] = np.repeat([1.0, -2.0, 1.0], len(here))
     return sparse.csr_array((values, (np.tile(here, 3), columns)), shape=(len(here), samples))
+
+
+def smoothing_matrix(samples: int, *, cyclic: bool, centring: float) -> sparse.csr_array:
+    """The matrix of :meth:`TrackingProblem.roughness_terms`, up to what it takes from a centre."""
+    matrix = second_difference_matrix(samples, cyclic=cyclic)
+    if not centring:
+        return matrix
+    return sparse.csr_array(sparse.vstack([matrix, centring * sparse.eye_array(samples)]))

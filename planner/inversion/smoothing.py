@@ -117,8 +117,8 @@ def allowed_error(error: float, smoothness: float) -> float:
 
 def roughness(problem: TrackingProblem, requests: Array) -> float:
     """The sum of the squared second differences of requests [rad^2]."""
-    differences = problem.second_differences(requests)
-    return float(np.vdot(differences, differences))
+    terms = problem.roughness_terms(requests)
+    return float(np.vdot(terms, terms))
 
 
 def _without_needless_crossings(

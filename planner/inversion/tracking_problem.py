@@ -23,6 +23,12 @@ from planner.trajectory import Array
 Indices = npt.NDArray[np.int_]
 
 
+CENTRING = 0.1
+"""Where a joint has a dead band: weight of the distance of a request from its middle, beside a
+second difference [-]. A request returns to the middle within some four periods; with half the
+weight within six, at twice the weight within three, with steps that are larger by a fifth."""
+
+
 class TrackingProblem:
     """Joints that should reach a goal by requests within limits: (10) of ``docs/math.md``.
 
@@ -165,6 +171,22 @@ class TrackingProblem:
             around = np.concatenate([requests[-1:], requests, requests[:1]])
             return np.asarray(around[:-2] - 2.0 * requests + around[2:])
         return np.diff(requests, n=2, axis=0, prepend=requests[:1])
+
+    @cached_property
+    def centring(self) -> float:
+        """Weight of the distances from the middle of a dead band beside second differences [-]."""
+        return CENTRING if any(model.dead_band for model in self.models) else 0.0
+
+    def roughness_terms(self, requests: Array) -> Array:
+        """What smoothing squares and sums [rad]: second differences, and with dry friction more.
+
+        Inside a dead band any request holds the joint: those that differ little from its middle
+        are preferred (``docs/math.md``, section 6).
+        """
+        terms = self.second_differences(requests)
+        if not self.centring:
+            return terms
+        return np.concatenate([terms, self.centring * (requests - self.resting)])
 
     def error(self, angles: Array) -> float:
         """The error of the angles in the norm that counts."""
