@@ -20,7 +20,7 @@ from planner.report.identification.figures import (
     intervals_figure,
     log_figures,
 )
-from planner.report.identification.page import identification_page
+from planner.report.identification.page import Joint, identification_page, joints_table
 from planner.report.page import LinkedFile
 from planner.report.style import ROLES
 from tests.report.made_up import made_up, made_up_log, never_saturated
@@ -182,10 +182,41 @@ def test_the_cloud_shows_points_about_the_identified_line(found):
     assert 0 < len(curves["measured"].x) <= MOST_POINTS
     line = curves["f, identified"]
     slope = found.model.v_max / found.model.theta_0
-    assert line.y[2] / line.x[2] == pytest.approx(slope)
+    assert line.y[4] / line.x[4] == pytest.approx(slope)
     assert figure.x.range[1] == pytest.approx(np.degrees(cloud.reach))
     if found.saturates:
-        assert line.y[3] == pytest.approx(np.degrees(found.model.v_max))
+        assert line.y[5] == pytest.approx(np.degrees(found.model.v_max))
+
+
+def test_the_line_of_a_joint_with_dry_friction_is_its_speed_law_everywhere():
+    found = with_dead_band(made_up())
+    (line,) = (
+        each for each in cloud_figure(found).panels[0].curves if each.name == "f, identified"
+    )
+    errors = np.linspace(line.x[0], line.x[-1], 101)
+    speeds = np.degrees(found.model.speed(np.radians(errors)))
+    assert np.interp(errors, line.x, line.y) == pytest.approx(speeds)
+
+
+def test_the_table_of_joints_has_each_number_under_its_own_title():
+    joints = [
+        Joint("hip", "hip", made_up(), "joint1_"),
+        Joint("knee", "knee", with_dead_band(made_up()), "joint2_"),
+    ]
+    table = joints_table(joints)
+    titles = [column.title for column in table.columns]
+    hip, knee = (dict(zip(titles, row.cells, strict=True)) for row in table.rows)
+    assert (hip["dead band"], knee["dead band"]) == ("–", "0.573 deg")
+    for joint in hip, knee:
+        assert joint["rms error"] == "0.219 deg"
+        assert joint["best delay"] == hip["best delay"] != "–"
+
+
+def with_dead_band(found):
+    """The same identification of a joint with dry friction."""
+    model = dataclasses.replace(found.model, dead_band=0.01)
+    intervals = {**found.intervals, "dead_band": Interval(0.009, 0.011)}
+    return dataclasses.replace(found, model=model, intervals=intervals)
 
 
 def test_a_log_without_a_single_interval_has_an_empty_cloud():

@@ -64,11 +64,12 @@ def cloud_of(found: Identification) -> Cloud:
     model = found.model
     clouds = [speed_against_error(model, fit) for fit in found.fits]
     points = SpeedPoints(*(np.concatenate(parts) for parts in zip(*clouds, strict=True)))
-    reach = 2.0 * model.theta_0
+    corner = float(model.corners()[-1])
+    reach = 2.0 * corner
     if len(points.errors):
         most = 1.1 * float(np.quantile(np.abs(points.errors), 0.99))
-        beyond = max(1.3 * model.theta_0, min(most, 5.0 * model.theta_0))
-        reach = max(most, 1e-9) if most < model.theta_0 else beyond
+        beyond = max(1.3 * corner, min(most, 5.0 * corner))
+        reach = max(most, 1e-9) if most < corner else beyond
     shown = np.abs(points.speeds[np.abs(points.errors) <= reach])
     most = float(np.quantile(shown, 0.995)) if len(shown) else 0.0
     return Cloud(points, reach, 1.15 * max(float(model.speed(reach)), most))
@@ -92,16 +93,16 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
             x, y = factor * points.errors[some], factor * points.speeds[some]
             curves.append(Curve(role, x, y, name, marks="dots", opacity=opacity))
     far = max(reach, float(np.max(np.abs(points.errors[finite]), initial=0.0)))
-    corner = min(model.theta_0, far)
-    ends = np.array([-far, -corner, corner, far])
+    corners = model.corners()
+    ends = np.array([-far, *np.clip(corners, -far, far), far])
     speeds = factor * model.speed(ends)
     words: tuple[Words, ...] = ()
-    if found.saturates and model.theta_0 <= reach:
-        corner, top = factor * model.theta_0, factor * model.v_max
+    if found.saturates and corners[-1] <= reach:
+        corner, top = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
         curves.append(line((corner, corner), (0.0, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
         words = (
-            Words("θ₀", corner, 0.0, upward="top"),
-            Words("v_max", -factor * reach, top, across="left"),
+            Words("θ₀ + dead band" if model.dead_band else "θ₀", corner, 0.0, upward="top"),
+            Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
     curves.append(Curve(replace_width(CLOSED_FORM, 2.4), factor * ends, speeds, "f, identified"))
     age, oldest = 1e3 * model.lag, 1e3 * (model.lag + model.acceleration_time)

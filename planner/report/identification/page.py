@@ -40,6 +40,19 @@ from planner.report.page import (
 )
 from planner.report.table import NOTHING, Column, Row, Table, percent
 
+TITLES = {
+    "v_max": "top speed",
+    "theta_0": "θ₀",
+    "gain": "v_max/θ₀",
+    "lag": "lag",
+    "acceleration_time": "acceleration time",
+    "dead_band": "dead band",
+    "v_offset": "v_offset",
+    "compliance": "compliance",
+    "speed_per_torque": "speed per torque",
+}
+"""What the columns of the table of several joints are called."""
+
 
 class Joint(NamedTuple):
     """What the page says about one joint: its name, its identifier, and what was identified."""
@@ -256,19 +269,19 @@ def saturated(found: Identification) -> float:
 
 
 def joints_table(joints: Sequence[Joint]) -> Table:
-    """Every joint in a row."""
+    """Every joint in a row; a column for each parameter that some joint has, except the sag."""
+    found = [{row.name: row.short for row in parameters(joint.found)} for joint in joints]
+    names = [name for name in TITLES if any(name in each for each in found)]
     rows = []
-    for joint in joints:
-        found = joint.found
-        delay = [error.telling for error in errors(found) if error.name == "delay"]
-        shown = (telling_error(found)[0], *delay) if delay else (telling_error(found)[0], None)
-        cells = (found.verdict if found.accepted else "does not fit",
-                 *(row.short for row in parameters(found) if row.name != "offset"),
-                 *(_angle(found, error) for error in shown))  # fmt: skip
-        kind = "" if found.accepted else "broken"
+    for joint, values in zip(joints, found, strict=True):
+        delay = [error.telling for error in errors(joint.found) if error.name == "delay"]
+        shown = (telling_error(joint.found)[0], delay[0] if delay else None)
+        cells = (joint.found.verdict if joint.found.accepted else "does not fit",
+                 *(values.get(name, NOTHING) for name in names),
+                 *(_angle(joint.found, error) for error in shown))  # fmt: skip
+        kind = "" if joint.found.accepted else "broken"
         rows.append(Row(joint.name or "unnamed", cells, kind=kind))
-    titles = ("model", "top speed", "θ₀", "v_max/θ₀", "lag", "acceleration time",
-              "rms error", "best delay")  # fmt: skip
+    titles = ("model", *(TITLES[name] for name in names), "rms error", "best delay")
     return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
 
 
