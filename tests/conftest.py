@@ -30,14 +30,17 @@ settings.load_profile("suite")
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/virtual/test_experiment.py",
+    "tests/inversion/test_friction.py",
     "tests/corpus/test_corpus.py",
-    "tests/cli/test_compare.py",
-    "tests/inversion/foot/test_bound.py",
     "tests/identification/test_recordings.py",
+    "tests/inversion/foot/test_bound.py",
+    "tests/virtual/test_experiment.py",
+    "tests/identification/test_verdict.py",
+    "tests/cli/test_process.py",
     "tests/evaluation/test_cross_check.py",
-    "tests/robustness/test_same_bytes.py",
-    "tests/robustness/test_killed.py",
+    "tests/report/test_in_a_browser.py",
+    "tests/cli/test_compare.py",
+    "tests/cli/test_any_leg.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end."""
 

@@ -39,6 +39,7 @@ def hits(model, interval, name):
 
 
 def test_intervals_hold_the_truth_nineteen_times_in_twenty():
+    """Some seconds: a share of cases can only be told from many."""
     found = [planner.identify(step_logs(seed=seed), hold_out=False) for seed in range(SEEDS)]
     for name in ("v_max", "theta_0", "lag", "acceleration_time", "offset"):
         count = sum(hits(AIBO, one.intervals[name], name) for one in found)

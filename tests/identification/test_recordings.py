@@ -12,7 +12,8 @@ from tests.identification.made import pendulum, so101
 KNOWN = {"Pitch": 0.0126, "Wrist_Roll": 0.0054, "Jaw": 0.0031}
 """Error on the second half of the PRBS recording by a fit to the first [rad; Jaw: share].
 
-Of a joint that lifts the arm, of one that turns light things, and of the gripper: 3 seconds each.
+Of a joint that lifts the arm, of one that turns light things, and of the gripper. Up to eight
+seconds each: the known errors are those of whole recordings.
 The wrist has more friction in the first half than in the second, which a fit without friction
 predicts to 0.0046; on slow motion (static_holding) that one errs by 0.0120, with friction 0.0050.
 """

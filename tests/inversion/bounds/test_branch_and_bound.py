@@ -68,7 +68,7 @@ def violation(problem, node, point, requests):
 
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5)
 @given(
     model=st.one_of(models(), models(friction=True)),
     requests=trajectories(least=4, most=9, reach=0.5),
