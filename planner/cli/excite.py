@@ -29,8 +29,10 @@ class PairOfLimits(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments, with LOW HIGH as LOW:HIGH."""
         for k in range(len(args) - 2):
-            if args[k] == "--limits-deg" and ":" not in args[k + 1]:
-                args[k + 1 : k + 3] = [":".join(args[k + 1 : k + 3])]
+            low, high = args[k + 1 : k + 3]
+            is_option = high.startswith("-") and not high[1:2].isdigit()
+            if args[k] == "--limits-deg" and ":" not in low and not is_option:
+                args[k + 1 : k + 3] = [f"{low}:{high}"]
                 break
         return super().parse_args(ctx, args)
 

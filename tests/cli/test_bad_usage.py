@@ -74,6 +74,7 @@ BAD = {
     "joints that the leg has not": "plan desired.csv --leg reference",
     "joints of a foot path": "plan foot.csv --leg front-left --joint knee",
     "an option that the method ignores": "plan desired.csv --segments 6",
+    "one limit where there are two": "excite --limits-deg 45 -o steps.csv",
     "limits upside down": "plan desired.csv --limits-deg 10:-10",
     "limits of nobody": "plan desired.csv --limits-deg ankle=0:1",
     "no such model": "simulate desired.csv --model robot.toml",
