@@ -46,7 +46,7 @@ PENDULUMS = {
 def measure(options: Options) -> list[Table]:
     """Made logs, and the recordings where they are."""
     seeds = SEEDS * options.instances
-    tables = [coverage(seeds), friction(seeds), unmodelled(4 * options.instances)]
+    tables = [coverage(seeds), friction(seeds), unmodelled(2 * options.instances)]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if folder and Path(folder).is_dir():
         tables.append(recordings(Path(folder)))
