@@ -196,8 +196,8 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[s
             else "neither v_max nor theta_0 is known"
         )
         found.append(
-            f"the joint {hardly} saturates in this log: {known}, and v_max to be at least "
-            f"{said(v_max.lower, unit, '/s')}; the model has {said(at.v_max, unit, '/s')}, no "
+            f"the joint {hardly} saturates in this log: {known}; v_max is at least "
+            f"{said(v_max.lower, unit, '/s')}, and the model has {said(at.v_max, unit, '/s')}, no "
             "more than this log shows or calls for; record steps larger than about "
             f"{said(max(2.0 * called / at.gain, fit.grid.span), unit, digits=1)}"
         )
