@@ -374,7 +374,8 @@ def missed(task: ReplayTask, replay: Replay) -> list[str]:
 def _allowed(found: Fastest) -> str:
     if found.foot:
         return f"{100.0 * found.tolerance:.3g} cm"
-    return f"{math.degrees(found.tolerance):.3g} degrees"
+    size = f"{math.degrees(found.tolerance):.3g}"
+    return f"{size} degree{'s' * (size != '1')}"
 
 
 def replay_report(
