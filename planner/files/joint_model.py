@@ -50,6 +50,9 @@ CORRELATIONS = "correlations"
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS)
 """Every key of a model."""
 
+SLOWEST = 10.0
+"""No servo takes so long to answer a request [s]: the times of such a file are in other units."""
+
 ROUNDING = 1e-9
 """By this share of its size a parameter may be beyond its interval."""
 
@@ -242,6 +245,12 @@ def _model(
         model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
+    if model.lag + model.acceleration_time > SLOWEST:
+        raise InvalidFile(
+            path,
+            f"{place}lag + acceleration_time: got {model.lag + model.acceleration_time:g} s, "
+            f"expected at most {SLOWEST:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
+        )
     try:
         found = _tested(known) if "expected_error" in known else {}
         found |= _intervals(known, model)

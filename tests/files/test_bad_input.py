@@ -59,6 +59,7 @@ MODELS = {
     "text for a number": MODEL.replace("5.0", "'fast'"),
     "an impossible joint": MODEL.replace("5.0", "-1"),
     "a key twice": MODEL + "lag = 1\n",
+    "times in ms": "v_max = 5.0\ntheta_0 = 0.1\nlag = 32\nacceleration_time = 48\n",
 }
 
 
