@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     limits="Range of the requests [deg, or percent of the range], of all joints or one.",
     norm="The error to make small.",
     solver="Our own solver, or one of CasADi's with the same problem.",
+    max_step_deg="Largest change from one request to the next [deg, or percent of the range].",
+    smoothness="Share of the error that smoother requests may cost; 0 for none.",
 )
 @partial(log_options, without=["joint"])
 @options.output_or_folder

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner._version import __version__
 from planner.inversion.error_norm import error_norm, relative_gap
-from planner.model.evidence import untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.report.figure import (
     POSES,
     Axis,
@@ -224,6 +224,11 @@ def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) ->
             f"The desired path is faster than the top speed of: {listed}. There no requests make "
             "the joint follow exactly; a slower or smaller path has no such error."
         )
+        seen = dict(zip(outcome.names, (each.evidence for each in outcome.models), strict=True))
+        evidence = {row.name: seen[row.name] for row in fast}
+        unknown = [name for name, each in evidence.items() if each and each.leaves_top_speed_open]
+        if unknown:
+            said[-1] += f" For {', '.join(unknown)} this is the model's word: {OPEN_TOP_SPEED}."
     if held := [row for row in rows if row.at_limit]:
         listed = ", ".join(f"{row.name} ({row.at_limit})" for row in held)
         said.append(f"Requests at a limit of their joint: {listed}.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.inversion.error_norm import error_norm
-from planner.model.evidence import untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
 from planner.run.models import model_words
@@ -17,6 +17,7 @@ from planner.run.plan import max_step_of
 if TYPE_CHECKING:
     from planner.evaluation.metrics import RequestMotion
     from planner.inversion.result import Inversion
+    from planner.run.desired import Desired
     from planner.run.plan import Answer
     from planner.trajectory import Array
 
@@ -108,6 +109,8 @@ def summary(run: settings.Run, answer: Answer) -> str:
         text += "\non the robot: rms error to expect, by what the models were tested on"
     if words := untested_words(desired.names, answer.expected):
         text += f"\n{words}"
+    if unknown := _unknown_top_speeds(desired):
+        text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
     if answer.bound_withdrawn:
         text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
     if max_step_of(run.plan, desired.period) is not None:
@@ -115,6 +118,16 @@ def summary(run: settings.Run, answer: Answer) -> str:
     if desired.unreachable:
         text += f"\n{desired.unreachable} samples were out of the leg's reach"
     return text
+
+
+def _unknown_top_speeds(desired: Desired) -> list[str]:
+    """Joints whose path is faster than a top speed that is only known to be at least so large."""
+    speeds = np.max(np.abs(np.diff(desired.angles, axis=0)), axis=0) / desired.period
+    return [
+        name
+        for name, model, speed in zip(desired.names, desired.models, speeds, strict=True)
+        if model.evidence and model.evidence.leaves_top_speed_open and speed > model.v_max
+    ]
 
 
 def _over_models(inversion: Inversion, unit: str) -> dict[str, Any] | None:

@@ -260,3 +260,18 @@ def test_joints_in_shares_of_their_range_are_answered_in_percent(run, tmp_path):
         refused = run(command[0], tmp_path / "out.csv", *command[1:])
         assert refused.exit_code == 2
         assert "'jaw' is in shares of its range, expected an angle" in refused.stderr
+
+
+@pytest.mark.parametrize(("most", "said"), [("inf", True), ("1.2", False)])
+def test_bounds_at_an_unknown_top_speed_are_of_the_model_only(run, tmp_path, most, said):
+    model, page = tmp_path / "joint.toml", tmp_path / "page.html"
+    model.write_text(
+        "v_max = 1.0\ntheta_0 = 0.1\nlag = 0.02\nacceleration_time = 0.05\ntick = 0.02\n"
+        f"expected_error = 0.002\nv_max_interval = [1.0, {most}]\n"
+    )
+    desired = 40.0 * np.sin(2.0 * np.pi * np.arange(50) / 50.0)
+    path = "elbow_deg\n" + "".join(f"{angle}\n" for angle in desired)
+    output = ("-o", tmp_path / "r.csv", "--report", page)
+    done = run("plan", "-", "--model", model, *output, stdin=path)
+    assert ("lower bounds of the model only: elbow (the logs leave open" in done.stderr) == said
+    assert ("For elbow this is the model" in page.read_text()) == said
