@@ -30,10 +30,12 @@ from planner.evaluation.metrics import Distance, angle_distance, foot_distance, 
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
 from planner.inversion.error_norm import relative_gap
+from planner.inversion.foot.arguments import foot_motion
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
+from planner.inversion.reversals import OPTIONS as DEAD_BAND
 from planner.trajectory import Array
 
 FOOT = "foot"
@@ -215,7 +217,18 @@ def _checks(
         usable = [plan for plan in kept if plan is not None]
         if len(usable) == len(joints):
             others[METHODS[method]] = _foot_plan(leg, together.desired_foot, usable).error(norm)
-    return found + no_worse_checks(FOOT, label, best.error(norm), others, FOOT_NO_WORSE)
+    error = _error_not_spared(together, best.error(norm))
+    return found + no_worse_checks(FOOT, label, error, others, FOOT_NO_WORSE)
+
+
+def _error_not_spared(plan: FootInversion, error: float) -> float:
+    """The error less what was added so as not to cross dead bands, in quadrature [m]."""
+    band = math.sqrt(np.mean([model.dead_band**2 for model in plan.models]))
+    if not band:
+        return error
+    nearest = plan.leg.joint_angles(plan.desired_foot, unreachable="nearest")
+    spared = DEAD_BAND.error_shares[-1] * band * foot_motion(plan.leg, nearest, plan.weights)
+    return math.sqrt(max(error**2 - spared**2, 0.0))
 
 
 def _foot_plan(leg: Leg, desired: Array, plans: Sequence[Inversion]) -> FootPlan:

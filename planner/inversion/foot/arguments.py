@@ -25,6 +25,12 @@ def axis_scales(weights: Array) -> Array:
     return scales
 
 
+def foot_motion(leg: Leg, angles: Array, weights: Array) -> float:
+    """How far a radian of a joint moves the foot [m/rad], rms over joints, axes and samples."""
+    jacobians = leg.jacobians(angles) * axis_scales(weights)[:, np.newaxis]
+    return float(np.sqrt(np.mean(jacobians**2)))
+
+
 def limits_of(limits: tuple[npt.ArrayLike, npt.ArrayLike] | None, leg: Leg) -> tuple[Array, Array]:
     """Smallest and largest request of a leg's joints [rad], each of shape (k,); else its own."""
     names = leg.joint_names

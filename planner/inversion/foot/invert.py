@@ -23,7 +23,13 @@ from planner.inversion.arguments import (
     model_of_each,
     steps_of_each,
 )
-from planner.inversion.foot.arguments import checked_leg, joints_of, limits_of
+from planner.inversion.foot.arguments import (
+    axis_scales,
+    checked_leg,
+    foot_motion,
+    joints_of,
+    limits_of,
+)
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
@@ -244,7 +250,7 @@ def _problem(
     nearest = np.clip(angles - added, least, most)
     return TrackingProblem(
         joints,
-        FollowFoot(leg, desired, _scale(weights, leg.jacobians(nearest + added), leg), added),
+        FollowFoot(leg, desired, _scale(weights, nearest + added, leg), added),
         nearest,
         cyclic=cyclic,
         norm=norm,
@@ -330,16 +336,15 @@ def holding(problem: TrackingProblem, stationary: Mask) -> TrackingProblem:
     return problem.within((lower, upper))
 
 
-def _scale(importance: Array, jacobians: Array, leg: Leg) -> Array:
+def _scale(importance: Array, angles: Array, leg: Leg) -> Array:
     """Root of each axis' weight over how far a radian of a joint moves the foot [rad/m], (3,)."""
-    roots: Array = np.sqrt(importance / np.max(importance))
-    moved = float(np.sqrt(np.mean((jacobians * roots[:, np.newaxis]) ** 2)))
+    moved = foot_motion(leg, angles, importance)
     if moved <= LEAST_FOOT_MOTION * float(np.max(np.abs(leg.chain.tip), initial=LEAST_FOOT_MOTION)):
         raise Infeasible(
             "leg: none of its joints moves the foot along an axis that counts; choose another foot "
             "frame, or give the axis along which it moves a weight"
         )
-    return roots / moved
+    return axis_scales(importance) / moved
 
 
 def _checked_weights(weights: npt.ArrayLike) -> Array:
