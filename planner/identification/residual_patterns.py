@@ -133,9 +133,9 @@ def patterns(
     """
     found = [_departure(each, fits, unit) for each in departures]
     if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:
+        up, down = (_said(model.v_max + way * model.v_offset, unit, "/s") for way in (1.0, -1.0))
         found.append(
-            f"asymmetry: the joint reaches {model.v_max + model.v_offset:.3g} {unit}/s upwards and "
-            f"{model.v_max - model.v_offset:.3g} {unit}/s downwards, as under a load"
+            f"asymmetry: the joint reaches {up} upwards and {down} downwards, as under a load"
         )
     for fit in fits:
         shown = (*_ringing(model, fit, noise), *_drift(fit, noise, unit))
@@ -232,8 +232,9 @@ def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
     if apart <= OPTIONS.contradiction * max(means[low][1], means[high][1]):
         return []
     return [
-        f"the logs contradict each other: against one model the joint is {apart:.3g} {unit} higher "
-        f"in {high} than in {low}; was the load, the zero or the pose another? Identify them apart"
+        f"the logs contradict each other: against one model the joint is {_said(apart, unit)} "
+        f"higher in {high} than in {low}; was the load, the zero or the pose another? Identify "
+        "them apart"
     ]
 
 
@@ -279,7 +280,7 @@ def _drift(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
     explained = float(np.var(line(times)) / max(np.var(left), 1e-300))
     if explained > OPTIONS.drift and abs(change) > OPTIONS.clear * noise:
         yield (
-            f"a slow drift: the angles leave the model by {change:.3g} {unit} from row {used[0]} "
+            f"a slow drift: the angles leave the model by {_said(change, unit)} from row {used[0]} "
             f"to row {used[-1]}"
         )
 
