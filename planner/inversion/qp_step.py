@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from planner.inversion.bounds.clarabel import Cones, minimise_over_cones
+from planner.inversion.clarabel import Cones, minimise_over_cones
 from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, Step, cost_of
 from planner.inversion.tracking_problem import Indices, TrackingProblem
 from planner.model.sensitivity import Response

@@ -14,7 +14,6 @@ from scipy import sparse
 
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import Norm
-from planner.inversion.bounds.clarabel import Cones, ConicSolution, minimise_over_cones
 from planner.inversion.bounds.reachable_set import (
     BoundProblem,
     Level,
@@ -22,6 +21,7 @@ from planner.inversion.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
+from planner.inversion.clarabel import Cones, ConicSolution, minimise_over_cones
 from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10

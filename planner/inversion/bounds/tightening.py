@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from planner.inversion.bounds.clarabel import Cones, minimise_over_cones
 from planner.inversion.bounds.saturation_relaxation import (
     Indices,
     Ranges,
     RelaxedSolution,
     ScaledProblem,
 )
+from planner.inversion.clarabel import Cones, minimise_over_cones
 from planner.trajectory import Array
 
 
