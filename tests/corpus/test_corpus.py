@@ -35,7 +35,7 @@ CLAMPED = "--leg reference --unreachable clamp"
 CASES = {
     "compare-json": "compare path.csv --limits-deg -30:40 --json",
     "compare-norm": "compare path.csv --joint hip --norm max --level slope --no-cyclic",
-    "compare-page": f"compare stride.csv {CLAMPED} --segments 5 --out found",
+    "compare-page": f"compare short_stride.csv {CLAMPED} --segments 5 --out found",
     "completion-bash": "completion bash",
     "completion-fish": "completion fish",
     "completion-zsh": "completion zsh",
