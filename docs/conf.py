@@ -34,7 +34,9 @@ nitpick_ignore_regex = [
         "py:class",
         r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver"
         r"|Models|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
-        r"|planner\.robot\.follow\.Planning|planner\.retiming\.(Impossible|SpeedErrors)",
+        r"|planner\.robot\.follow\.Planning|planner\.retiming\.(Impossible|SpeedErrors)"
+        r"|Written|planner\.recorded_path\.RecordedPath|planner\.replaying\.JointReplay"
+        r"|planner\.inversion\.result\.ErrorsOfModels",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",
