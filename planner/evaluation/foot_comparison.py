@@ -35,7 +35,7 @@ from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
-from planner.inversion.reversals import OPTIONS as DEAD_BAND
+from planner.inversion.reversals import error_not_spared, typical_band
 from planner.trajectory import Array
 
 FOOT = "foot"
@@ -223,12 +223,11 @@ def _checks(
 
 def _error_not_spared(plan: FootInversion, error: float) -> float:
     """The error less what was added so as not to cross dead bands, in quadrature [m]."""
-    band = math.sqrt(np.mean([model.dead_band**2 for model in plan.models]))
+    band = typical_band(plan.models)
     if not band:
         return error
     nearest = plan.leg.joint_angles(plan.desired_foot, unreachable="nearest")
-    spared = DEAD_BAND.error_shares[-1] * band * foot_motion(plan.leg, nearest, plan.weights)
-    return math.sqrt(max(error**2 - spared**2, 0.0))
+    return error_not_spared(error, band * foot_motion(plan.leg, nearest, plan.weights))
 
 
 def _foot_plan(leg: Leg, desired: Array, plans: Sequence[Inversion]) -> FootPlan:

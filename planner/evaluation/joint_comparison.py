@@ -35,7 +35,7 @@ from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.certify import Certificate, certify
 from planner.inversion.error_norm import relative_gap
 from planner.inversion.result import Inversion
-from planner.inversion.reversals import OPTIONS as DEAD_BAND
+from planner.inversion.reversals import error_not_spared
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -181,7 +181,7 @@ def compare_joint(
         kept = kept_within(plan, limits)
         if kept is not None:
             others[METHODS[method]] = kept.error
-    spared = _error_not_spared(optimal)
+    spared = error_not_spared(optimal.error, optimal.model.dead_band)
     checks += no_worse_checks(name, METHODS["optimal"], spared, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
@@ -213,12 +213,6 @@ def compare_joint(
 def planned(joints: Sequence[JointComparison]) -> list[str]:
     """The methods by which every joint is planned."""
     return [method for method in METHODS if all(method in joint.plans for joint in joints)]
-
-
-def _error_not_spared(plan: Inversion) -> float:
-    """The error less what was added so as not to cross the dead band, in quadrature [rad]."""
-    spared = DEAD_BAND.error_shares[-1] * plan.model.dead_band
-    return math.sqrt(max(plan.error**2 - spared**2, 0.0)) if spared else plan.error
 
 
 def _as_good_checks(name: str, optimal: float, second: float) -> list[Check]:

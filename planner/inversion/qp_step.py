@@ -8,8 +8,9 @@ next, and the smoothing, the sum of squared second differences. With both the st
     subject to  B dM = H dR + defects
                 lower <= R + dR <= upper,   |N (R + dR)| <= s
 
-where S is the identity or takes second differences, N takes first differences, and a is what S
-makes of the requests, less their centre (``docs/math.md``, section 6). Clarabel's interior-point
+where S is the identity or takes second differences (with dry friction distances from the middle of
+the dead band, too), N takes first differences, and a is what S makes of the requests, less their
+centre (``docs/math.md``, section 6). Clarabel's interior-point
 method solves it; the matrices are sparse and banded, so that the time is in proportion to n.
 """
 

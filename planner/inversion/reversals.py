@@ -6,13 +6,16 @@ they would do so at almost every sample, for errors that are small beside the de
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from planner.trajectory import Array
+from planner.model.joint import JointModel
+from planner.trajectory import Array, rms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,22 @@ class DeadBandOptions:
 
 
 OPTIONS = DeadBandOptions()
+
+
+def typical_band(models: Sequence[JointModel]) -> float:
+    """Root mean square of the joints' dead bands [rad]."""
+    return rms(np.array([model.dead_band for model in models]))
+
+
+def error_not_spared(error: float, band: float) -> float:
+    """An error less the most that is added so as not to cross a dead band, in quadrature.
+
+    Args:
+        error: Error of a plan, in any unit.
+        band: The dead band, in that unit.
+    """
+    spared = OPTIONS.error_shares[-1] * band
+    return math.sqrt(max(error**2 - spared**2, 0.0)) if spared else error
 
 
 def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:

@@ -27,8 +27,9 @@ from planner.inversion.gauss_newton import (
     stages_for,
 )
 from planner.inversion.reversals import OPTIONS as DEAD_BAND
+from planner.inversion.reversals import typical_band
 from planner.inversion.tracking_problem import TrackingProblem
-from planner.trajectory import Array, rms
+from planner.trajectory import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +131,7 @@ def _without_needless_crossings(
     back. What of the second differences can be spared within the errors that ``DeadBandOptions``
     allow consists of such jumps.
     """
-    bands = np.array([model.dead_band for model in problem.models])
-    band = rms(bands)
+    band = typical_band(problem.models)
     worth = DEAD_BAND.worth * roughness(problem, given.requests)
     for error_share in DEAD_BAND.error_shares:
         most = math.hypot(error, error_share * band)
