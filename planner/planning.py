@@ -13,13 +13,12 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, PlannerError
 from planner.files.paths import write_joint_path
-from planner.identification.result import Identification
 from planner.inversion.arguments import model_of_each, range_of_each
 from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion, Method
-from planner.inversion.robust import ModelOrModels, Robust, checked_models
+from planner.inversion.robust import ModelOrModels, Robust, models_of_joints
 from planner.model.joint import JointModel
 from planner.model.load import checked_load
 from planner.robot.schedule import as_rows
@@ -308,20 +307,8 @@ def _of_joints(
                 f"models: none for joint '{missing[0]}'; got "
                 f"{', '.join(map(str, models)) or 'none'}"
             )
-        given: list[Any] = [models[name] if name in models else models[""] for name in names]
-    elif isinstance(models, JointModel | Identification):
-        given = [models] * len(names)
-    else:
-        try:
-            given = list(models)
-        except TypeError:
-            given = []
-        if len(names) == 1 and len(given) > 1:
-            given = [given]
-        fits = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
-        if len(given) != len(names) or not fits:
-            model_of_each(models, len(names), given_as="models", joints=_JOINTS)  # type: ignore[arg-type]
-    return [checked_models(each, robust) for each in given]
+        models = [models[name] if name in models else models[""] for name in names]
+    return models_of_joints(models, len(names), robust, joints=_JOINTS)
 
 
 def _ranges(limits: Limits | None, names: Sequence[str]) -> Mapping[str, tuple[float, float]]:

@@ -337,8 +337,7 @@ def _damping(
         return Damping(even, np.zeros_like(current.angles))
     bending = np.maximum(-multipliers * current.response.bending, 0.0)
     after = bending.sum(axis=0)[problem.windows.after]  # bends by the angle before each sample
-    if even.shape != after.shape:  # of several models under the same requests
-        bending = bending.sum(axis=-1, keepdims=True)
+    bending = problem.over_driven(bending)
     return Damping(even + problem.windows.gathered(bending), after)
 
 

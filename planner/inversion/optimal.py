@@ -200,8 +200,9 @@ def invert_optimal(
     if len(models) == 1:
         return alone
     robust = robust or "mean"
-    loads = [checked_load(load, each, len(desired)) for each in models]
-    column = robust_requests(problem, models, loads, column, robust=robust, smoothness=share)
+    loads = [(checked_load(load, each, len(desired)),) for each in models]
+    scenarios = tuple((each,) for each in models)
+    column = robust_requests(problem, scenarios, loads, column, robust=robust, smoothness=share)
     return replace(
         alone,
         requests=_only(column),

@@ -93,9 +93,7 @@ def qp_step(
     moved = regularisation._replace(away=away + programme.operator @ changes)
     predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + cost_of(moved)
     predicted += float(np.einsum("ki,kij,kj->", angles, cost.curvature, angles))
-    forces = response.by_request * multipliers
-    if changes.shape != angles.shape:  # of several models under the same requests
-        forces = forces.sum(axis=-1, keepdims=True)
+    forces = problem.over_driven(response.by_request * multipliers)
     gradient = slope - problem.windows.gathered(forces)
     return Step(changes, angles, multipliers, gradient, predicted)
 
@@ -153,7 +151,7 @@ class _Programme:
         row = np.arange(angle.size).reshape(angle.shape)
         acts = windows.acting[:, :, np.newaxis] >= 0
         column = np.where(acts, self._column[np.maximum(windows.acting, 0)], -1)
-        column = np.broadcast_to(column, (len(column), *angle.shape))  # one request, many models
+        column = np.tile(column, angle.shape[1] // column.shape[-1])  # one request, many models
         self._moved = column >= 0
         self._dynamics = _Pattern(
             [row, row, np.broadcast_to(row, column.shape)[self._moved]],
@@ -171,8 +169,11 @@ class _Programme:
         one, other = self._column[squared.row], self._column[squared.col]
         upper = (one >= 0) & (one <= other)
         self._squared = np.broadcast_to(squared.data[:, np.newaxis], upper.shape)[upper]
-        self._triangle = np.triu_indices(self._angle.shape[1])
-        i, j = self._triangle
+        i, j = np.triu_indices(self._angle.shape[1])
+        if self.problem.norm == "rms":  # a sum over sets of models: none couples the angles of two
+            own = i // self.free.shape[1] == j // self.free.shape[1]
+            i, j = i[own], j[own]
+        self._triangle = i, j
         diagonal = np.arange(self.count)
         self._curvature = _Pattern(
             [one[upper], diagonal, self._angle[:, i]],

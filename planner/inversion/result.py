@@ -23,7 +23,7 @@ Method = Literal["closed_form", "optimal"]
 
 
 class ErrorsOfModels(NamedTuple):
-    """Errors of a plan over the models that a joint may have, in the plan's norm [rad].
+    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
 
     Attributes:
         nominal: That of the nominal model.
@@ -34,6 +34,11 @@ class ErrorsOfModels(NamedTuple):
     nominal: float
     mean: float
     worst: float
+
+    @classmethod
+    def of(cls, errors: Array) -> ErrorsOfModels:
+        """Those of the errors of each model, the nominal one first, shape (models,)."""
+        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,15 +153,14 @@ class Inversion:
         return errors
 
     @property
-    def worst_error(self) -> float:
-        """The largest of them [rad]."""
-        return float(np.max(self.errors_of_models))
-
-    @property
     def over_models(self) -> ErrorsOfModels:
         """The nominal, the mean and the worst of them [rad]."""
-        mean = error_norm(self.errors_of_models, "rms")
-        return ErrorsOfModels(self.error, mean, self.worst_error)
+        return ErrorsOfModels.of(self.errors_of_models)
+
+    @property
+    def worst_error(self) -> float:
+        """The worst of them [rad]."""
+        return self.over_models.worst
 
     @cached_property
     def lower_bound(self) -> float:

@@ -1,15 +1,17 @@
 """Plans that survive a model that is a little wrong: the same requests for several models.
 
 What is known of a joint is never one model exactly: fits of two logs differ, and an identification
-has a covariance. Here one column of requests drives all models of the joint, each with angles of
-its own, and the cost is the weighted sum of their squared errors,
+has a covariance. A scenario is one model for each joint that is planned, of one joint or of all
+joints of a leg. The same requests drive the joints of every scenario, each with angles of its own,
+and the cost is the weighted sum of their squared errors,
 
-    minimise  sum_i weight_i |M^i - D|^2 + alpha |S R|^2,    M^i the angles of model i,
-                                                            S R second differences of the requests.
+    minimise  sum_i weight_i |e(M^i)|^2 + alpha |S R|^2,    M^i the angles in scenario i,
+                                                           e their errors, of a joint or of a foot,
+                                                           S R second differences of the requests.
 
-With even weights that is the mean over the models. For the worst model the weights follow the
-errors: those of models with larger errors grow until none stands out (C. L. Lawson's algorithm, as
-in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
+With even weights that is the mean over the scenarios. For the worst one the weights follow the
+errors: those of scenarios with larger errors grow until none stands out (C. L. Lawson's algorithm,
+as in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
 """
 
 from __future__ import annotations
@@ -18,17 +20,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from planner.exceptions import InvalidInput, InvalidModel, SolverFailed
 from planner.identification.result import Identification
+from planner.inversion.arguments import model_of_each
 from planner.inversion.error_norm import error_norm
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
-from planner.inversion.gauss_newton import State, minimise
+from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.smoothing import smoothed
-from planner.inversion.tracking_problem import Errors, TrackingProblem
+from planner.inversion.tracking_problem import Errors, Goal, TrackingProblem
 from planner.model.evidence import GAIN
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import Loads
@@ -71,10 +74,13 @@ QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
 
-def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[JointModel, ...]:
+def checked_models(
+    model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
+) -> tuple[JointModel, ...]:
     """The models that a joint may have, the nominal one first.
 
-    One model stands for itself, unless ``robust`` asks for those that its intervals allow.
+    One model stands for itself, unless ``robust`` asks for those that its intervals allow; ``seed``
+    is that of :func:`drawn_models`.
 
     Raises:
         InvalidInput: There is none, one is no JointModel, their request periods differ, the only
@@ -83,10 +89,10 @@ def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[
     if robust is not None and not is_one_of(robust, get_args(Robust)):
         raise InvalidInput(f"robust: got {shown(robust)}, expected 'mean' or 'worst'")
     if isinstance(model, Identification):
-        return drawn_models(model.model)
+        return drawn_models(model.model, seed=seed)
     if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
         only = checked_model(model)
-        return (only,) if robust is None else drawn_models(only)
+        return (only,) if robust is None else drawn_models(only, seed=seed)
     models = tuple(checked_model(each) for each in model)
     if not models or len({each.period for each in models}) > 1:
         raise InvalidInput(
@@ -97,7 +103,91 @@ def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[
     return models
 
 
-def drawn_models(model: JointModel, *, pairs: int | None = None) -> tuple[JointModel, ...]:
+def models_of_joints(
+    models: ModelOrModels | Sequence[ModelOrModels],
+    count: int,
+    robust: Robust | None = None,
+    *,
+    joints: str,
+    independent: bool = False,
+) -> list[tuple[JointModel, ...]]:
+    """The models that each joint may have, the nominal one first, in the order of the joints.
+
+    Args:
+        models: One for all joints, or one for each; in the place of one several that the joint may
+            have, or an identification. For one joint a flat sequence is several.
+        count: How many joints there are.
+        robust: Whether others are drawn for single models, see :func:`checked_models`.
+        joints: What has a joint each, in words.
+        independent: Whether the models of different joints are drawn independently of one another.
+            Joints with the same model share what is not known of it.
+
+    Raises:
+        InvalidInput: They do not fit the joints, or see :func:`checked_models`.
+    """
+    given: list[Any]
+    if isinstance(models, JointModel | Identification):
+        given = [models] * count
+    else:
+        try:
+            given = list(models)
+        except TypeError:
+            given = []
+        if count == 1 and len(given) > 1:
+            given = [given]
+        fits = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
+        fits = fits and not any(isinstance(each, str) for each in given)
+        if len(given) != count or not fits:
+            model_of_each(models, count, given_as="models", joints=joints)  # type: ignore[arg-type]
+    known = [_what_is_known(each) for each in given]
+    seeds = [known.index(each) if independent else 0 for each in known]
+    return [
+        checked_models(each, robust, seed=seed) for each, seed in zip(given, seeds, strict=True)
+    ]
+
+
+def _what_is_known(model: ModelOrModels) -> object:
+    """What models are drawn from, to compare."""
+    model = model.model if isinstance(model, Identification) else model
+    return (model, model.evidence) if isinstance(model, JointModel) else model
+
+
+Scenarios = tuple[tuple[JointModel, ...], ...]
+"""Models of all joints that are planned together, the nominal ones first: one for each joint in
+each scenario."""
+
+
+def scenarios_of(
+    models: ModelOrModels | Sequence[ModelOrModels],
+    count: int,
+    robust: Robust | None = None,
+    *,
+    joints: str,
+) -> Scenarios:
+    """The scenarios of joints that are planned together.
+
+    The models of a joint are taken in their order; a joint with one model has it in all scenarios.
+    The arguments are those of :func:`models_of_joints`.
+
+    Raises:
+        InvalidInput: As there, or joints with several models have different numbers of them.
+    """
+    several = models_of_joints(models, count, robust, joints=joints, independent=True)
+    numbers = {len(each) for each in several} - {1}
+    if len(numbers) > 1:
+        raise InvalidInput(
+            f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
+            "expected as many of each, taken in their order, or one where a joint has but one"
+        )
+    most = max(numbers, default=1)
+    return tuple(
+        zip(*(each if len(each) == most else each * most for each in several), strict=True)
+    )
+
+
+def drawn_models(
+    model: JointModel, *, pairs: int | None = None, seed: int = 0
+) -> tuple[JointModel, ...]:
     """The model, and others that its intervals allow.
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
@@ -107,6 +197,7 @@ def drawn_models(model: JointModel, *, pairs: int | None = None) -> tuple[JointM
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
         pairs: How many pairs; by default four.
+        seed: Which draw: another one gives other models.
 
     Raises:
         InvalidInput: The model has no interval with a known end.
@@ -126,7 +217,7 @@ def drawn_models(model: JointModel, *, pairs: int | None = None) -> tuple[JointM
     matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
-    rng, moves = np.random.default_rng(0), list[Array]()
+    rng, moves = np.random.default_rng(seed), list[Array]()
     while len(moves) < 2 * (OPTIONS.pairs if pairs is None else pairs):
         move = root @ rng.standard_normal(len(names))
         if np.all(np.abs(move) <= QUANTILE):
@@ -160,24 +251,28 @@ def _moved(model: JointModel, names: Sequence[str], move: Array) -> JointModel:
 
 
 class RobustProblem(TrackingProblem):
-    """One joint that may be any of several models, under the same requests.
+    """Joints that may be those of any of several scenarios, under the same requests.
 
-    Requests have shape (n, 1), angles (n, models).
+    Requests have shape (n, joints), angles (n, scenarios * joints), one scenario after the other.
     """
 
     def __init__(
         self,
         nominal: TrackingProblem,
-        models: Sequence[JointModel],
-        loads: Loads,
+        scenarios: Scenarios,
+        loads: Sequence[Loads],
         robust: Robust,
         weights: Array,
     ) -> None:
-        """Take the problem of the nominal model, and load and weight of each; weights sum to 1."""
-        self.nominal, self.robust, self.weights = nominal, robust, weights
+        """Take the problem of the nominal models, and loads and weight of each scenario.
+
+        The weights sum to 1.
+        """
+        self.nominal, self.scenarios, self.robust = nominal, scenarios, robust
+        self.weights, self._loads = weights, loads
         super().__init__(
-            models,
-            FollowWithAll(nominal.desired, weights),
+            [model for scenario in scenarios for model in scenario],
+            ReachInAll(nominal.goal, weights),
             nominal.desired,
             cyclic=nominal.cyclic,
             norm=nominal.norm,
@@ -185,15 +280,19 @@ class RobustProblem(TrackingProblem):
             max_step=nominal.max_step,
             start=nominal.start,
             ridge=nominal.ridge,
-            loads=loads,
+            loads=[load for each in loads for load in each],
         )
 
+    def weighted(self, weights: Array) -> RobustProblem:
+        """The same problem with other weights."""
+        return RobustProblem(self.nominal, self.scenarios, self._loads, self.robust, weights)
+
     def admissible(self, requests: Array) -> Array:
-        """Requests within the limits [rad], (n, 1); from rest the first holds the nominal model."""
+        """Requests within the limits [rad]; from rest the first ones hold the nominal models."""
         return self.nominal.admissible(requests)
 
     def resting_requests(self) -> Array:
-        """Requests that hold the nominal model at the desired angles [rad], (n, 1)."""
+        """Requests that hold the nominal models at the desired angles [rad], (n, joints)."""
         return self.nominal.resting
 
     @cached_property
@@ -201,92 +300,112 @@ class RobustProblem(TrackingProblem):
         """True: requests are coupled by the models that they drive."""
         return True
 
+    def over_driven(self, entries: Array) -> Array:
+        """Sums over the scenarios: what every request drives."""
+        by_scenario = entries.reshape(*entries.shape[:-1], len(self.scenarios), -1)
+        sums: Array = by_scenario.sum(axis=-2)
+        return sums
+
     def errors_of_models(self, angles: Array) -> Array:
-        """The error of each model, in the norm that counts [rad], (models,)."""
-        return np.array([error_norm(each, self.norm) for each in (angles - self.desired).T])
+        """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
+        return np.array(
+            [self.nominal.error(each) for each in np.split(angles, len(self.scenarios), axis=1)]
+        )
 
     def error(self, angles: Array) -> float:
-        """The error that counts: root mean square over the models, or that of the worst."""
+        """The error that counts: root mean square over the scenarios, or that of the worst."""
         errors = self.errors_of_models(angles)
         return float(np.max(errors)) if self.robust == "worst" else error_norm(errors, "rms")
 
     def exact_angles(self, requests: Array, boundary: Array | None = None) -> Array | None:
-        """Angles of all models [rad], (n, models); None where one has no steady cycle."""
-        everywhere = np.repeat(requests, len(self.models), axis=1)
-        return self._all.exact_angles(everywhere, boundary)
+        """Angles of all models [rad]; None where one has no steady cycle."""
+        return self._all.exact_angles(self.in_all(requests), boundary)
 
     def respond(self, angles: Array, requests: Array, *, radius: float) -> Response:
         """Where every request period of the smoothed models leads from these angles."""
-        everywhere = np.repeat(requests, len(self.models), axis=1)
-        return self._all.respond(angles, everywhere, radius=radius)
+        return self._all.respond(angles, self.in_all(requests), radius=radius)
+
+    def in_all(self, columns: Array) -> Array:
+        """Columns of the joints, repeated for each scenario."""
+        return np.tile(columns, len(self.scenarios))
 
     @cached_property
     def _all(self) -> TrackingProblem:
         """The models as joints with requests of their own, which are the same."""
-        count = len(self.models)
         return TrackingProblem(
             self.models,
             self.goal,
-            np.repeat(self.desired, count, axis=1),
+            self.in_all(self.desired),
             cyclic=self.cyclic,
-            start=None if self.start is None else np.repeat(self.start, count),
+            start=None if self.start is None else self.in_all(self.start),
             loads=self.loads,
         )
 
 
-class FollowWithAll:
-    """Several models that should follow the same desired angles; see the module's equation."""
+class ReachInAll:
+    """The same goal in all scenarios; see the module's equation."""
 
-    def __init__(self, desired: Array, weights: Array) -> None:
-        """Take the desired angles [rad], shape (n, 1), and the weight of each model."""
-        self.desired = desired
+    def __init__(self, goal: Goal, weights: Array) -> None:
+        """Take what the joints should do in each scenario, and the scenarios' weights."""
+        self._goal = goal
         self._roots = np.sqrt(weights)
-        self._jacobian = np.diag(self._roots)
 
     def distances(self, angles: Array) -> Array:
-        """Weighted root of the squared errors over the models [rad], (n,)."""
-        distances: Array = np.linalg.norm((angles - self.desired) * self._roots, axis=1)
+        """Weighted root of the squared distances over the scenarios [rad], (n,)."""
+        each = [self._goal.distances(own) for own in self._split(angles)]
+        distances: Array = np.linalg.norm(self._roots[:, np.newaxis] * each, axis=0)
         return distances
 
     def errors(self, angles: Array) -> Errors:
-        """Angles minus desired, each times the root of its model's weight [rad]."""
-        values = (angles - self.desired) * self._roots
-        return Errors(values, np.broadcast_to(self._jacobian, (len(angles), *self._jacobian.shape)))
+        """The errors in each scenario, times the root of its weight [rad]."""
+        each = [self._goal.errors(own) for own in self._split(angles)]
+        values = np.concatenate(
+            [root * own.values for root, own in zip(self._roots, each, strict=True)], axis=1
+        )
+        samples, rows, columns = each[0].jacobians.shape
+        jacobians = np.zeros((samples, len(each), rows, len(each), columns))
+        for number, (root, own) in enumerate(zip(self._roots, each, strict=True)):
+            jacobians[:, number, :, number] = root * own.jacobians
+        return Errors(values, jacobians.reshape(samples, values.shape[1], angles.shape[1]))
+
+    def _split(self, angles: Array) -> list[Array]:
+        return np.split(angles, len(self._roots), axis=1)
 
 
 def robust_requests(
     nominal: TrackingProblem,
-    models: Sequence[JointModel],
-    loads: Loads,
+    scenarios: Scenarios,
+    loads: Sequence[Loads],
     requests: Array,
     *,
     robust: Robust,
     smoothness: float,
+    search: Sequence[Stage] = SEARCH.narrow,
 ) -> Array:
-    """Requests with a small error over all models, from those of the nominal one on.
+    """Requests with a small error over all scenarios, from those of the nominal one on.
 
     Args:
-        nominal: The problem of the first model.
-        models: The models.
-        loads: Torque on the joint as each model feels it [N m], (n,), or None.
-        requests: A plan for the first [rad], shape (n, 1). Without dead bands the answer's error
-            over all models is no larger than that of this plan.
-        robust: Which error over the models counts.
+        nominal: The problem of the nominal models.
+        scenarios: The models of the joints in each scenario.
+        loads: Torques on the joints as the models of each scenario feel them.
+        requests: A plan for the nominal models [rad], shape (n, joints). Without dead bands the
+            answer's error over all scenarios is no larger than that of this plan.
+        robust: Which error over the scenarios counts.
         smoothness: Share of that error which smoother requests may cost.
+        search: The stages, of which those with small corners are gone through.
 
     Raises:
         SolverFailed: Under no requests all models have a steady cycle.
     """
     stages = [
         each._replace(weight=OPTIONS.smoothing, smoothing=True)
-        for each in SEARCH.narrow
+        for each in search
         if each.radius <= OPTIONS.largest_radius
     ]
-    even = np.full(len(models), 1.0 / len(models))
-    problem = RobustProblem(nominal, models, loads, robust, even)
+    even = np.full(len(scenarios), 1.0 / len(scenarios))
+    problem = RobustProblem(nominal, scenarios, loads, robust, even)
     angles = problem.exact_angles(requests)
-    state = State(requests, np.repeat(nominal.desired, len(models), axis=1))
-    state = state if angles is None else state._replace(angles=angles)
+    state = State(requests, problem.in_all(nominal.desired) if angles is None else angles)
     best, least = minimise(problem, state, stages)
     state, answer = best, problem
     for _ in range(OPTIONS.rounds if robust == "worst" else 0):
@@ -296,7 +415,7 @@ def robust_requests(
         weights = problem.weights * problem.errors_of_models(angles)
         if not np.sum(weights) > 0.0:
             break
-        problem = RobustProblem(nominal, models, loads, robust, weights / np.sum(weights))
+        problem = problem.weighted(weights / np.sum(weights))
         state, error = minimise(problem, State(state.requests, angles), stages[-3:])
         if error < least:
             best, least, answer = state, error, problem

@@ -95,6 +95,10 @@ class TrackingProblem:
         """Whether the change from any request to the next has a limit."""
         return bool(np.any(np.isfinite(self.max_step)))
 
+    def over_driven(self, entries: Array) -> Array:
+        """Sums of entries of the angles, over those that every request drives: one here."""
+        return entries
+
     def within(self, limits: tuple[Array, Array]) -> TrackingProblem:
         """The same problem with other limits."""
         return self._changed(limits, self.norm)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -35,6 +35,7 @@ from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
+from planner.inversion.robust import ModelOrModels, Robust, robust_requests, scenarios_of
 from planner.inversion.smoothing import SAME_ERROR, allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
@@ -103,7 +104,7 @@ class FollowFoot:
 
 
 def invert_foot(
-    models: JointModel | Sequence[JointModel],
+    models: ModelOrModels | Sequence[ModelOrModels],
     leg: Leg,
     foot: npt.ArrayLike,
     *,
@@ -116,6 +117,7 @@ def invert_foot(
     disturbance: npt.ArrayLike | None = None,
     max_step: npt.ArrayLike | None = None,
     smoothness: float | None = None,
+    robust: Robust | None = None,
 ) -> FootInversion:
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
@@ -124,7 +126,12 @@ def invert_foot(
     kinematics come from CasADi. From rest the joints rest at the first point, or nearest to it.
 
     Args:
-        models: One joint model for all joints of the leg, or one for each.
+        models: One joint model for all joints of the leg, or one for each. In the place of a model
+            there may be several that the joint may have, the nominal one first, or an
+            identification, from whose intervals eight are drawn: the requests are then good for the
+            first, the second ... models of all joints together; a sequence of one is a joint that
+            has that model in any case. Those of different joints are drawn independently; joints
+            with the same model have the same ones.
         leg: A leg of up to three joints.
         foot: Desired positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
@@ -141,14 +148,19 @@ def invert_foot(
         max_step: Largest change from one request of a joint to the next [rad], a number or shape
             (k,): see :func:`planner.invert_optimal`.
         smoothness: Relative rise of the foot's error that smoother requests may cost, as there.
+        robust: "mean" to minimise the root mean square of the foot's errors over several models,
+            the default for them, "worst" for the largest of them. For single models eight others
+            are drawn from the intervals that their files have.
 
     Returns:
-        The plan.
+        The plan. Error, bound and gap are those of the nominal models; ``errors_of_models`` has all
+        errors, ``nominal`` the plan for the nominal models alone.
 
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are not three
             numbers, 0 or more and not all 0, or load or disturbance do not fit the points, or
-            ``max_step`` is not above 0 or ``smoothness`` below it.
+            ``max_step`` is not above 0 or ``smoothness`` below it, or a model without intervals is
+            to be planned for robustly.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
@@ -163,7 +175,10 @@ def invert_foot(
     check_norm(norm)
     cyclic = as_flag("cyclic", cyclic)
     leg = checked_leg(leg)
-    joints = model_of_each(models, len(leg.joint_names), given_as="models", joints=joints_of(leg))
+    scenarios = scenarios_of(models, len(leg.joint_names), robust, joints=joints_of(leg))
+    joints = model_of_each(
+        scenarios[0], len(leg.joint_names), given_as="models", joints=joints_of(leg)
+    )
     importance = _checked_weights(weights)
     lower, upper = limits_of(limits, leg)
     steps = steps_of_each(max_step, len(joints), joints=joints_of(leg))
@@ -173,7 +188,7 @@ def invert_foot(
     if callable(load):
         again = partial(
             invert_foot,
-            joints,
+            [*zip(*scenarios, strict=True)],
             leg,
             desired,
             cyclic=cyclic,
@@ -184,6 +199,7 @@ def invert_foot(
             disturbance=disturbance,
             max_step=max_step,
             smoothness=smoothness,
+            robust=robust,
         )
         return settled(lambda torques: again(load=torques), load, solution.angles)
     loads = load_of_each(load, joints, len(desired), joints=joints_of(leg))
@@ -201,9 +217,9 @@ def invert_foot(
         loads=loads,
         disturbance=added,
     )
-    requests = _search(problem, smoothness=share)
+    problem, requests = _search(problem, smoothness=share)
     freeze(requests, desired, lower, upper, steps, problem.start, added)
-    return FootInversion(
+    alone = FootInversion(
         models=joints,
         leg=leg,
         desired_foot=desired,
@@ -218,6 +234,26 @@ def invert_foot(
         reachable=solution.reachable,
         loads=loads,
         disturbance=added,
+    )
+    if len(scenarios) == 1:
+        return alone
+    robust = robust or "mean"
+    requests = robust_requests(
+        problem,
+        scenarios,
+        [load_of_each(load, each, len(desired), joints=joints_of(leg)) for each in scenarios],
+        requests,
+        robust=robust,
+        smoothness=share,
+        search=_longer(SEARCH.narrow),
+    )
+    freeze(requests)
+    return replace(
+        alone,
+        requests=requests,
+        scenarios=scenarios,
+        robust=robust,
+        nominal=replace(alone, scenarios=scenarios),
     )
 
 
@@ -262,8 +298,11 @@ def _problem(
     )
 
 
-def _search(problem: TrackingProblem, *, smoothness: float) -> Array:
-    """The best requests found for the foot, from the plans for its joints one by one: (n, k)."""
+def _search(problem: TrackingProblem, *, smoothness: float) -> tuple[TrackingProblem, Array]:
+    """The best requests found for the foot, (n, k), from the plans for its joints one by one.
+
+    They come with the problem that they solve, in which joints may be held.
+    """
     columns = zip(
         problem.models,
         problem.desired.T,
@@ -295,7 +334,7 @@ def _search(problem: TrackingProblem, *, smoothness: float) -> Array:
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
     at_most = min(at_most, allowed_error(problem.exact_error(best.requests), smoothness))
     problem, best = with_stationary_joints(problem, best, at_most=at_most)
-    return smoothed(problem, best.requests, at_most=at_most, smoothness=smoothness)
+    return problem, smoothed(problem, best.requests, at_most=at_most, smoothness=smoothness)
 
 
 def _longer(stages: Sequence[Stage]) -> list[Stage]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from planner.inversion.arguments import Norm, load_of_each
 from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.foot.arguments import axis_scales, joints_of
 from planner.inversion.foot.bound import foot_bound
+from planner.inversion.result import ErrorsOfModels
 from planner.inversion.trials import Learning
 from planner.model.joint import JointModel
 from planner.model.response import simulate_joints
@@ -35,6 +36,11 @@ class FootInversion:
         limits: Smallest and largest request of each joint [rad], two arrays of shape (k,).
         max_step: Largest change allowed from one request to the next [rad], shape (k,), or None.
         smoothness: Relative rise of the error that smoother requests were allowed to cost [-].
+        scenarios: All models that are judged, the nominal ones first: in each scenario one for
+            each joint; () for the nominal ones alone.
+        robust: Whether the "mean" or the "worst" of the errors in them was minimised; None where
+            only that of the nominal models was.
+        nominal: With several scenarios: the plan for the nominal models alone, to compare with.
         reachable: Which of the desired positions the leg can reach, shape (n,).
         start: From rest: angles at which the joints rest before the first request [rad], (k,).
         loads: Torque on each joint at every sample [N m], (n,), or None; () for none at all.
@@ -56,6 +62,9 @@ class FootInversion:
     reachable: npt.NDArray[np.bool_]
     max_step: Array | None = None
     smoothness: float = 0.0
+    scenarios: tuple[tuple[JointModel, ...], ...] = ()
+    robust: Literal["mean", "worst"] | None = None
+    nominal: FootInversion | None = None
     start: Array | None = None
     method: str = "foot_optimal"
     loads: tuple[Array | None, ...] = ()
@@ -67,7 +76,12 @@ class FootInversion:
         """The same requests under the load of a pose [N m], shape (n, k)."""
         joints = joints_of(self.leg)
         loads = load_of_each(torques, self.models, len(self.requests), joints=joints)
-        return replace(self, loads=loads, load_of_pose=any(load is not None for load in loads))
+        return replace(
+            self,
+            loads=loads,
+            load_of_pose=any(load is not None for load in loads),
+            nominal=self.nominal and self.nominal.under(torques),
+        )
 
     @cached_property
     def predicted(self) -> Array:
@@ -110,6 +124,24 @@ class FootInversion:
         """The same of other angles [m]; ``angles`` [rad], shape (n, k)."""
         away = (self.leg.foot_positions(angles) - self.desired_foot) * axis_scales(self.weights)
         return error_norm(np.linalg.norm(away, axis=1), self.norm)
+
+    @cached_property
+    def errors_of_models(self) -> Array:
+        """The error in each scenario [m], that of the nominal models first, (scenarios,)."""
+        others = [replace(self, models=each, scenarios=()).error for each in self.scenarios[1:]]
+        errors = np.array([self.error, *others])
+        errors.setflags(write=False)
+        return errors
+
+    @property
+    def over_models(self) -> ErrorsOfModels:
+        """The nominal, the mean and the worst of them [m]."""
+        return ErrorsOfModels.of(self.errors_of_models)
+
+    @property
+    def worst_error(self) -> float:
+        """The worst of them [m]."""
+        return self.over_models.worst
 
     @cached_property
     def lower_bound(self) -> float:
