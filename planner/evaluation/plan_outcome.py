@@ -43,6 +43,7 @@ class PlanOutcome:
             None where only that of the nominal models was.
         over_models: With it, errors over these models of each joint, under its robust plan and
             under the plan for its nominal model.
+        foot_over_models: The same of the foot [m], where the plan is for the foot.
     """
 
     names: tuple[str, ...]
@@ -63,6 +64,7 @@ class PlanOutcome:
     no_bound: str | None = None
     robust: str | None = None
     over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]] = field(default_factory=dict)
+    foot_over_models: tuple[ErrorsOfModels, ErrorsOfModels] | None = None
 
     @cached_property
     def expected(self) -> tuple[Expectation, ...]:

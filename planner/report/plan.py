@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -45,6 +45,7 @@ from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.evaluation.plan_outcome import PlanOutcome
+    from planner.inversion.result import ErrorsOfModels
     from planner.trajectory import Array
 
 METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
@@ -91,7 +92,7 @@ def plan_page(
     joints = {
         "outcome": outcome,
         "table": joints_table(outcome),
-        "over_models": models_errors_table(outcome) if outcome.over_models else None,
+        "over_models": models_errors_table("joint", outcome.over_models, "deg"),
         "known": any(expected_errors(outcome)),
         "joints": [joint_figure(outcome, role, j) for j in range(len(outcome.names))],
     }
@@ -106,7 +107,10 @@ def plan_page(
         Section("The models", "{{ table }}", {"table": models}),
     ]
     if foot:
-        sections.insert(0, Section("The foot", "{{ figures(foot) }}", {"foot": foot[1:]}))
+        errors = {"foot": outcome.foot_over_models} if outcome.foot_over_models else {}
+        over_models = models_errors_table("", errors, "cm")
+        values = {"outcome": outcome, "over_models": over_models, "foot": foot[1:]}
+        sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
     return Page(
         heading=f"Plan for the leg “{title}”" if outcome.feet else heading(title),
         eyebrow=f"request-planner plan · {method}",
@@ -124,7 +128,15 @@ def plan_page(
     ).html()
 
 
-JOINTS = """
+OVER_MODELS = """
+{% if over_models %}{{ over_models }}
+<p class="note">Errors ({{ outcome.norm }}) over the nominal model and others drawn from the
+intervals of its parameters; the mean is a root mean square. The robust plan makes the
+{{ outcome.robust }} error small.</p>
+{% endif %}"""
+
+JOINTS = (
+    """
 {{ table }}
 <p class="note">Errors are predicted minus desired angles at each request, by the exact models.
 {% if known %}On the robot, expect the error of the plan and of its model, by what the model was
@@ -133,13 +145,13 @@ JOINTS = """
 {% elif outcome.bounds %}No requests bring the {{ outcome.norm }} error below the lower bound.
 {% else %}The plan is for the foot: single joints may have errors that compensate for one
   another.{% endif %}</p>
-{% if over_models %}{{ over_models }}
-<p class="note">Errors ({{ outcome.norm }}) over the nominal model and others drawn from the
-intervals of its parameters; the mean is a root mean square. The robust plan makes the
-{{ outcome.robust }} error small.</p>
-{% endif %}{{ hints }}
+"""
+    + OVER_MODELS
+    + """
+{{ hints }}
 {{ figures(joints) }}
 """
+)
 
 REQUESTS = """
 {{ motions }}
@@ -391,18 +403,28 @@ def joints_table(outcome: PlanOutcome) -> Table:
     return Table("joint", tuple(columns), tuple(rows), label="Joints")
 
 
-def models_errors_table(outcome: PlanOutcome) -> Table:
-    """Errors of the robust plan over the models that joints may have, beside the nominal plan's."""
-    parts = ("nominal", "mean", "worst")
+def models_errors_table(
+    stub: str, over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]], unit: str
+) -> Table | None:
+    """Errors of the robust plan over the models that joints may have, beside the nominal plan's.
+
+    Args:
+        stub: What has a row each.
+        over_models: Their errors, in SI units; there is no table where there are none.
+        unit: In which they are shown, "deg" or "cm".
+    """
+    if not over_models:
+        return None
+    parts, factor = ("nominal", "mean", "worst"), {"deg": math.degrees(1.0), "cm": 100.0}[unit]
     columns = (
-        Column("robust plan [deg]", parts),
-        Column("plan for the nominal model [deg]", parts),
+        Column(f"robust plan [{unit}]", parts),
+        Column(f"plan for the nominal model [{unit}]", parts),
     )
     rows = (
-        Row(name, tuple(tuple(f"{e:.3f}" for e in np.degrees(errors)) for errors in plans))
-        for name, plans in outcome.over_models.items()
+        Row(name, tuple(tuple(f"{factor * error:.3f}" for error in errors) for errors in plans))
+        for name, plans in over_models.items()
     )
-    return Table("joint", columns, tuple(rows), label="Errors over the models")
+    return Table(stub, columns, tuple(rows), label="Errors over the models")
 
 
 def _limits(lower: float, upper: float) -> str:

@@ -72,6 +72,9 @@ def plan_report(
             for name, each in answer.inversions.items()
             if each.nominal
         },
+        foot_over_models=(together.over_models, together.nominal.over_models)
+        if together and together.nominal
+        else None,
     )
     return plan_page(
         outcome,

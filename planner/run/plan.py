@@ -43,7 +43,7 @@ IGNORED = {
         *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
     ),
     "optimal": ("segments", "rule", "weights"),
-    "foot-optimal": ("segments", "rule", "solver", "start", "robust"),
+    "foot-optimal": ("segments", "rule", "solver", "start"),
 }
 """Settings that have no effect on a method, and that are therefore refused."""
 
@@ -270,6 +270,7 @@ def _for_the_foot(
         load=load,
         max_step=max_step_of(given, desired.period),
         smoothness=given.smoothness,
+        robust=given.robust,
     )
     return Answer(desired, made.requests, made.predicted, inversions={}, together=made)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.inversion.error_norm import error_norm
+from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
@@ -16,6 +17,7 @@ from planner.run.plan import max_step_of
 
 if TYPE_CHECKING:
     from planner.evaluation.metrics import RequestMotion
+    from planner.inversion.foot.result import FootInversion
     from planner.inversion.result import Inversion
     from planner.run.desired import Desired
     from planner.run.plan import Answer
@@ -36,7 +38,7 @@ def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, 
             "untested": list(answer.expected[j].untested),
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
-            "over_models": inversion and _over_models(inversion, unit),
+            "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
             **_motion(answer.motions[name], unit),
             f"requests_{unit}": np.degrees(answer.requests[:, j]).tolist(),
             f"predicted_{unit}": np.degrees(answer.predicted[:, j]).tolist(),
@@ -50,6 +52,7 @@ def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, 
             "norm": together and together.norm,
             "lower_bound_cm": None if bound is None else 100.0 * bound,
             "gap": None if bound is None else together and together.gap,
+            "over_models": together and _over_models(together, "cm", 100.0),
             "predicted_m": answer.foot_positions.tolist(),
         }
     step = max_step_of(run.plan, desired.period)
@@ -130,36 +133,45 @@ def _unknown_top_speeds(desired: Desired) -> list[str]:
     ]
 
 
-def _over_models(inversion: Inversion, unit: str) -> dict[str, Any] | None:
+def _over_models(
+    made: Inversion | FootInversion, unit: str, factor: float
+) -> dict[str, Any] | None:
     """Errors over the models that were drawn, for machines; None where none were."""
-    if inversion.nominal is None:
+    if made.nominal is None:
         return None
     return {
         name: {
             **{
-                f"{which}_{unit}": math.degrees(error)
+                f"{which}_{unit}": factor * error
                 for which, error in plan.over_models._asdict().items()
             },
-            f"of_each_{unit}": np.degrees(plan.errors_of_models).tolist(),
+            f"of_each_{unit}": (factor * plan.errors_of_models).tolist(),
         }
-        for name, plan in (("robust_plan", inversion), ("nominal_plan", inversion.nominal))
+        for name, plan in (("robust_plan", made), ("nominal_plan", made.nominal))
     }
 
 
 def _over_models_table(answer: Answer) -> str:
     """The same for people; empty where no models were drawn."""
+    if answer.together is not None:
+        unit, factor = "cm", 100.0
+        parts: dict[str, Inversion | FootInversion] = {"foot": answer.together}
+    else:
+        unit, factor = "deg", math.degrees(1.0)
+        percents = (answer.desired.unit(j) != "deg" for j in range(len(answer.inversions)))
+        parts = {
+            name + " [% of its range]" * percent: inversion
+            for (name, inversion), percent in zip(answer.inversions.items(), percents, strict=True)
+        }
     rows, norm, drawn = [], "", 0
-    for j, (name, inversion) in enumerate(answer.inversions.items()):
-        if inversion.nominal is None:
+    for name, made in parts.items():
+        if made.nominal is None:
             return ""
-        norm, drawn = inversion.norm, len(inversion.models) - 1
-        unit = "" if answer.desired.unit(j) == "deg" else " [% of its range]"
-        for plan, kind in ((inversion, inversion.robust), (inversion.nominal, "nominal model")):
-            errors = (f"{error:.3f}" for error in np.degrees(plan.over_models))
-            rows.append([f"{name}{unit}, for the {kind}", *errors])
-    if not rows:
-        return ""
-    header = ["plan", "nominal [deg]", "mean [deg]", "worst [deg]"]
+        norm, drawn = made.norm, len(made.errors_of_models) - 1
+        for plan, kind in ((made, made.robust), (made.nominal, "nominal model")):
+            errors = (f"{factor * error:.3f}" for error in plan.over_models)
+            rows.append([f"{name}, for the {kind}", *errors])
+    header = ["plan", *(f"{which} [{unit}]" for which in ErrorsOfModels._fields)]
     return (
         f"{norm} errors over the nominal model and {drawn} drawn from its intervals:\n"
         f"{text_table(header, rows)}"

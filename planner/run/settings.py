@@ -322,8 +322,8 @@ class Plan(Settings):
     robust: Annotated[
         Robust | None,
         About(
-            help="Method optimal: plan for models drawn from the intervals of the model file, too, "
-            "and make the mean or the worst of their errors small.",
+            help="Methods optimal and foot-optimal: plan for models drawn from the intervals of "
+            "the model file, too, and make the mean or the worst of their errors small.",
             otherwise="the model alone",
             example="worst",
         ),

@@ -201,6 +201,30 @@ def test_a_robust_plan_tells_the_errors_over_the_models_beside_those_of_the_nomi
     ]
 
 
+def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models(
+    run, walk, uncertain, monkeypatch
+):
+    monkeypatch.setattr("planner.run.plan.MOST_SAMPLES_BOUNDED", 0)
+    foot = walk.desired_foot[::4]
+    rows = "\n".join(["x_m,y_m,z_m", *(",".join(map(repr, row)) for row in foot.tolist())])
+    ask = ("plan", "-", *REFERENCE, "--model", uncertain, "--robust", "mean", "-o", "out.csv")
+    document = json.loads(run(*ask, "--json", stdin=rows).stdout)
+    library = planner.invert_foot(planner.read_models(uncertain)[""], walk.leg, foot, robust="mean")
+    assert document["robust"] == "mean"
+    assert {joint["over_models"] for joint in document["joints"].values()} == {None}
+    for name, made in (("robust_plan", library), ("nominal_plan", library.nominal)):
+        told = document["foot"]["over_models"][name]
+        assert told["of_each_cm"] == pytest.approx(100.0 * made.errors_of_models, abs=1e-9)
+        assert told["nominal_cm"] == pytest.approx(100.0 * made.error, abs=1e-9)
+        assert told["mean_cm"] == pytest.approx(100.0 * made.over_models.mean, abs=1e-9)
+        assert told["worst_cm"] == pytest.approx(100.0 * made.worst_error, abs=1e-9)
+    text = run(*ask, stdin=rows).stderr
+    assert "rms errors over the nominal model and 8 drawn from its intervals:\nplan  " in text
+    for kind, made in (("mean", library), ("nominal model", library.nominal)):
+        row = next(line for line in text.splitlines() if line.startswith(f"foot, for the {kind}"))
+        assert row.split()[-3:] == [f"{100.0 * error:.3f}" for error in made.over_models]
+
+
 def test_a_robust_plan_needs_intervals_and_the_method_that_takes_them(run, desired, uncertain):
     for model in ((), ("--model", uncertain.parent / "bare.toml")):
         JOINT.to_toml(uncertain.parent / "bare.toml")
@@ -210,10 +234,10 @@ def test_a_robust_plan_needs_intervals_and_the_method_that_takes_them(run, desir
             refused.stderr
         )
         assert "identify the joint" in refused.stderr
-    for method in ("closed-form", "foot-optimal"):
-        refused = run("plan", desired, "--model", uncertain, "--robust", "mean", "--method", method)
-        assert refused.exit_code == 2
-        assert f"--robust has no effect with --method {method}" in refused.stderr
+    method = ("--method", "closed-form")
+    refused = run("plan", desired, "--model", uncertain, "--robust", "mean", *method)
+    assert refused.exit_code == 2
+    assert "--robust has no effect with --method closed-form" in refused.stderr
     run_file = uncertain.parent / "run.toml"
     run_file.write_text(
         '[model]\nfile = "uncertain.toml"\n[path]\nfile = "desired.csv"\n'

@@ -66,6 +66,8 @@ CASES = {
     "plan-foot": f"plan stride.csv {CLAMPED} --method foot-optimal --norm rms --json",
     "plan-page": f"plan stride.csv {CLAMPED} --report page.html -o out.csv",
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
+    "plan-foot-robust": f"plan stride.csv {CLAMPED} --model uncertain.toml --method foot-optimal "
+    "--robust mean --report page.html",
     "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --report "
     "page.html",
     "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "
