@@ -241,7 +241,7 @@ def commanded_speed(
     parameters: Parameters, grid: Grid, active: ActiveRequests, states: Array
 ) -> float:
     """Highest speed that the requests called for in any run, limited or not [rad/s]."""
-    errors = active.targets - states[grid.states - 1][:, np.newaxis]
+    errors = active.targets - states[grid.states - 1]
     errors[active.weights <= 0.0] = 0.0
     return float(parameters.gain * np.max(np.abs(parameters.beyond(errors))))
 

@@ -6,11 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from planner.identification.parameters import COUNT, Free, Parameters, units
 from planner.identification.resampling import Grid
-from planner.identification.simulation import ActiveRequests
+from planner.identification.simulation import ActiveRequests, recursion
 from planner.trajectory import Array
 
 EDGE_DISTANCE = 1e-9
@@ -36,7 +35,7 @@ def sensitivities(
 ) -> Sensitivities:
     """Derivatives by the parameters and by the first angles: (16) of ``docs/math.md``.
 
-    One forward recursion, written as a bidiagonal system.
+    One forward recursion.
 
     Args:
         grid: The runs.
@@ -47,9 +46,9 @@ def sensitivities(
         averaging: Distance to both sides over which derivatives by lag and acceleration time are
             averaged [ticks].
     """
-    gain, load = parameters.gain, grid.loads[:, np.newaxis]
+    gain, load = parameters.gain, grid.loads
     before = states[grid.states - 1]
-    errors = active.targets - before[:, np.newaxis]
+    errors = active.targets - before
     beyond = parameters.beyond(errors)
     limited = parameters.law(load)(errors)
     sloped = parameters.inside(errors, load)
@@ -60,36 +59,30 @@ def sensitivities(
         _speed_at(grid, parameters, edge, before, averaging * grid.tick)
         for edge in (young, young - parameters.acceleration_time)
     )
-    slack = np.sum(inside, axis=1)
+    slack = np.sum(inside, axis=0)
     at_limit = (0.0 if math.isinf(parameters.v_max) else parameters.v_max) * np.sum(
-        saturated, axis=1
+        saturated, axis=0
     )
     relative = parameters.asymmetry + parameters.slowing * load
     drives = np.stack(
         [
-            np.sum(inside * beyond, axis=1),
-            np.sum((np.sign(beyond) + relative) * saturated, axis=1),
+            np.sum(inside * beyond, axis=0),
+            np.sum((np.sign(beyond) + relative) * saturated, axis=0),
             (oldest - newest) / parameters.acceleration_time,
-            (oldest - np.sum(active.weights * limited, axis=1)) / parameters.acceleration_time,
+            (oldest - np.sum(active.weights * limited, axis=0)) / parameters.acceleration_time,
             gain * slack,
-            -gain * np.sum(np.sign(beyond) * inside, axis=1),
+            -gain * np.sum(np.sign(beyond) * inside, axis=0),
             at_limit,
-            gain * slack * grid.loads,
-            at_limit * grid.loads,
-        ],
-        axis=1,
+            gain * slack * load,
+            at_limit * load,
+        ]
     )
     chosen = np.arange(COUNT) if free is None else np.flatnonzero(free)
-    count = len(chosen)
-    right = np.zeros((len(states), count + 1))
-    right[grid.states, :count] = grid.tick * (drives * units(grid, parameters))[:, chosen]
-    right[grid.starts, count] = 1.0
-    band = np.ones((2, len(states)))
-    band[1] = 0.0
-    band[1, grid.states - 1] = grid.tick * gain * slack - 1.0
-    solved = solve_banded((1, 0), band, right, overwrite_b=True, check_finite=False)
-    at_rows = grid.at_rows(solved)
-    return Sensitivities(at_rows[:, :count], at_rows[:, count])
+    inputs = np.zeros((len(chosen) + 1, len(states)))
+    inputs[:-1, grid.states] = (grid.tick * units(grid, parameters)[:, np.newaxis] * drives)[chosen]
+    inputs[-1, grid.starts] = 1.0
+    at_rows = grid.at_rows(recursion(grid, 1.0 - grid.tick * gain * slack, inputs.T))
+    return Sensitivities(at_rows[:, :-1], at_rows[:, -1])
 
 
 def _speed_at(

@@ -3,53 +3,48 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+from scipy.linalg.lapack import dtbtrs
 
 from planner.identification.parameters import Parameters
-from planner.identification.resampling import Grid
+from planner.identification.resampling import Grid, Indices
 from planner.model.response import run_columns
 from planner.trajectory import Array
 
 AGREED = 1e-13
 """Chunks meet when their ends agree to this, relative to the largest angle."""
 
-CHUNKS_PER_TICK = 0.5
-"""Length of a chunk over the square root of the number of ticks: shorter chunks are wider steps,
-longer ones fewer corrections; anything within a factor of 2 takes the same time."""
-
 
 class ActiveRequests(NamedTuple):
     """The requests that act at each tick, those in force in [t - lag - a, t - lag]."""
 
-    weights: Array  # (t, m), sums to 1
-    targets: Array  # request + offset [rad], (t, m)
+    weights: Array  # sums to 1 over the window, (m, t)
+    targets: Array  # request + offset [rad], (m, t)
 
 
-def active_requests(grid: Grid, parameters: Parameters) -> ActiveRequests:
-    """The requests that act at each tick: each counts by the time it is in force within the window.
+def active_requests(
+    grid: Grid, parameters: Parameters, *, some: Indices | slice = slice(None)
+) -> ActiveRequests:
+    """The requests that act at some ticks: each counts by its time in force within the window.
 
     With even rows and whole ticks these are the weights of :attr:`JointModel.window`.
     """
-    young = grid.ticks - parameters.lag
+    young = grid.ticks[some] - parameters.lag
     old = young - parameters.acceleration_time
     last = len(grid.edges) - 1
     first = np.maximum(np.searchsorted(grid.edges, old, side="right") - 1, 0)
     final = np.maximum(np.searchsorted(grid.edges, young, side="left") - 1, first)
     width = int(np.max(final - first, initial=0)) + 1
-    numbers = np.minimum(first[:, np.newaxis] + np.arange(width), last)
-    ends = np.append(grid.edges[1:], np.inf)
-    overlap = np.minimum(ends[numbers], young[:, np.newaxis])
-    overlap -= np.maximum(grid.edges[numbers], old[:, np.newaxis])
-    overlap[first[:, np.newaxis] + np.arange(width) > last] = 0.0
-    np.maximum(overlap, 0.0, out=overlap)
-    overlap /= np.sum(overlap, axis=1, keepdims=True)
-    targets = grid.requests[numbers] + parameters.offset
+    numbers = first + np.arange(width + 1)[:, np.newaxis]
+    changes = np.append(grid.edges, np.full(width, np.inf))[numbers]
+    np.minimum(np.maximum(changes, old, out=changes), young, out=changes)
+    overlap = np.diff(changes, axis=0)
+    overlap /= np.sum(overlap, axis=0)
+    targets = grid.requests[np.minimum(numbers[:-1], last)] + parameters.offset
     if parameters.compliance:
-        targets += parameters.compliance * grid.loads[:, np.newaxis]
+        targets += parameters.compliance * grid.loads[some]
     return ActiveRequests(overlap, targets)
 
 
@@ -64,7 +59,7 @@ def respond(
     """Angles at all states: Equation 3, run.
 
     A joint without a dead band that does not saturate answers to the mean of the requests in its
-    window, which is one request a tick; where the guess does not saturate that is tried first.
+    window, a linear recursion; where the guess does not saturate that is tried first.
 
     Args:
         grid: The runs.
@@ -80,19 +75,38 @@ def respond(
     never = parameters.v_max == math.inf
     likely = guess is not None and not _saturated(grid, parameters, active, guess)
     if parameters.linear and (never or likely):
-        mean = np.sum(active.weights * active.targets, axis=1, keepdims=True)
-        chunks = _Chunks(grid, np.ones_like(mean), mean, parameters._replace(v_max=math.inf))
-        states = _joined(grid, chunks, starts, guess)
+        share = parameters.gain * grid.tick
+        inputs = np.empty(len(grid.ticks) + len(starts))
+        inputs[grid.starts] = starts
+        inputs[grid.states] = share * np.sum(active.weights * active.targets, axis=0)
+        states = recursion(grid, 1.0 - share, inputs)
         if never or not _saturated(grid, parameters, active, states):
             return states
-    chunks = _Chunks(grid, active.weights, active.targets, parameters)
-    return _joined(grid, chunks, starts, guess)
+    return _joined(grid, _Chunks(grid, active, parameters), starts, guess)
+
+
+def recursion(grid: Grid, factors: Array | float, inputs: Array) -> Array:
+    """x(t) = factor x(t-1) + input(t) through every run, a bidiagonal system.
+
+    Args:
+        grid: The runs.
+        factors: Factor of every tick, shape (t,) or one for all.
+        inputs: Input at every state, that at a start being x there, shape (s,) or (s, k); Fortran's
+            order saves a copy.
+
+    Returns:
+        x at all states, shape (s,) or (s, k).
+    """
+    band = np.zeros((2, len(inputs)))
+    band[0] = 1.0
+    band[1, grid.states - 1] = -factors
+    solved, _ = dtbtrs(band, inputs, uplo="L", diag="U", overwrite_b=True)
+    return np.asarray(solved.reshape(inputs.shape))
 
 
 def _saturated(grid: Grid, parameters: Parameters, active: ActiveRequests, states: Array) -> bool:
     """Whether any request that counts calls for more than the top speed."""
-    errors = active.targets - states[grid.states - 1][:, np.newaxis]
-    inside = parameters.inside(errors, grid.loads[:, np.newaxis])
+    inside = parameters.inside(active.targets - states[grid.states - 1], grid.loads)
     return not bool(np.all(inside | (active.weights <= 0.0)))
 
 
@@ -108,24 +122,21 @@ def _joined(grid: Grid, chunks: _Chunks, starts: Array, guess: Array | None) -> 
     states[grid.starts] = starts
     if not count:
         return states[:-1]
-    fresh = np.isin(chunks.before, grid.starts)
-    if guess is None:
-        nearest = np.minimum(np.searchsorted(grid.before, chunks.before), len(grid.before) - 1)
-        begins = np.where(fresh, states[chunks.before], grid.angles[nearest])
-    else:
-        begins = np.where(fresh, states[chunks.before], guess[chunks.before])
+    layout = grid.chunks
+    guess = grid.guess if guess is None else guess
+    begins = np.where(layout.fresh, states[layout.before], guess[layout.before])
     largest = max(float(np.max(np.abs(grid.requests))), float(np.max(np.abs(begins))))
     tolerance = AGREED * max(1e-300, largest)
     moving = np.arange(len(begins))
     slopes = np.ones(len(begins))
     for _ in range(len(begins) + 1):
         angles = chunks.angles(moving, begins[moving])
-        states[chunks.states[:, moving]] = angles
-        meant = np.where(fresh, begins, np.append(0.0, states[chunks.last[:-1]]))
+        states[layout.states[:, moving]] = angles
+        meant = np.where(layout.fresh, begins, np.append(0.0, states[layout.last[:-1]]))
         if np.max(np.abs(meant - begins)) <= tolerance:
             break
         slopes[moving] = chunks.slopes(moving, begins[moving], angles)
-        moved = _moved(begins, meant, np.where(fresh, 0.0, np.append(0.0, slopes[:-1])))
+        moved = _moved(begins, meant, np.where(layout.fresh, 0.0, np.append(0.0, slopes[:-1])))
         moving = np.flatnonzero(moved != begins)
         begins = moved
     return states[:-1]
@@ -142,28 +153,18 @@ def _moved(begins: Array, meant: Array, slopes: Array) -> Array:
 
 
 class _Chunks:
-    """The ticks of a grid, a column a chunk; short columns are padded with ticks of weight 0."""
+    """A joint on the ticks of a grid, a column a chunk; ticks beyond an end have weight 0."""
 
-    def __init__(self, grid: Grid, weights: Array, targets: Array, parameters: Parameters) -> None:
+    def __init__(self, grid: Grid, active: ActiveRequests, parameters: Parameters) -> None:
         self._joint = parameters
-        count = len(grid.ticks)
-        length = max(1, round(CHUNKS_PER_TICK * math.sqrt(count)))
-        run_begins = grid.starts - np.arange(len(grid.starts))  # a start is no tick
-        bounds = np.append(run_begins, count)
-        begins = np.concatenate([np.arange(a, b, length) for a, b in pairwise(bounds)]).astype(int)
-        beyond = np.append(begins[1:], count)
-        ticks = np.minimum(begins + np.arange(length)[:, np.newaxis], count)
-        ticks[ticks >= beyond] = count
-        padding = np.zeros_like(weights[:1])
-        self.before = grid.states[begins] - 1  # the state from which each chunk sets out
-        self.last = grid.states[beyond - 1]
-        self.states = np.append(grid.states, len(grid.states) + len(grid.starts))[ticks]
-        places = ticks[:, np.newaxis, :], np.arange(weights.shape[1])[:, np.newaxis]
-        self._weights = np.vstack([weights * grid.tick, padding])[places]  # (length, m, chunks)
-        self._targets = np.vstack([targets, padding])[places]
+        ticks = grid.chunks.ticks
+        table = np.zeros((2, len(active.weights), len(grid.ticks) + 1))
+        np.multiply(active.weights, grid.tick, out=table[0, :, :-1])
+        table[1, :, :-1] = active.targets
+        self._weights, self._targets = table[:, :, ticks].transpose(0, 2, 1, 3)  # (length, m, some)
         self._loads = np.append(grid.loads, 0.0)[ticks] if parameters.slowing else None
 
-    def angles(self, some: npt.NDArray[np.int_], begin: Array) -> Array:
+    def angles(self, some: Indices, begin: Array) -> Array:
         """Angles of some chunks, (length, some), from where they begin."""
         weights, targets = self._of(some)
         if self._loads is None:
@@ -171,17 +172,16 @@ class _Chunks:
         laws = (self._joint.law(load) for load in self._loads[:, some])
         return run_columns(begin, targets, weights=weights, speed=laws)
 
-    def slopes(self, some: npt.NDArray[np.int_], begin: Array, angles: Array) -> Array:
+    def slopes(self, some: Indices, begin: Array, angles: Array) -> Array:
         """Derivative of each chunk's end by its beginning, (some,)."""
         weights, targets = self._of(some)
-        if self._joint.v_max < math.inf or not self._joint.linear:
-            before = np.vstack([begin, angles[:-1]])[:, np.newaxis, :]
-            load = 0.0 if self._loads is None else self._loads[:, np.newaxis, some]
-            weights = weights * self._joint.inside(targets - before, load)
+        before = np.vstack([begin, angles[:-1]])[:, np.newaxis, :]
+        load = 0.0 if self._loads is None else self._loads[:, np.newaxis, some]
+        weights = weights * self._joint.inside(targets - before, load)
         return np.asarray(np.prod(1.0 - self._joint.gain * np.sum(weights, axis=1), axis=0))
 
-    def _of(self, some: npt.NDArray[np.int_]) -> tuple[Array, Array]:
+    def _of(self, some: Indices) -> tuple[Array, Array]:
         """Weights times tick, and targets, of some chunks."""
-        if len(some) == self.states.shape[1]:
+        if len(some) == self._weights.shape[2]:
             return self._weights, self._targets
         return self._weights[:, :, some], self._targets[:, :, some]

@@ -110,10 +110,10 @@ def _shows(name: str, fit: Fit) -> bool:
         return True
     if name == "compliance":
         return _loads_differ(grid)
-    errors = fit.active.targets - fit.states[grid.states - 1][:, np.newaxis]
+    errors = fit.active.targets - fit.states[grid.states - 1]
     beyond = fit.parameters.beyond(errors)
     saturated = (fit.active.weights > 0.0) & (beyond != 0.0)
-    saturated &= ~fit.parameters.inside(errors, grid.loads[:, np.newaxis])
+    saturated &= ~fit.parameters.inside(errors, grid.loads)
     if name == "slowing":
         return bool(saturated.any()) and _loads_differ(grid)
     return bool((saturated & (errors > 0.0)).any() and (saturated & (errors < 0.0)).any())
@@ -146,7 +146,7 @@ def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
     In motion of one direction friction holds the joint back by as much as a sag would.
     """
     at, grid = trial.parameters, fit.grid
-    errors = fit.active.targets - fit.states[grid.states - 1][:, np.newaxis]
+    errors = fit.active.targets - fit.states[grid.states - 1]
     size = OPTIONS.test_dead_band * rms(errors)
     moved = math.copysign(size - at.dead_band, float(np.sum(errors)))
     held = least_squares(

@@ -33,7 +33,7 @@ from planner.identification.parameters import (
 )
 from planner.identification.robust_loss import OPTIONS as LOSS
 from planner.identification.robust_loss import huber, rms
-from planner.identification.simulation import active_requests
+from planner.identification.simulation import ActiveRequests, active_requests
 from planner.trajectory import Array
 
 
@@ -189,10 +189,10 @@ class _Excerpt:
         grid = fit.grid
         chunks = _chunks(fit)
         ticks = chunks[:, :1] + np.arange(int(np.max(np.diff(chunks))))
-        count = len(grid.ticks)
-        self._ticks = np.where(ticks < chunks[:, 1:], ticks, count).T  # (length, chunks)
+        self._ticks = np.minimum(ticks, len(grid.ticks) - 1).T  # (length, chunks)
         self._begins = grid.states[chunks[:, 0]] - 1
-        self._states = np.append(grid.states, len(fit.states))[self._ticks]
+        inside = (ticks < chunks[:, 1:]).T
+        self._states = np.where(inside, grid.states[self._ticks], len(fit.states))
         since = np.full(len(fit.states) + 1, -1.0)
         since[self._states] = grid.tick * np.arange(1, len(self._ticks) + 1)[:, np.newaxis]
         before = since[grid.before]
@@ -274,54 +274,64 @@ class _Excerpt:
             np.array([getattr(each.parameters, name) for each in joints])[:, np.newaxis]
             for name in ("gain", "v_max", "dead_band")
         )
-        loads = grid.loads
+        loads = grid.loads[self._ticks]
         faster = np.stack(
-            [np.broadcast_to(each.parameters.faster(loads), loads.shape) for each in joints]
+            [np.broadcast_to(each.parameters.faster(loads), loads.shape) for each in joints], axis=1
         )
-        faster = np.pad(faster, ((0, 0), (0, 1)))[:, self._ticks].transpose(1, 0, 2)
-        low, high = (faster - v_max) / gain, (faster + v_max) / gain
+        low, high = (faster - v_max) / gain, (faster + v_max) / gain  # (length, joints, chunks)
         constants = np.array([each.time_constant for each in joints])[:, np.newaxis]
         share = -np.expm1(-grid.tick / constants)
         most = np.array([each.acceleration for each in joints])[:, np.newaxis] * grid.tick**2
         half = np.array([each.play for each in joints])[:, np.newaxis] / 2.0
-        angle = motor = np.broadcast_to(fit.states[self._begins], (len(joints), len(self._begins)))
-        states = np.zeros((len(fit.states) + 1, len(joints)))
+        limited, loose = bool(np.isfinite(most).any()), bool(half.any())
+        motor = np.tile(fit.states[self._begins], (len(joints), 1))
+        angle = motor.copy() if loose else motor
         speed = None
-        for t, reached in enumerate(self._states):
-            errors = targets[t] - angle
-            errors -= _clip(errors, -band, band)
-            called = np.add.reduce(weights[t] * _clip(errors, low[t], high[t]))
+        errors, spare = np.empty((2, *targets.shape[1:]))
+        angles = np.empty((len(targets), *motor.shape))
+        for t, after in enumerate(angles):  # in place, because the arrays are small
+            np.subtract(targets[t], angle, out=errors)
+            errors -= _clipped(errors, -band, band, out=spare)
+            _clipped(errors, low[t], high[t], out=errors)
+            errors *= weights[t]
+            called = np.add.reduce(errors)
             if speed is None:
-                speed = called
-            speed = speed + _clip(share * (called - speed), -most, most)
-            motor = motor + speed
-            angle = _clip(angle, motor - half, motor + half)
-            states[reached] = angle.T
+                speed = called.copy()
+            called -= speed
+            called *= share
+            speed += _clipped(called, -most, most, out=called) if limited else called
+            motor += speed
+            if loose:
+                _clipped(angle, motor - half, motor + half, out=angle)
+            after[:] = angle
+        states = np.empty((len(fit.states) + 1, len(joints)))
+        states[self._states] = angles.transpose(0, 2, 1)
         states[self._begins] = fit.states[self._begins, np.newaxis]
         predicted = grid.at_rows(states)[self.compared]
         return np.asarray(predicted - self.angles[:, np.newaxis])
 
     def _windows(self, joints: Sequence[Parameters]) -> tuple[Array, Array]:
         """Weights times gain and tick, and targets, of each tick: (length, m, joints, chunks)."""
-        grid = self._fit.grid
-        every = [active_requests(grid, joint) for joint in joints]
-        width = max(active.weights.shape[1] for active in every)
-        shape = len(self._ticks), width, len(joints), len(self._begins)
-        weights, targets = np.zeros((2, *shape))
-        for k, (joint, active) in enumerate(zip(joints, every, strict=True)):
-            own = active.weights.shape[1]
-            for table, values in (
-                (weights, active.weights * (grid.tick * joint.gain)),
-                (targets, active.targets),
-            ):
-                padded = np.pad(values, ((0, 1), (0, 0)))
-                table[:, :own, k] = padded[self._ticks].transpose(0, 2, 1)
-        return weights, targets
+        grid, ticks = self._fit.grid, self._ticks.ravel()
+        found: dict[tuple[float, ...], ActiveRequests] = {}
+        for joint in joints:
+            key = joint.lag, joint.acceleration_time, joint.offset, joint.compliance
+            if key not in found:
+                found[key] = active_requests(grid, joint, some=ticks)
+        width = max(len(active.weights) for active in found.values())
+        tables = np.zeros((2, len(self._ticks), width, len(joints), self._ticks.shape[1]))
+        for k, joint in enumerate(joints):
+            key = joint.lag, joint.acceleration_time, joint.offset, joint.compliance
+            for table, values in zip(tables, found[key], strict=True):
+                shaped = values.reshape(len(values), *self._ticks.shape).transpose(1, 0, 2)
+                table[:, : len(values), k] = shaped
+            tables[0, :, :, k] *= grid.tick * joint.gain
+        return tables[0], tables[1]
 
 
-def _clip(values: Array, low: Array, high: Array) -> Array:
+def _clipped(values: Array, low: Array, high: Array, *, out: Array) -> Array:
     """``np.clip`` in half its time on small arrays."""
-    return np.asarray(np.minimum(np.maximum(values, low), high))
+    return np.minimum(np.maximum(values, low, out=out), high, out=out)
 
 
 def _chunks(fit: Fit) -> npt.NDArray[np.int_]:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import planner
 from planner.identification.log import OPTIONS
 from planner.identification.parameters import Parameters, units
-from planner.identification.resampling import glitches, resampled
+from planner.identification.resampling import CHUNKS_PER_TICK, glitches, resampled
 from planner.identification.sensitivities import sensitivities
-from planner.identification.simulation import CHUNKS_PER_TICK, active_requests, respond
+from planner.identification.simulation import active_requests, respond
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 
