@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     "plan.norm",
     "plan.solver",
     "plan.weights",
+    "plan.max_step_deg",
+    "plan.max_request_speed_deg_s",
+    "plan.smoothness",
     "limits",
 )
 @click.option(
@@ -81,7 +84,9 @@ def refine(
 
     REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, a row for each
     request, and as many cycles as were recorded; several files are several recordings of the same
-    requests. Give the path, the leg, the models and the limits as to `plan`.
+    requests. Give the path, the leg, the models and the limits as to `plan`. After `plan --robust`
+    what was measured takes the place of the drawn models: the next requests are for the nominal
+    model and what was learnt.
 
     \b
     Example, the same line after every execution:

@@ -75,6 +75,12 @@ SAME_REQUESTS = 1e-6
 LIKE_DEGREES = (40.0, 80.0)
 """Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off."""
 
+MEASURED = (
+    "the executed plan was for several models: learning goes on from the nominal one, and what was "
+    "measured takes the place of the others"
+)
+"""Why a robust plan is followed by one that is not."""
+
 Planned = TypeVar("Planned", Inversion, FootInversion)
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
 
@@ -92,6 +98,10 @@ def refine(
     more cycles are measured at once, the better the two are separated. Where an executed cycle is
     worse than the best one, the next plan is made from the best one with a smaller step. Where
     learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle.
+
+    Limits, ``max_step``, ``smoothness`` and the norm stay those of the plan. After a plan for
+    several models the next one is for the nominal model, or the one that is identified anew: what
+    was measured takes the place of what their intervals leave open.
 
     Args:
         plan: The plan that was executed, from :func:`planner.invert_optimal`,
@@ -199,6 +209,8 @@ def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
 def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentify: bool) -> Planned:
     """The next plan for one joint or one foot; ``cycles`` has shape (cycles, n, k)."""
     joints, remarks = PlannedJoints.of(plan), list[str]()
+    if plan.robust is not None:
+        remarks.append(MEASURED)
     requests = plan.requests.reshape(cycles.shape[1:])
     modelled = joints.respond(requests)
     _check_unit(cycles, modelled)

@@ -15,6 +15,7 @@ import numpy as np
 from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import read_joint_path
+from planner.inversion.arguments import checked_smoothness
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
 from planner.inversion.trials import Learning
@@ -27,6 +28,7 @@ from planner.report.table import NOTHING, text_table
 from planner.run.desired import leg_title
 from planner.run.faults import BadSetting, Key
 from planner.run.models import model_words
+from planner.run.plan import max_step_of
 from planner.validation import freeze
 
 if TYPE_CHECKING:
@@ -147,6 +149,8 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
     load, of_pose = prepared.load, callable(prepared.load)
     torques = load(desired.angles) if callable(load) else load
     norm = run.plan.norm or "rms"
+    step = max_step_of(run.plan, desired.period)
+    smoothness = checked_smoothness(run.plan.smoothness)
     columns = requests.T.copy()
     freeze(columns)
     each = [None if torques is None else torques[:, j].copy() for j in range(len(columns))]
@@ -167,6 +171,8 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
                 norm=norm,
                 weights=np.array(run.plan.weights or (1.0, 1.0, 1.0)),
                 limits=(np.array(lower), np.array(upper)),
+                max_step=None if step is None else np.full(len(lower), step),
+                smoothness=smoothness,
                 reachable=np.ones(len(requests), dtype=np.bool_),
                 start=None if desired.cyclic else desired.angles[0].copy(),
                 loads=tuple(loads),
@@ -183,6 +189,8 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
             cyclic=desired.cyclic,
             norm=norm,
             limits=prepared.limits.get(name),
+            max_step=step,
+            smoothness=smoothness,
             start=None
             if desired.cyclic
             else prepared.starts.get(name, float(desired.angles[0, j])),

@@ -80,6 +80,34 @@ def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("method", "limit"),
+    [("optimal", ("--max-request-speed-deg-s", 500)), ("foot-optimal", ("--max-step-deg", 4))],
+)
+def test_the_next_requests_keep_the_largest_step_and_are_smoothed_as_planned(
+    run, execute, tmp_path, monkeypatch, method, limit
+):
+    monkeypatch.setattr("planner.learning.refine.MOST_SAMPLES_BOUNDED", 0)
+    file = tmp_path / "foot.csv"
+    write_foot_path(file, half_ellipse(samples=40, length=0.03, height=0.01), period=0.008)
+    leg = (*LEG[:-1], method)
+    assert run("plan", file, *leg, *limit, "-o", "requests.csv").exit_code == 0
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *leg, "--no-reidentify")
+
+    def next_requests(*options):
+        assert run(*line, *options, "-o", "next.csv").exit_code == 0
+        return np.degrees(read_joint_path("next.csv").angles)
+
+    sent = next_requests(*limit)
+    assert np.max(np.abs(np.diff(sent, axis=0, append=sent[:1]))) <= 4.0 * (1.0 + 1e-9)
+    rough, default = (
+        np.sum(np.diff(next_requests(*options), n=2, axis=0) ** 2)
+        for options in (("--smoothness", 0), ())
+    )
+    assert default < 0.95 * rough
+
+
+@pytest.mark.parametrize(
     ("options", "ending", "message"),
     [
         ((), 50, "got 50 rows, expected 88 a cycle"),

@@ -10,6 +10,7 @@ import pytest
 from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
+from planner.model.evidence import Evidence
 from planner.trajectory import Array
 
 KNOWN = planner.JointModel.ers210a()
@@ -202,3 +203,57 @@ def test_degrees_and_no_plan_are_refused() -> None:
         planner.refine(plan.requests, plan.predicted)
     with pytest.raises(planner.InvalidInput, match="sensor_delay: got"):
         planner.refine(plan, plan.predicted, sensor_delay=math.nan)
+
+
+MAYBE_SLOWER = KNOWN.with_evidence(Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.028, 0.036)}))
+"""A joint that may be slower than its model."""
+
+
+@pytest.mark.parametrize("foot", [False, True], ids=["joint", "foot"])
+def test_after_a_robust_plan_what_was_measured_takes_the_place_of_the_drawn_models(
+    foot: bool,
+) -> None:
+    """The next plan is that after the same requests of a plan for the nominal model alone."""
+    true = replace(KNOWN, v_max=4.4, lag=0.035)
+    if foot:
+        walk = planner.reference_walk()
+        rest = walk.desired[0]
+        angles = rest + 0.1 * (walk.desired[::4] - rest)
+        plan = planner.invert_foot(
+            MAYBE_SLOWER, walk.leg, walk.leg.foot_positions(angles), robust="mean"
+        )
+        measured = np.column_stack([planner.simulate(true, each) for each in plan.requests.T])
+        plain = replace(plan, scenarios=(), robust=None, nominal=None)
+    else:
+        desired = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+        plan = planner.invert_optimal(MAYBE_SLOWER, desired, robust="worst")
+        measured = planner.simulate(true, plan.requests)
+        plain = replace(plan, models=(), robust=None, nominal=None)
+    after, expected = (planner.refine(each, measured) for each in (plan, plain))
+    np.testing.assert_array_equal(after.requests, expected.requests)
+    np.testing.assert_array_equal(after.predicted, expected.predicted)
+    assert (after.robust, after.nominal) == (None, None)
+    assert any("was for several models" in remark for remark in after.learning.remarks)
+    again = planner.refine(after, measured)
+    assert not any("was for several models" in remark for remark in again.learning.remarks)
+
+
+def test_robust_first_requests_help_the_first_cycle_and_hinder_none_of_the_next() -> None:
+    """Over joints that the intervals allow: what is learnt is as good from either start."""
+    desired = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+    joints = [replace(KNOWN, v_max=v_max, lag=lag) for v_max in (4.1, 4.6) for lag in (0.03, 0.035)]
+    worst = []
+    for robust in (None, "worst"):
+        first = planner.invert_optimal(MAYBE_SLOWER, desired, robust=robust)
+        errors = np.zeros((len(joints), 4))
+        for number, joint in enumerate(joints):
+            plan = first
+            for trial in range(4):
+                angles = planner.simulate(joint, plan.requests)
+                errors[number, trial] = rms(angles - desired)
+                plan = planner.refine(plan, angles, reidentify=False)
+        worst.append(errors.max(axis=0))
+    alone, robust_start = worst
+    assert robust_start[0] < 0.9 * alone[0]
+    assert np.all(np.diff(robust_start) <= 0.0)
+    assert robust_start[-1] < 1.1 * alone[-1]
