@@ -22,14 +22,8 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import Infeasible, InvalidInput, angle_text
-from planner.inversion.arguments import (
-    NEGLIGIBLE_SAG,
-    ON_THE_LIMIT,
-    checked_limits,
-    range_of_each,
-    steps_of_each,
-)
+from planner.exceptions import InvalidInput
+from planner.inversion.arguments import checked_limits, range_of_each, steps_of_each
 from planner.inversion.closed_form import switching_time
 from planner.inversion.stream_arguments import (
     StepArguments,
@@ -37,6 +31,8 @@ from planner.inversion.stream_arguments import (
     checked_preview,
     models_by_name,
 )
+from planner.inversion.stream_step import Plans, Terms
+from planner.inversion.tracking_problem import Indices
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
 from planner.model.symbolic import Runs
@@ -54,8 +50,8 @@ class StreamOptions:
 
     Attributes:
         near, far: Radius of the corners at the first and the last sample [theta_0].
-        steps: Gauss-Newton steps at a tick, at most. With one, errors on recordings of an SO-101
-            are up to four times as large.
+        steps: Gauss-Newton steps of a joint at a tick, at most. With one, errors on recordings of
+            an SO-101 are up to four times as large.
         first_steps: The same at the first tick, from requests that hold the desired angles.
         lengths: Shares of a step that are tried [-].
         smoothing: Weight of the squared changes of the requests, relative to that of the errors.
@@ -73,9 +69,9 @@ class StreamOptions:
             requests begin to oscillate.
         most_missed: Missed ticks that are simulated; after more of them the requests before are
             taken to have been the last one.
-        worth: Share of the cost of any joint by which a step must lower it for another step to
-            follow. At a fifth of it, a tick takes an eighth longer along the paper's walk, and the
-            errors are the same.
+        worth: Share of a joint's cost by which a step must lower it for another step to follow.
+            Along walks joints take 1.3 steps a tick, with twice of it 1.2, and the errors are the
+            same; with five times of it they are larger.
     """
 
     near: float = 0.02
@@ -124,8 +120,8 @@ class Stream:
         preview: Rows of the desired path that are used.
 
     Raises:
-        InvalidInput: A model, ``preview``, ``limits``, ``max_step`` or ``on_bad`` is none, or the
-            models have different periods.
+        InvalidInput: A model, ``preview``, ``limits``, ``max_step`` or ``on_bad`` is none,
+            or the models have different periods.
         Infeasible: A lower limit is above the upper one.
 
     Example:
@@ -163,49 +159,44 @@ class Stream:
         for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
         self._step = steps_of_each(max_step, joints, joints="joints")
-        self._arguments = StepArguments(self.names, self.models, self.preview)
+        limited = self._lower, self._upper
+        self._arguments = StepArguments(self.names, self.models, self.preview, limited)
         self._lay_out()
         self.reset()
 
     def _lay_out(self) -> None:
         """Allocate and compute what every tick uses."""
-        models, joints = self.models, len(self.models)
+        models, joints, preview = self.models, len(self.models), self.preview
         ages = request_ages_of_all(models)
         # What happens before the first request acts is decided; beyond the preview the path stops.
-        self._waiting = np.minimum(np.arange(1, ages.youngest), self.preview - 1)
-        n = self._samples = max(self.preview - ages.youngest, ages.width)
-        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), self.preview - 1)
+        self._waiting = np.minimum(np.arange(1, ages.youngest), preview - 1)
+        n = self._samples = max(preview - ages.youngest, ages.width)
+        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), preview - 1)
         self._sent = np.zeros((joints, ages.oldest))  # the last one at the end
-        self._memory = ages.width - 1  # requests sent that still act after the first one planned
         self._acting = slice(0, ages.width)  # those that act until now
-        radii = tuple(np.geomspace(OPTIONS.near, OPTIONS.far, n).tolist())
         self._elapsed = Runs(models, ages, 1)
         self._decided = Runs(models, ages, ages.youngest - 1) if ages.youngest > 1 else None
-        self._linear = Runs(models, ages, n, radii=radii)
-        self._trials = Runs(models, ages, n, plans=len(OPTIONS.lengths) + 2)
-        self._changes = np.eye(n) - np.eye(n, k=-1)  # from a plan, but for the last one sent
-        bands = np.array([[model.dead_band / model.theta_0] for model in models])
-        self._smoothing = OPTIONS.smoothing + OPTIONS.crossing * bands
-        self._constant = self._smoothing[:, :, np.newaxis] * (self._changes.T @ self._changes)
-        self._constant += OPTIONS.resting * np.eye(n)
-        self._diagonal, self._joints = np.arange(n), np.arange(joints)
+        radii = tuple(np.geomspace(OPTIONS.near, OPTIONS.far, n).tolist())
+        terms = Terms(OPTIONS.exceeding, OPTIONS.resting, radii)
+        self._plans = Plans(models, ages, terms, trials=len(OPTIONS.lengths) + 1)
+        self._joints = np.arange(joints)
         self._least, self._most = self._lower[:, np.newaxis], self._upper[:, np.newaxis]
-        self._rate, self._rate_limited = self._step[:, np.newaxis], np.isfinite(self._step).any()
 
         def each(name: str) -> Array:
             return np.array([[getattr(model, name)] for model in models], dtype=np.float64)
 
-        self._offset, self._band, self._compliance = map(
-            each, ("offset", "dead_band", "compliance")
-        )
-        self._fastest = each("v_max_per_period")[:, 0]
-        self._per_slope = each("theta_0")[:, 0] / self._fastest
+        self._band = each("dead_band")
+        smoothing = OPTIONS.smoothing + OPTIONS.crossing * self._band / each("theta_0")
+        settings = smoothing, self._step[:, np.newaxis], self._least, self._most
+        self._plans.settings[:] = np.concatenate(settings, axis=1)
+        self._fastest = each("v_max_per_period")
+        self._per_slope = each("theta_0") / self._fastest
         self._observer = 1.0 - math.exp(-self.period / OPTIONS.observer_time)
         # Where on the horizon each request takes effect on average, for the inverses of lines.
         effect = [[switching_time(model) / self.period - ages.youngest] for model in models]
         at = np.clip(np.array(effect) + np.arange(n), 0.0, max(n - 1.0, 0.0))
-        self._at = np.clip(at.astype(np.intp), 0, max(n - 2, 0))
-        self._share = at - self._at
+        self._at = self._joints[:, np.newaxis], np.clip(at.astype(np.intp), 0, max(n - 2, 0))
+        self._share = at - self._at[1]
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
 
     def reset(self) -> None:
@@ -273,9 +264,10 @@ class Stream:
                 used, or a desired angle is beyond what the limits allow.
         """
         given = self._arguments.checked(desired, measured, load, missed)
-        self._problem, bad = given.problem, given.bad
-        if self._raises and given.problem:
-            raise InvalidInput(given.problem)
+        bad, sags = given.bad, given.sags
+        if self._raises and given.error:
+            raise given.error
+        self._problem = str(given.error or "")
         begins = self._angles is None
         angles = given.rows[:, 0] if self._angles is None else self._angles
         start = np.where(np.isnan(given.measured), angles, given.measured) if begins else angles
@@ -285,10 +277,8 @@ class Stream:
             requests.setflags(write=False)
             return requests
         rows = np.where(bad[:, np.newaxis], start[:, np.newaxis], given.rows)
-        sags = self._offset + self._compliance * given.torques
-        beyond = self._beyond(rows, sags)
         if begins:
-            held = np.clip(start - sags[:, 0], self._lower, self._upper)
+            held = _clipped(start - sags[:, 0], self._lower, self._upper)
             self._angles, self._sent[:] = start, held[:, np.newaxis]
         else:
             self._elapse(given)
@@ -300,7 +290,7 @@ class Stream:
         plan[:, 0] = requests
         self._plan = plan
         self._record(requests)
-        self._set_status(bad, beyond)
+        self._set_status(bad, given.beyond)
         requests.setflags(write=False)
         return requests
 
@@ -314,102 +304,68 @@ class Stream:
             if period:
                 self._record(self._sent[:, -1].copy())
             elapsed.starts[:, 0] = angles
-            elapsed.requests[:, 0] = self._sent[:, self._acting]
-            elapsed.loads[:, 0] = given.torques[:, :1]
-            angles = elapsed.run()[:, 0, 0].copy()
+            elapsed.requests[:] = self._sent[:, self._acting]
+            elapsed.loads[:] = given.torques[:, :1]
+            angles = elapsed.run()[:, 0].copy()
             self._plan[:, :-1] = self._plan[:, 1:]
-        error = given.measured - angles
+        error, fastest = given.measured - angles, self._fastest[:, 0]
         error[np.isnan(error)] = 0.0
-        self._angles = angles + np.clip(self._observer * error, -self._fastest, self._fastest)
+        self._angles = angles + _clipped(self._observer * error, -fastest, fastest)
 
     def _planned(self, goal: Array, sag: Array, torques: Array, *, begins: bool) -> Array:
         """The plan for this tick, shape (k, samples)."""
-        start = self._angles
+        plans, start = self._plans, self._angles
         assert start is not None, "a step begins with an angle"
-        linear, trials = self._linear, self._trials
         if self._decided is not None:
             self._decided.starts[:, 0] = start
-            self._decided.requests[:, 0] = self._sent[:, self._acting.start + 1 :]
-            self._decided.loads[:, 0] = torques[:, self._waiting]
-            start = self._decided.run()[:, 0, -1]
-        linear.starts[:, 0] = start
-        linear.loads[:, 0] = torques[:, self._rows]
-        trials.starts[:] = start[:, np.newaxis]
-        trials.loads[:] = linear.loads
-        past = self._sent[:, self._sent.shape[1] - self._memory :]
-        linear.requests[:, 0, : self._memory] = past
-        trials.requests[:, :, : self._memory] = past[:, np.newaxis]
-        resting = goal - sag
+            self._decided.requests[:] = self._sent[:, 1:]
+            self._decided.loads[:] = torques[:, self._waiting]
+            start = self._decided.run()[:, -1]
+        plans.starts[:, 0] = start
+        plans.loads[:] = torques[:, self._rows]
+        plans.goal[:], plans.resting[:] = goal, goal - sag
+        plans.damping[:, 1] = begins
+        past = self._sent[:, -plans.past :]
+        plans.plan[:, : plans.past], plans.trials[:, :, : plans.past] = past, past[:, np.newaxis]
         if begins:
-            plan = self._admissible(resting)
+            plan = self._admissible(plans.resting)
             plan[:, 0] = self._sent[:, -1]
         else:
             plan = self._plan
             plan[:, -1] += goal[:, -1] - goal[:, -2] if goal.shape[1] > 1 else 0.0
             plan = self._admissible(plan)
         lines = self._admissible(self._line_inverses(goal, sag))
+        if begins:
+            lines[:, 0] = plan[:, 0]
+        searched = self._joints
         for _ in range(OPTIONS.first_steps if begins else OPTIONS.steps):
-            plan, gain = self._improved(plan, goal, resting, lines, begins=begins)
-            if gain < OPTIONS.worth and not begins:
-                break
+            gains = self._improve(plan, lines, searched)
+            if not begins:
+                searched = searched[gains >= OPTIONS.worth]
         return plan
 
-    def _improved(
-        self, plan: Array, goal: Array, resting: Array, lines: Array, *, begins: bool
-    ) -> tuple[Array, float]:
-        """The best of the plan, of shares of its Gauss-Newton step, and of the inverted lines.
+    def _improve(self, plan: Array, lines: Array, searched: Indices) -> Array:
+        """Put the best of plan, shares of its Gauss-Newton step and inverted lines in its place.
 
-        And by which share the cost of any joint has fallen at most.
+        For the joints that are searched. Returns by which share their costs have fallen.
         """
-        linear, trials, last = self._linear, self._trials, self._sent[:, -1:]
-        linear.requests[:, 0, self._memory :] = plan
-        angles, slopes = linear.linearise()
-        by_request = slopes.transpose(0, 2, 1)
-        changes = _changes(plan, last)
-        matrix = by_request @ slopes
-        matrix += self._constant
-        gradient = (by_request @ (angles - goal)[:, :, np.newaxis])[:, :, 0]
-        gradient += OPTIONS.resting * (plan - resting)
-        gradient += self._smoothing * (changes @ self._changes)
-        if self._rate_limited:
-            excess = changes - np.clip(changes, -self._rate, self._rate)
-            exceeding = OPTIONS.exceeding * (excess != 0.0)
-            matrix += self._changes.T @ (exceeding[:, :, np.newaxis] * self._changes)
-            gradient += OPTIONS.exceeding * (excess @ self._changes)
-        matrix[:, self._diagonal, self._diagonal] += self._damping[:, np.newaxis]
-        fixed = (plan <= self._least) & (gradient > 0.0) | (plan >= self._most) & (gradient < 0.0)
-        fixed[:, 0] |= begins
-        if fixed.any():
-            free = ~fixed
-            matrix *= free[:, :, np.newaxis] & free[:, np.newaxis]
-            matrix[:, self._diagonal, self._diagonal] += fixed
-            gradient *= free
-        step = np.linalg.solve(matrix, gradient[:, :, np.newaxis])[:, :, 0]
-        plans = trials.requests[:, :, self._memory :]
-        plans[:, 0], plans[:, 1] = plan, lines
-        for number, share in enumerate(OPTIONS.lengths, 2):
-            plans[:, number] = plan - share * step
-        np.clip(plans, self._least[:, np.newaxis], self._most[:, np.newaxis], out=plans)
-        if begins:
-            plans[:, :, 0] = last
-        costs = self._costs(plans, trials.run(), goal, resting)
+        plans = self._plans
+        plans.plan[:, plans.past :], plans.damping[:, 0] = plan, self._damping
+        plans.step(searched)
+        trials = plans.trials[:, :, plans.past :]
+        trials[:, 0] = lines
+        for number, share in enumerate(OPTIONS.lengths, 1):
+            trials[:, number] = plan - share * plans.steps
+        np.maximum(trials, self._least[:, np.newaxis], out=trials)
+        np.minimum(trials, self._most[:, np.newaxis], out=trials)
+        plans.judge(searched)
+        costs = plans.costs[searched]
         best = costs.argmin(axis=1)
-        least, most = OPTIONS.damping
+        better = best > 0
+        plan[searched[better]] = trials[searched[better], best[better] - 1]
         grown = np.where(best == 0, OPTIONS.factor, np.where(best == 2, 1.0 / OPTIONS.factor, 1.0))
-        self._damping = np.clip(self._damping * grown, least, most)
-        fallen = 1.0 - costs[self._joints, best] / np.maximum(costs[:, 0], LEAST_COST)
-        return plans[self._joints, best], float(fallen.max())
-
-    def _costs(self, plans: Array, angles: Array, goal: Array, resting: Array) -> Array:
-        """What plans and their exact angles cost, shape (k, plans)."""
-        changes = _changes(plans, self._sent[:, -1:, np.newaxis])
-        costs = _squares(angles - goal[:, np.newaxis])
-        costs += OPTIONS.resting * _squares(plans - resting[:, np.newaxis])
-        costs += self._smoothing * _squares(changes)
-        if self._rate_limited:
-            rate = self._rate[:, np.newaxis]
-            costs += OPTIONS.exceeding * _squares(changes - np.clip(changes, -rate, rate))
-        return costs
+        self._damping[searched] = _clipped(self._damping[searched] * grown, *OPTIONS.damping)
+        return np.asarray(1.0 - costs.min(axis=1) / np.maximum(costs[:, 0], LEAST_COST))
 
     def _line_inverses(self, goal: Array, sag: Array) -> Array:
         """Each sample's line inverted: angle and slope when a request takes effect, raised by C_m.
@@ -418,45 +374,28 @@ class Stream:
         """
         if goal.shape[1] < 2:
             return goal - sag
-        here = np.take_along_axis(goal, self._at, axis=1)
-        slopes = np.take_along_axis(goal, self._at + 1, axis=1) - here
-        slopes = np.clip(slopes, -self._fastest[:, np.newaxis], self._fastest[:, np.newaxis])
-        raised = slopes * self._per_slope[:, np.newaxis] + np.sign(slopes) * self._band
+        here = goal[self._at]
+        slopes = goal[self._at[0], self._at[1] + 1] - here
+        slopes = _clipped(slopes, -self._fastest, self._fastest)
+        raised = slopes * self._per_slope + np.sign(slopes) * self._band
         lines: Array = here + self._share * slopes + raised - sag
         return lines
 
     def _within(self, planned: Array, last: Array) -> Array:
         """The nearest requests within the limits and ``max_step`` of the last ones, exactly."""
         admissible = self._admissible(planned[:, np.newaxis])[:, 0]
-        change = np.clip(admissible - last, -self._step, self._step)
+        change = _clipped(admissible - last, -self._step, self._step)
         requests = last + change
         rounded = np.abs(requests - last) > self._step  # by the last bit
         requests = np.where(rounded, np.nextafter(requests, last), requests)
-        return np.clip(requests, self._lower, self._upper)
+        return _clipped(requests, self._lower, self._upper)
 
     def _admissible(self, plan: Array) -> Array:
-        return np.clip(plan, self._least, self._most)
+        return _clipped(plan, self._least, self._most)
 
     def _record(self, requests: Array) -> None:
         self._sent[:, :-1] = self._sent[:, 1:]
         self._sent[:, -1] = requests
-
-    def _beyond(self, rows: Array, sags: Array) -> Mask:
-        """Joints with a desired angle where no request within the limits lets them rest."""
-        room = self._band + ON_THE_LIMIT + np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
-        above = rows - sags - room - self._most
-        below = self._least - (rows - sags) - room
-        far = np.maximum(above, below).max(axis=1)
-        beyond: Mask = far > 0.0
-        if beyond.any() and not self._problem:
-            worst = int(np.argmax(far))
-            self._problem = (
-                f"desired: {self.names[worst]} should go {angle_text(float(far[worst]))} "
-                "beyond the angles where the limits on its requests let it rest"
-            )
-            if self._raises:
-                raise Infeasible(self._problem)
-        return beyond
 
     def _set_status(self, bad: Mask, beyond: Mask) -> None:
         if bad.any() or beyond.any():
@@ -469,15 +408,7 @@ class Stream:
             self._status = self._all_planned
 
 
-def _changes(plans: Array, last: Array) -> Array:
-    """From each request to the next, the first from the last one sent."""
-    changes = plans.copy()
-    changes[..., 1:] -= plans[..., :-1]
-    changes[..., :1] -= last
-    return changes
-
-
-def _squares(values: Array) -> Array:
-    """Sums of squares over the last axis."""
-    sums: Array = np.einsum("...i,...i->...", values, values)
-    return sums
+def _clipped(values: Array, least: npt.ArrayLike, most: npt.ArrayLike) -> Array:
+    """np.clip, whose checks take longer than the work at this size."""
+    clipped: Array = np.minimum(np.maximum(values, least), most)
+    return clipped

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import Infeasible, InvalidInput, angle_text
+from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.model.joint import JointModel, checked_model
 from planner.trajectory import LARGEST, Array, Mask
 from planner.validation import as_reals, as_whole, shown
 
 MOST_PREVIEW = 1000
-"""Longest preview [rows]: time and memory of a tick grow with its square."""
+"""Longest preview [rows]: the time of a tick grows with it."""
 
 SAME_PERIOD = 1e-3
 """Relative difference of two periods that are one: logs of one robot differ by so much."""
@@ -25,21 +26,32 @@ class StepInput(NamedTuple):
 
     rows: Array  # desired angles [rad], (k, preview)
     torques: Array  # [N m], (k, preview)
+    sags: Array  # where the joints rest beside their requests [rad], (k, preview)
     measured: Array  # [rad], (k,), NaN where there is none
     missed: int
     bad: Mask  # joints whose desired angles or load cannot be used, (k,)
-    problem: str
+    beyond: Mask  # joints with a desired angle where no request within the limits lets them rest
+    error: InvalidInput | None  # what is wrong with the first that cannot be used
 
 
 class StepArguments:
     """The arguments of every step: what can be used of them, and what is wrong with the rest."""
 
-    def __init__(self, names: Sequence[str], models: Sequence[JointModel], preview: int) -> None:
-        """Take the joints and the rows of a stretch."""
+    def __init__(
+        self,
+        names: Sequence[str],
+        models: Sequence[JointModel],
+        preview: int,
+        limits: tuple[Array, Array],
+    ) -> None:
+        """Take the joints, the rows of a stretch, and the limits on the requests [rad], (k,)."""
         self._names, self._joints, self._preview = names, len(models), preview
         self._feels_load = any(model.feels_load for model in models)
         speeds = [(model.v_max, model.v_offset, model.speed_per_torque) for model in models]
         self._stall_speed, self._faster, self._per_torque = np.array(speeds).T[:, :, np.newaxis]
+        rests = [(model.offset, model.compliance, model.dead_band) for model in models]
+        self._offset, self._compliance, self._band = np.array(rests).T[:, :, np.newaxis]
+        self._lower, self._upper = (limit[:, np.newaxis] for limit in limits)
 
     def checked(self, desired: Any, measured: Any, load: Any, missed: Any) -> StepInput:
         """What can be used of a step's arguments, and what is wrong with the first that cannot."""
@@ -74,7 +86,19 @@ class StepArguments:
         if periods is None or periods < 0:
             problems.append(f"missed: got {shown(missed)}, expected a number of ticks")
             periods = 0
-        return StepInput(rows, torques, angles, periods, bad, problems[0] if problems else "")
+        sags = self._offset + self._compliance * torques
+        room = self._band + ON_THE_LIMIT + np.minimum(np.abs(sags), NEGLIGIBLE_SAG)
+        above, below = rows - sags - room - self._upper, self._lower - (rows - sags) - room
+        far = np.maximum(above, below).max(axis=1)
+        beyond: Mask = far > 0.0
+        error = InvalidInput(problems[0]) if problems else None
+        if beyond.any() and not error:
+            worst = int(np.argmax(far))
+            error = Infeasible(
+                f"desired: {self._names[worst]} should go {angle_text(float(far[worst]))} "
+                "beyond the angles where the limits on its requests let it rest"
+            )
+        return StepInput(rows, torques, sags, angles, periods, bad, beyond, error)
 
     def _torques(self, load: Any, problems: list[str]) -> tuple[Array, Mask]:
         """Torques [N m], shape (k, preview), and the joints that cannot move against theirs."""

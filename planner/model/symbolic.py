@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from threading import Lock
 from typing import Any
@@ -106,127 +106,100 @@ def exact_run(model: JointModel, samples: int) -> ExactRun:
 
 
 class Runs:
-    """``samples`` request periods of several joints in a row, for several plans, compiled.
+    """``samples`` request periods of several exact joints in a row, compiled.
 
-    All arrays are allocated once: write to the first three and call :meth:`run`, or write to the
-    first plan of them and call :meth:`linearise`. An answer is overwritten by the next.
+    All arrays are allocated once: write to the first three and call :meth:`run`, whose answer is
+    overwritten by the next.
 
     Attributes:
-        starts: Angle before the first sample [rad], shape (joints, plans).
-        requests: Every request that acts, the oldest first [rad], shape (joints, plans, width - 1 +
+        starts: Angle before the first sample [rad], shape (joints, 1).
+        requests: Every request that acts, the oldest first [rad], shape (joints, width - 1 +
             samples), where width is that of the ages: the youngest that acts in period i has the
             number width - 1 + i.
-        loads: Torque in each period [N m], shape (joints, plans, samples).
-        angles: Angles of the exact joints at the samples [rad], shape (joints, plans, samples).
-        slopes: Derivatives of the angles under the first plan by the last ``samples`` requests,
-            with rounded corners, shape (joints, samples, samples).
+        loads: Torque in each period [N m], shape (joints, samples).
     """
 
-    def __init__(
-        self,
-        models: Sequence[JointModel],
-        ages: RequestAges,
-        samples: int,
-        *,
-        plans: int = 1,
-        radii: tuple[float, ...] = (),
-    ) -> None:
+    def __init__(self, models: Sequence[JointModel], ages: RequestAges, samples: int) -> None:
         """Compile the periods, and lay out the arrays.
 
         Args:
             models: The joints.
             ages: Ages that contain those of the requests that act on any of them.
             samples: Request periods in a row.
-            plans: How many plans are run together.
-            radii: Radius of the rounded corners in each period [theta_0], for the derivatives.
         """
-        joints, acting = len(models), ages.width - 1 + samples
-        self.starts = np.zeros((joints, plans))
-        self.requests = np.zeros((joints, plans, acting))
-        self.loads = np.zeros((joints, plans, samples))
-        self.angles = np.zeros((joints, plans, samples))
-        self.slopes = np.zeros((joints, samples, samples))
-        given = self.starts, self.requests, self.loads
-        self._buffers: list[Any] = []
-        self._runs, self._linearised = [], []
-        for joint, model in enumerate(models):
-            exact = _run(model, ages, samples).map(plans)
-            self._runs.append(self._call(exact, joint, given, (self.angles,)))
-            if radii:
-                first = self.starts[:, :1], self.requests[:, :1], self.loads[:, :1]
-                answers = self.angles[:, :1], self.slopes
-                linearised = _linearised_run(model, ages, samples, radii)
-                self._linearised.append(self._call(linearised, joint, first, answers))
+        joints = len(models)
+        self.starts = np.zeros((joints, 1))
+        self.requests = np.zeros((joints, ages.width - 1 + samples))
+        self.loads = np.zeros((joints, samples))
+        self._angles = np.zeros((joints, samples))
+        self._runs = [
+            Call(
+                _run(model, ages, samples),
+                (self.starts[joint], self.requests[joint], self.loads[joint]),
+                (self._angles[joint],),
+            )
+            for joint, model in enumerate(models)
+        ]
 
     def run(self) -> Array:
-        """Angles of the exact joints under every plan, shape (joints, plans, samples)."""
-        for evaluate in self._runs:
-            evaluate()
-        return self.angles
+        """Angles at the samples [rad], shape (joints, samples)."""
+        for run in self._runs:
+            run()
+        return self._angles
 
-    def linearise(self) -> tuple[Array, Array]:
-        """Angles under the first plan, (joints, samples), and their derivatives."""
-        for evaluate in self._linearised:
-            evaluate()
-        return self.angles[:, 0], self.slopes
 
-    def _call(
-        self, function: Any, joint: int, arguments: Sequence[Array], answers: Sequence[Array]
-    ) -> Callable[[], object]:
-        """One call of a compiled function that reads and writes the arrays of a joint."""
-        buffer, evaluate = function.buffer()
-        for i in range(function.n_in()):
-            buffer.set_arg(i, memoryview(arguments[i][joint].reshape(-1)))
+class Call:
+    """A call of a compiled function that reads and writes the same arrays every time."""
+
+    def __init__(self, function: Any, arguments: Sequence[Array], answers: Sequence[Array]) -> None:
+        """Take a CasADi function and contiguous arrays, in the order of its inputs and outputs."""
+        self._buffer, self._evaluate = function.buffer()
+        for i, argument in enumerate(arguments):
+            self._buffer.set_arg(i, memoryview(argument.reshape(-1)))  # type: ignore[arg-type]
         for i, answer in enumerate(answers):
-            buffer.set_res(i, memoryview(answer[joint].reshape(-1)))
-        self._buffers.append(buffer)
-        call: Callable[[], object] = evaluate
-        return call
+            self._buffer.set_res(i, memoryview(answer.reshape(-1)))  # type: ignore[arg-type]
+
+    def __call__(self) -> None:
+        """Evaluate the function."""
+        self._evaluate()
+
+
+def one_period(model: JointModel, ages: RequestAges) -> tuple[Any, Any]:
+    """Where a period of the exact joint leads, and derivatives with rounded corners, compiled.
+
+    Two CasADi functions of the angle before, the requests of all ages, youngest first, the load,
+    and the radius of the corners [rad], on which only the derivatives depend: those by the angle
+    and by each request, shape (1, width).
+    """
+    import casadi
+
+    angle, window = casadi.SX.sym("angle"), casadi.SX.sym("window", ages.width)
+    load, radius = casadi.SX.sym("load"), casadi.SX.sym("radius")
+    own = request_ages(model)
+    first = own.youngest - ages.youngest
+    acting = window[first : first + own.width]
+    torque = load if model.feels_load else 0.0
+    exact = period(model, angle, acting, load=torque)
+    rounded = period(model, angle, acting, load=torque, radius=radius)
+    by_request = casadi.jacobian(rounded, window)
+    # Angle and requests moved by as much move what they lead to by as much.
+    by_angle = 1.0 - casadi.sum2(by_request)
+    given = [angle, window, load, radius]
+    return (
+        casadi.Function("exact", given, [exact]),
+        casadi.Function("slopes", given, [by_angle, by_request], {"cse": True}),
+    )
 
 
 @lru_cache(maxsize=64)
 def _run(model: JointModel, ages: RequestAges, samples: int) -> Any:
     """Angles of the exact joint at so many samples."""
-    return _unrolled(model, ages, samples, ())
-
-
-@lru_cache(maxsize=64)
-def _linearised_run(
-    model: JointModel, ages: RequestAges, samples: int, radii: tuple[float, ...]
-) -> Any:
-    """These angles, and their derivatives with rounded corners, row by row."""
-    return _unrolled(model, ages, samples, radii)
-
-
-def _unrolled(model: JointModel, ages: RequestAges, samples: int, radii: tuple[float, ...]) -> Any:
     import casadi
 
-    def symbols(name: str, count: int) -> Any:
-        return casadi.SX.sym(name, count)
-
-    angle, requests = symbols("angle", 1), symbols("requests", ages.width - 1 + samples)
-    load, window, radius = symbols("load", samples), symbols("window", ages.width), symbols("e", 1)
-    own = request_ages(model)
-    first = own.youngest - ages.youngest
-    acting = window[first : first + own.width]
-    torque = load[0] if model.feels_load else 0.0
-    one = [angle, window, load[0], radius]
-    exact = casadi.Function("exact", one, [period(model, angle, acting, load=torque)])
-    after = period(model, angle, acting, load=torque, radius=radius)
-    derivatives = casadi.jacobian(after, angle), casadi.jacobian(after, window)
-    slope = casadi.Function("slope", one, derivatives, {"cse": True})
-    reached, slopes = [angle], [casadi.SX(1, samples)]
+    start, loads = casadi.SX.sym("start"), casadi.SX.sym("loads", samples)
+    requests = casadi.SX.sym("requests", ages.width - 1 + samples)
+    exact, _ = one_period(model, ages)
+    angles = [start]
     for i in range(samples):
-        each = reached[-1], requests[i : i + ages.width][::-1], load[i]
-        if radii:
-            kept, moved = slope(*each, radii[i] * model.theta_0)
-            row = kept * slopes[-1]
-            for j in range(min(i + 1, ages.width)):
-                row[i - j] += moved[j]
-            slopes.append(row)
-        reached.append(exact(*each, 0.0))
-    answers = [casadi.vertcat(*reached[1:])]
-    if radii:
-        answers.append(casadi.densify(casadi.vertcat(*slopes[1:])).T)
-    given = [angle, requests, *([load] if model.feels_load else [])]
-    return casadi.Function("run", given, answers)
+        angles.append(exact(angles[-1], requests[i : i + ages.width][::-1], loads[i], 0.0))
+    return casadi.Function("run", [start, requests, loads], [casadi.vertcat(*angles[1:])])
