@@ -66,5 +66,7 @@ def dexterity(chain: Chain, angles: Array) -> Array:
     Returns:
         Shape (n,); 0 in a singular pose, such as a stretched leg.
     """  # noqa: D205
-    strengths = np.linalg.svd(chain.jacobians(angles), compute_uv=False)
-    return np.asarray(np.prod(strengths / chain.size, axis=-1))
+    jacobians = chain.jacobians(angles) / chain.size
+    if jacobians.shape[-1] == jacobians.shape[-2]:
+        return np.asarray(np.abs(np.linalg.det(jacobians)))  # a tenth of the time
+    return np.asarray(np.prod(np.linalg.svd(jacobians, compute_uv=False), axis=-1))

@@ -22,15 +22,15 @@ TRACED = 1e-9
 """Largest distance to the foot that the inverse leaves [m]."""
 
 
-@pytest.fixture
-def leg(tmp_path):
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory):
     """A leg of 0.3 m whose body hangs half a metre up."""
     joints = [
         Joint((0.2, 0.1, 0), X, lower=-1.0, upper=1.0),
         Joint((0, 0.03, 0), Y),
         Joint((0, 0, -0.15), Y),
     ]
-    return made_up_leg(tmp_path, joints, (0, 0, -0.15))
+    return made_up_leg(tmp_path_factory.mktemp("leg"), joints, (0, 0, -0.15))
 
 
 def test_a_roomy_leg_gets_the_largest_stride(leg):
@@ -129,8 +129,8 @@ def test_a_stride_that_is_none_is_refused(leg):
 
 
 @pytest.mark.parametrize("place", ["leg", "samples", "length", "forward", "hip_height", "heading"])
-@pytest.mark.parametrize("value", [*NUMBERS, *OTHERS, *ARRAYS], ids=lambda value: repr(value)[:20])
-def test_whatever_is_given_is_answered_or_refused(leg, place, value):
+def test_whatever_is_given_is_answered_or_refused(leg, place):
     good = {"leg": leg, "samples": 4, "length": 0.02, "height": 0.01}
-    with suppress(PlannerError, KinematicsError):
-        assert np.isfinite(stride(**{**good, place: value}).angles).all()
+    for value in (*NUMBERS, *OTHERS, *ARRAYS):
+        with suppress(PlannerError, KinematicsError):
+            assert np.isfinite(stride(**{**good, place: value}).angles).all()
