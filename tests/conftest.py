@@ -220,6 +220,14 @@ def brief_search(monkeypatch):
 
 
 @pytest.fixture
+def in_this_process(monkeypatch):
+    """Let tasks run here, not in processes that import all first; tests/run holds those."""
+    from tests.run.work import InThisProcess
+
+    monkeypatch.setattr("planner.run.tasks.engine_of", lambda *_: InThisProcess())
+
+
+@pytest.fixture
 def undrawn_pages(monkeypatch):
     """Leave the pictures of pages empty: tests/report and tests/virtual draw and look at them."""
     monkeypatch.setattr("planner.report.matplotlib_figure.svg_of", lambda _: NO_PICTURE)

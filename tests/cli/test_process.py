@@ -36,7 +36,7 @@ def _on_pages():
     return {line for code in ran for line in shell.commands(code)}
 
 
-@pytest.mark.usefixtures("foot", "ready_experiments", "brief_search", "undrawn")
+@pytest.mark.usefixtures("foot", "ready_experiments", "brief_search", "undrawn", "in_this_process")
 @pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_every_command_has_a_worked_example_that_works(command, tmp_path, desired, monkeypatch):
     """Examples that stand on a page run there."""

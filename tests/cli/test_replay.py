@@ -222,6 +222,7 @@ def test_a_dataset_comes_back_as_a_dataset(run, dataset, model):
     assert info["total_episodes"] == 3
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_corrupt_episode_is_left_out_and_said(run, dataset, model):
     (dataset / "data/chunk-000/episode_000001.parquet").write_bytes(b"PAR1 nothing")
     result = run(
@@ -262,6 +263,7 @@ cli.main(sys.argv[1:])
 """
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize(
     ("module", "name", "method", "after"),
     [("run.tasks", "Results", "write", 1), ("files.exports.lerobot", "_Writer", "add", 2)],
@@ -269,7 +271,7 @@ cli.main(sys.argv[1:])
 def test_a_killed_replay_is_resumed_to_the_same_bytes(
     module, name, method, after, run, dataset, model
 ):
-    """Killed with one episode kept, and while the dataset is written; a second worker is there."""
+    """Killed with one episode kept, and while the dataset is written, beside two workers."""
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o")
     code = KILLED.format(module=module, name=name, method=method, after=after)
     command = [sys.executable, "-P", "-c", code, *words, "killed", "--workers", "2"]
@@ -300,6 +302,7 @@ def never_replayed(monkeypatch):
     monkeypatch.setattr("planner.run.replay.tasks_of", planned)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, never_replayed):  # noqa: ARG001
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
     with pytest.MonkeyPatch.context() as patch:
@@ -321,6 +324,7 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
         run(*words, "--resume", catch_exceptions=False)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_dataset_without_one_of_its_files_is_not_complete(run, dataset, model):
     words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
     assert run(*words, "--workers", 1).exit_code == 0
@@ -332,6 +336,7 @@ def test_a_dataset_without_one_of_its_files_is_not_complete(run, dataset, model)
     assert _held(dataset.parent / "planned") == whole
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_what_failed_alone_is_done_again_once_it_is_mended(run, dataset, model):
     file = dataset / "data/chunk-000/episode_000001.parquet"
     good = file.read_bytes()

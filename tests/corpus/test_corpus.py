@@ -155,6 +155,7 @@ def keep(request):
     return keep
 
 
+@pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("name", CASES)
 def test_a_command_prints_writes_and_answers_what_it_did(
     name, tmp_path, monkeypatch, snapshot, keep, request

@@ -60,7 +60,7 @@ def asked_once(answered_before, monkeypatch):
 
 
 @pytest.mark.usefixtures(
-    "empty_folder", "asked_once", "ready_experiments", "brief_search", "undrawn"
+    "empty_folder", "asked_once", "ready_experiments", "brief_search", "undrawn", "in_this_process"
 )
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_the_blocks_of_the_page_run_and_print_what_it_says(page):

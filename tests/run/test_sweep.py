@@ -179,6 +179,7 @@ def test_the_command_of_a_point_gives_its_error(tmp_path, monkeypatch, cli_run):
     assert not (tmp_path / ".gaits.results").exists()
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cli_run):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
@@ -189,6 +190,7 @@ def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cl
     assert (again.exit_code, again.stdout) == (0, first.stdout)
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_parquet_has_the_table_of_the_csv(tmp_path, monkeypatch, cli_run):
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
     monkeypatch.chdir(tmp_path)

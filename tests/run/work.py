@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import sys
 import warnings
+from functools import partial
 from pathlib import Path
 
 from planner.exceptions import InvalidInput
 from planner.run.results import Results, Task
-from planner.run.tasks import carry_out, engine_of
+from planner.run.tasks import ANGLE_UNIT, _attempt, _received, carry_out, engine_of
 
 
 def square(number):
@@ -54,7 +56,7 @@ def tasks(count=8):
 
 
 class InThisProcess:
-    """An engine without workers, and what it was asked to run."""
+    """An engine whose worker is this process, and what it was asked to run."""
 
     def __init__(self):
         self.ran = []
@@ -68,7 +70,8 @@ class InThisProcess:
     def run(self, function, tasks):
         for number, task in tasks:
             self.ran.append(task.name)
-            yield (number, task), function(task.argument)
+            sent = pickle.dumps(partial(_attempt, function, task.argument, ANGLE_UNIT.get()))
+            yield (number, task), _received(task, pickle.loads(sent)())
 
 
 def run_and_die_after(folder, finished):
