@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,74 +41,88 @@ class ConicSolution(NamedTuple):
     usable: bool
 
 
-def minimise_over_cones(
-    slopes: Sequence[Array],
-    matrix: sparse.csr_array | sparse.csc_array,
-    limits: Array,
-    cones: Cones,
-    *,
-    curvature: Array | sparse.csc_array | None = None,
-    tolerance: float,
-) -> list[ConicSolution]:
-    """Minimise ``slope @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
+class ConicSolver:
+    """Minimises ``slope @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
 
-    The conditions are set up once for all slopes.
-
-    Args:
-        slopes: Linear parts of the objectives, each of shape (unknowns,).
-        matrix: Matrix of the conditions, shape (rows, unknowns).
-        limits: Their right-hand sides, shape (rows,).
-        cones: What the rows of ``limits - matrix @ z`` are.
-        curvature: Upper triangle of a matrix, or the diagonal of one, shape (unknowns,); None for
-            none.
-        tolerance: Clarabel's absolute and relative gap, and its feasibility.
-
-    Returns:
-        An answer for each slope.
+    Set-up takes several times as long as a small problem's solution: problems whose matrices have
+    their entries at the same places share one.
     """
-    import clarabel
 
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.presolve_enable = False
-    settings.direct_solve_method = "qdldl"
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    kinds: list[Any] = [clarabel.ZeroConeT(cones.zero), clarabel.NonnegativeConeT(cones.at_most)]
-    if cones.ball:
-        kinds.append(clarabel.SecondOrderConeT(cones.ball))
-    if curvature is None:
-        curvature = np.zeros(matrix.shape[1])
-    if isinstance(curvature, np.ndarray):
-        curvature = sparse.diags_array(curvature).tocsc()
-    solver = clarabel.DefaultSolver(
-        curvature,
-        slopes[0],
-        matrix.tocsc(),
-        limits,
-        kinds,
-        settings,
-    )
-    answers: list[ConicSolution] = []
-    for slope in slopes:
-        if answers:
-            solver.update(q=slope)
-        solution = solver.solve()
-        answers.append(_feasible(solution, cones))
-    logging.getLogger(__name__).debug(
-        "Clarabel: %s after %d iterations", solution.status, solution.iterations
-    )
-    return answers
+    def __init__(
+        self,
+        slope: Array,
+        matrix: sparse.csr_array | sparse.csc_array,
+        limits: Array,
+        cones: Cones,
+        *,
+        curvature: Array | sparse.csc_array | None = None,
+        tolerance: float,
+    ) -> None:
+        """Set up a problem.
 
+        Args:
+            slope: Linear part of the objective, shape (unknowns,).
+            matrix: Matrix of the conditions, shape (rows, unknowns).
+            limits: Their right-hand sides, shape (rows,).
+            cones: What the rows of ``limits - matrix @ z`` are.
+            curvature: Upper triangle of a matrix, or the diagonal of one, shape (unknowns,); None
+                for none.
+            tolerance: Clarabel's absolute and relative gap, and its feasibility.
+        """
+        import clarabel
 
-def _feasible(solution: Any, cones: Cones) -> ConicSolution:
-    """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
-    unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
-    usable = bool(np.all(np.isfinite(multipliers)))
-    if not usable:
-        multipliers = np.zeros(len(multipliers))
-    end = cones.zero + cones.at_most
-    multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
-    if cones.ball:
-        length = float(np.linalg.norm(multipliers[end + 1 :]))
-        multipliers[end] = max(multipliers[end], length)
-    return ConicSolution(unknowns, multipliers, str(solution.status), usable)
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.presolve_enable = False
+        settings.direct_solve_method = "qdldl"
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        kinds: list[Any] = [
+            clarabel.ZeroConeT(cones.zero),
+            clarabel.NonnegativeConeT(cones.at_most),
+        ]
+        if cones.ball:
+            kinds.append(clarabel.SecondOrderConeT(cones.ball))
+        if curvature is None:
+            curvature = np.zeros(matrix.shape[1])
+        if isinstance(curvature, np.ndarray):
+            curvature = sparse.diags_array(curvature).tocsc()
+        self._cones = cones
+        self._solver = clarabel.DefaultSolver(
+            curvature, slope, matrix.tocsc(), limits, kinds, settings
+        )
+
+    def update(
+        self,
+        slope: Array,
+        *,
+        entries: Array | None = None,
+        limits: Array | None = None,
+        curvature_entries: Array | None = None,
+    ) -> None:
+        """Change the problem: its linear part, and what else is not None.
+
+        Args:
+            slope: As above.
+            entries: The matrix's stored entries, column by column.
+            limits: As above.
+            curvature_entries: The stored entries of the curvature, column by column.
+        """
+        parts = {"P": curvature_entries, "q": slope, "A": entries, "b": limits}
+        self._solver.update(**{name: part for name, part in parts.items() if part is not None})
+
+    def solve(self) -> ConicSolution:
+        """The solver's answer; multipliers outside the dual cones, or not finite, prove nothing."""
+        solution, cones = self._solver.solve(), self._cones
+        logging.getLogger(__name__).debug(
+            "Clarabel: %s after %d iterations", solution.status, solution.iterations
+        )
+        unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
+        usable = bool(np.all(np.isfinite(multipliers)))
+        if not usable:
+            multipliers = np.zeros(len(multipliers))
+        end = cones.zero + cones.at_most
+        multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
+        if cones.ball:
+            length = float(np.linalg.norm(multipliers[end + 1 :]))
+            multipliers[end] = max(multipliers[end], length)
+        return ConicSolution(unknowns, multipliers, str(solution.status), usable)

@@ -17,17 +17,20 @@ method solves it; the matrices are sparse and banded, so that the time is in pro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from planner.inversion.clarabel import Cones, minimise_over_cones
+from planner.inversion.arguments import Norm
+from planner.inversion.clarabel import Cones, ConicSolution, ConicSolver
 from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, Step, cost_of
-from planner.inversion.tracking_problem import Indices, TrackingProblem
+from planner.inversion.tracking_problem import Indices, TrackingProblem, Windows
 from planner.model.sensitivity import Response
-from planner.trajectory import Array
+from planner.trajectory import Array, Mask
 
 TOLERANCE = 1e-8
 """Clarabel's gap and residuals [rad, and of a cost of about 1]: steps are judged by simulation, and
@@ -49,8 +52,9 @@ def qp_step(
 ) -> Step:
     """The step of the module's problem.
 
-    Most steps of a smoothing meet no limit, and a step without them costs a third: the limits are
-    added where the step would pass one.
+    Limits are conditions of the programme only where its solution without them would make a change
+    larger than ``max_step``, or where it is not soon clear which requests stay at limits of their
+    own: a step with such conditions takes about six times as long as one without.
 
     Args:
         problem: Which requests may move, within which limits and by how much at a time.
@@ -69,23 +73,14 @@ def qp_step(
     """
     programme = _programme_of(problem, regularisation.second_differences)
     weight, away, free = regularisation.weight, regularisation.away, programme.free
-    slope: Array = weight * np.asarray(programme.operator.T @ away)
-    linear = [2.0 * np.concatenate([slope[free], cost.gradient.ravel()])]
-    curvature = programme.quadratic(weight, cost.curvature, damping)
-    conditions, right = programme.dynamics(response), defects.ravel()
-    cones = Cones(len(right), 0)
-    (answer,) = minimise_over_cones(
-        linear, conditions, right, cones, curvature=curvature, tolerance=TOLERANCE
+    slope: Array = weight * np.asarray(programme.transposed @ away)
+    terms = _Terms(
+        2.0 * np.concatenate([slope[free], cost.gradient.ravel()]),
+        programme.curvature(weight, cost.curvature, damping),
+        programme.dynamics(response),
+        defects.ravel(),
     )
-    room = programme.room(requests)
-    if np.any(programme.limits @ answer.unknowns > room + TOLERANCE):
-        conditions = sparse.csc_array(sparse.vstack([conditions, programme.limits]))
-        right, cones = np.concatenate([right, room]), Cones(len(right), len(room))
-        (answer,) = minimise_over_cones(
-            linear, conditions, right, cones, curvature=curvature, tolerance=TOLERANCE
-        )
-    if answer.status not in USABLE:
-        raise np.linalg.LinAlgError(f"no step was found: {answer.status}")
+    answer = programme.solve(terms, requests)
     changes, angles = np.zeros(free.shape), answer.unknowns[programme.count :]
     changes[free] = answer.unknowns[: programme.count]
     angles = angles.reshape(defects.shape)
@@ -98,6 +93,22 @@ def qp_step(
     return Step(changes, angles, multipliers, gradient, predicted)
 
 
+ACTIVE_SET_ROUNDS = 8
+"""Solutions after which the limits become conditions, which takes as long as six of them."""
+
+
+class _Terms(NamedTuple):
+    """Minimise ``slope @ z + z @ curvature @ z / 2`` where ``dynamics @ z == right``.
+
+    Of the matrices, of curvature the upper triangle, the stored entries, column by column.
+    """
+
+    slope: Array
+    curvature: Array
+    dynamics: Array
+    right: Array
+
+
 class _Pattern:
     """Where the entries of a sparse matrix are; entries at one place are added."""
 
@@ -107,14 +118,64 @@ class _Pattern:
         every = [np.concatenate([each.ravel() for each in parts]) for parts in (rows, columns)]
         key = every[1].astype(np.int64) * shape[0] + every[0]
         places, self._place = np.unique(key, return_inverse=True)
-        self._rows = places % max(shape[0], 1)
+        self.rows = places % max(shape[0], 1)
+        self.columns = places // max(shape[0], 1)
         self._ends = np.searchsorted(places, np.arange(shape[1] + 1) * shape[0])
         self._shape = shape
 
-    def matrix(self, entries: Sequence[Array]) -> sparse.csc_array:
+    def stored(self, entries: Sequence[Array]) -> Array:
+        """The matrix's entries, column by column."""
         every = np.concatenate([each.ravel() for each in entries])
-        values = np.bincount(self._place, every, minlength=len(self._rows))
-        return sparse.csc_array((values, self._rows, self._ends), shape=self._shape)
+        return _sums(self._place, every, len(self.rows))
+
+    def times(self, stored: Array, vector: Array) -> Array:
+        """The matrix times a vector."""
+        return _sums(self.rows, stored * vector[self.columns], self._shape[0])
+
+    def transposed_times(self, stored: Array, vector: Array) -> Array:
+        """The transposed matrix times a vector."""
+        return _sums(self.columns, stored * vector[self.rows], self._shape[1])
+
+    def matrix(self, stored: Array) -> sparse.csc_array:
+        """The matrix with these stored entries."""
+        return sparse.csc_array((stored, self.rows, self._ends), shape=self._shape)
+
+
+def _sums(places: Indices, entries: Array, count: int) -> Array:
+    """At each place the sum of its entries."""
+    return np.asarray(np.bincount(places, entries, count), dtype=np.float64)
+
+
+class _Conditions:
+    """Conditions of steps at fixed places, with a solver that is set up at the first step."""
+
+    def __init__(self, pattern: _Pattern, curvature: _Pattern, cones: Cones) -> None:
+        self.pattern = pattern
+        self._curvature = curvature
+        self._cones = cones
+        self._solver: ConicSolver | None = None
+
+    def solve(self, terms: _Terms) -> ConicSolution:
+        """The solution; a solver whose scaling no longer suits the entries is set up anew."""
+        if self._solver is not None:
+            self._solver.update(
+                terms.slope,
+                entries=terms.dynamics,
+                limits=terms.right,
+                curvature_entries=terms.curvature,
+            )
+            answer = self._solver.solve()
+            if answer.status in USABLE:
+                return answer
+        self._solver = ConicSolver(
+            terms.slope,
+            self.pattern.matrix(terms.dynamics),
+            terms.right,
+            self._cones,
+            curvature=self._curvature.matrix(terms.curvature),
+            tolerance=TOLERANCE,
+        )
+        return self._solver.solve()
 
 
 class _Programme:
@@ -124,11 +185,11 @@ class _Programme:
         free: Requests that may change, shape (n, joints).
         count: How many.
         operator: The matrix S.
-        limits: The limits are ``limits @ unknowns <= room(requests)``.
+        transposed: The matrix S'.
     """
 
     def __init__(self, problem: TrackingProblem, *, second_differences: bool) -> None:
-        self.problem = problem
+        self._lower, self._upper = problem.lower, problem.upper
         self.free = problem.movable & (problem.lower < problem.upper)
         samples, models = len(self.free), len(problem.models)
         self.count = int(self.free.sum())
@@ -136,41 +197,58 @@ class _Programme:
         self._column[self.free] = np.arange(self.count)
         self._angle = self.count + np.arange(samples * models).reshape(samples, models)
         self._size = self.count + samples * models
-        self.operator = (
-            smoothing_matrix(samples, cyclic=problem.cyclic, centring=problem.centring)
-            if second_differences
-            else sparse.csr_array(sparse.eye_array(samples))
+        self.operator, self.transposed, self._squares = smoothing_matrices(
+            samples,
+            cyclic=problem.cyclic,
+            centring=problem.centring,
+            second_differences=second_differences,
         )
-        self._set_up_dynamics()
-        self._set_up_curvature()
-        self._set_up_limits()
+        self._set_up_curvature(problem.norm)
+        self._set_up_dynamics(problem.windows)
+        self._set_up_limits(problem.max_step, cyclic=problem.cyclic)
 
-    def _set_up_dynamics(self) -> None:
+    def _set_up_dynamics(self, windows: Windows) -> None:
         """``dM[k] - by_angle[k] dM[k-1] - sum_j by_request[j, k] dR[acting[j, k]] = defects``."""
-        windows, angle = self.problem.windows, self._angle
+        angle = self._angle
         row = np.arange(angle.size).reshape(angle.shape)
         acts = windows.acting[:, :, np.newaxis] >= 0
         column = np.where(acts, self._column[np.maximum(windows.acting, 0)], -1)
         column = np.tile(column, angle.shape[1] // column.shape[-1])  # one request, many models
         self._moved = column >= 0
-        self._dynamics = _Pattern(
-            [row, row, np.broadcast_to(row, column.shape)[self._moved]],
-            [angle, angle[windows.before], column[self._moved]],
-            (angle.size, self._size),
+        moved_row: Indices = np.broadcast_to(row, column.shape)[self._moved]
+        rows: list[Indices] = [row, row, moved_row]
+        columns: list[Indices] = [angle, angle[windows.before], column[self._moved]]
+
+        shape = angle.size, self._size
+        self._dynamics = _Conditions(
+            _Pattern(rows, columns, shape), self._curvature, Cones(angle.size, 0)
         )
 
-    def dynamics(self, response: Response) -> sparse.csc_array:
-        """The matrix of the dynamics."""
+    def dynamics(self, response: Response) -> Array:
+        """The stored entries of the matrix of the dynamics."""
         by_request = response.by_request[self._moved]
-        return self._dynamics.matrix([np.ones(self._angle.shape), -response.by_angle, -by_request])
+        entries = [np.ones(self._angle.shape), -response.by_angle, -by_request]
+        return self._dynamics.pattern.stored(entries)
 
-    def _set_up_curvature(self) -> None:
-        squared = sparse.coo_array(self.operator.T @ self.operator)
+    @cached_property
+    def _within_limits(self) -> _Conditions:
+        """The dynamics, then the limits."""
+        dynamics, limits = self._dynamics.pattern, self._limits.tocoo()
+        equations = self._angle.size
+        pattern = _Pattern(
+            [dynamics.rows, equations + limits.row.astype(np.intp)],
+            [dynamics.columns, limits.col.astype(np.intp)],
+            (equations + limits.shape[0], self._size),
+        )
+        return _Conditions(pattern, self._curvature, Cones(equations, limits.shape[0]))
+
+    def _set_up_curvature(self, norm: Norm) -> None:
+        squared = self._squares
         one, other = self._column[squared.row], self._column[squared.col]
         upper = (one >= 0) & (one <= other)
         self._squared = np.broadcast_to(squared.data[:, np.newaxis], upper.shape)[upper]
         i, j = np.triu_indices(self._angle.shape[1])
-        if self.problem.norm == "rms":  # a sum over sets of models: none couples the angles of two
+        if norm == "rms":  # a sum over sets of models: none couples the angles of two
             own = i // self.free.shape[1] == j // self.free.shape[1]
             i, j = i[own], j[own]
         self._triangle = i, j
@@ -181,25 +259,88 @@ class _Programme:
             (self._size, self._size),
         )
 
-    def quadratic(self, weight: float, curvature: Array, damping: Damping) -> sparse.csc_array:
-        """Twice the matrix of the quadratic terms, its upper triangle."""
+    def curvature(self, weight: float, curvature: Array, damping: Damping) -> Array:
+        """The stored entries of twice the matrix of the quadratic terms, its upper triangle."""
         i, j = self._triangle
         of_angles = curvature[:, i, j] + np.where(i == j, damping.angles[:, i], 0.0)
         of_requests = damping.requests[self.free]
-        return 2.0 * self._curvature.matrix([weight * self._squared, of_requests, of_angles])
+        return 2.0 * self._curvature.stored([weight * self._squared, of_requests, of_angles])
 
-    def _set_up_limits(self) -> None:
-        problem, column, free = self.problem, self._column, self.free
-        self._upper = free & np.isfinite(problem.upper)
-        self._lower = free & np.isfinite(problem.lower)
-        self._from = np.arange(len(free) if problem.cyclic else len(free) - 1)
+    def solve(self, terms: _Terms, requests: Array) -> ConicSolution:
+        """The unknowns and the multipliers of the dynamics, within the limits."""
+        room = self.room(requests)
+        answer = self._held_at_limits(terms, requests)
+        if answer is None or np.any(self._limits @ answer.unknowns > room + TOLERANCE):
+            within = self._within_limits
+            entries = within.pattern.stored([terms.dynamics, self._limits.tocoo().data])
+            right = np.concatenate([terms.right, room])
+            answer = within.solve(terms._replace(dynamics=entries, right=right))
+        if answer.status not in USABLE:
+            raise np.linalg.LinAlgError(f"no step was found: {answer.status}")
+        return answer
+
+    def _held_at_limits(self, terms: _Terms, requests: Array) -> ConicSolution | None:
+        """The solution with requests held at limits of their own; None where that does not end.
+
+        Held are those that would pass them, until the force on them turns inward: the primal-dual
+        active set strategy (M. Hintermüller, K. Ito, M. Kunisch, *The primal-dual active set
+        strategy as a semismooth Newton method*, SIAM J. Optim. 13, 2002).
+        """
+        low, high = ((limit - requests)[self.free] for limit in (self._lower, self._upper))
+        at_low, at_high = low > -TOLERANCE, high < TOLERANCE
+        for _ in range(ACTIVE_SET_ROUNDS):
+            held, place = np.zeros((2, self._size))
+            held[: self.count] = at_low | at_high
+            place[: self.count] = np.where(at_low, low, np.where(at_high, high, 0.0))
+            answer = self._dynamics.solve(self._fixed(terms, held != 0.0, place))
+            changes = answer.unknowns[: self.count]
+            slope = self._slope(terms, answer)[: self.count]
+            before = at_low, at_high
+            at_low = np.where(at_low, slope > 0.0, changes < low - TOLERANCE)
+            at_high = np.where(at_high, slope < 0.0, changes > high + TOLERANCE)
+            if np.array_equal(before, (at_low, at_high)):
+                return answer
+        return None
+
+    def _fixed(self, terms: _Terms, held: Mask, place: Array) -> _Terms:
+        """The same with some unknowns at given places; ``place`` is 0 for all others."""
+        if not held.any():
+            return terms
+        curvature, dynamics = self._curvature, self._dynamics.pattern
+        slope = terms.slope + self._curvature_times(terms, place)
+        slope[held] = -place[held]
+        row_held, column_held = held[curvature.rows], held[curvature.columns]
+        entries = np.where(row_held | column_held, 0.0, terms.curvature)
+        entries[row_held & (curvature.rows == curvature.columns)] = 1.0
+        conditions = np.where(held[dynamics.columns], 0.0, terms.dynamics)
+        right = terms.right - dynamics.times(terms.dynamics, place)
+        return _Terms(slope, entries, conditions, right)
+
+    def _slope(self, terms: _Terms, answer: ConicSolution) -> Array:
+        """The derivative of the Lagrangian by the unknowns."""
+        forces = self._dynamics.pattern.transposed_times(terms.dynamics, answer.multipliers)
+        return np.asarray(terms.slope + self._curvature_times(terms, answer.unknowns) + forces)
+
+    def _curvature_times(self, terms: _Terms, vector: Array) -> Array:
+        """The curvature, of which the upper triangle is stored, times a vector."""
+        pattern, entries = self._curvature, terms.curvature
+        below = np.where(pattern.rows == pattern.columns, 0.0, entries)
+        return pattern.times(entries, vector) + pattern.transposed_times(below, vector)
+
+    def _set_up_limits(self, max_step: Array, *, cyclic: bool) -> None:
+        """``limits @ unknowns <= room``."""
+        column, free = self._column, self.free
+        self._below_upper = free & np.isfinite(self._upper)
+        self._above_lower = free & np.isfinite(self._lower)
+        self._from = np.arange(len(free) if cyclic else len(free) - 1)
         self._to = (self._from + 1) % len(free)
-        self._limited = np.isfinite(problem.max_step) & (free[self._from] | free[self._to])
+        self._limited = np.isfinite(max_step) & (free[self._from] | free[self._to])
+        self._step = np.broadcast_to(max_step, self._limited.shape)[self._limited]
         here, there = column[self._from][self._limited], column[self._to][self._limited]
         rows, columns, signs, last = [], [], [], 0
         for numbers, sign in (
-            ((column[self._upper],), 1.0),
-            ((column[self._lower],), -1.0),
+            ((column[self._below_upper],), 1.0),
+            ((column[self._above_lower],), -1.0),
             ((there, here), 1.0),
             ((there, here), -1.0),
         ):
@@ -210,22 +351,29 @@ class _Programme:
                 columns.append(number[present])
                 signs.append(np.full(np.count_nonzero(present), own))
             last += len(row)
-        self.limits = _Pattern(rows, columns, (last, self._size)).matrix(signs)
+        places = np.concatenate(rows), np.concatenate(columns)
+        self._limits = sparse.csr_array((np.concatenate(signs), places), shape=(last, self._size))
 
     def room(self, requests: Array) -> Array:
         """How far each limit is from the requests [rad]."""
-        problem = self.problem
         changes = (requests[self._to] - requests[self._from])[self._limited]
-        step = np.broadcast_to(problem.max_step, self._limited.shape)[self._limited]
-        above, below = problem.upper - requests, requests - problem.lower
-        room = [above[self._upper], below[self._lower], step - changes, step + changes]
+        above = (self._upper - requests)[self._below_upper]
+        below = (requests - self._lower)[self._above_lower]
+        room = [above, below, self._step - changes, self._step + changes]
         return np.concatenate(room)
 
 
-@lru_cache(maxsize=4)
+_programmes: WeakKeyDictionary[TrackingProblem, dict[bool, _Programme]] = WeakKeyDictionary()
+"""Programmes of the problems in use, without and with second differences: a solver's last digits
+depend on what it solved before, so that no two problems share one."""
+
+
 def _programme_of(problem: TrackingProblem, second_differences: bool) -> _Programme:
-    """The programme of a problem: worked out at the first call, then kept."""
-    return _Programme(problem, second_differences=second_differences)
+    """The programme of a problem: worked out at the first call, then kept as long as it."""
+    kept = _programmes.setdefault(problem, {})
+    if second_differences not in kept:
+        kept[second_differences] = _Programme(problem, second_differences=second_differences)
+    return kept[second_differences]
 
 
 @lru_cache(maxsize=8)
@@ -242,9 +390,21 @@ def second_difference_matrix(samples: int, *, cyclic: bool) -> sparse.csr_array:
     return sparse.csr_array((values, (np.tile(here, 3), columns)), shape=(len(here), samples))
 
 
-def smoothing_matrix(samples: int, *, cyclic: bool, centring: float) -> sparse.csr_array:
-    """The matrix of :meth:`TrackingProblem.roughness_terms`, up to what it takes from a centre."""
-    matrix = second_difference_matrix(samples, cyclic=cyclic)
-    if not centring:
-        return matrix
-    return sparse.csr_array(sparse.vstack([matrix, centring * sparse.eye_array(samples)]))
+@lru_cache(maxsize=8)
+def smoothing_matrices(
+    samples: int, *, cyclic: bool, centring: float, second_differences: bool
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.coo_array]:
+    """The matrix S, its transpose and S'S.
+
+    S takes the terms of :meth:`TrackingProblem.roughness_terms`, up to what these take from a
+    centre; without second differences it is the identity.
+    """
+    identity = sparse.eye_array(samples, format="csr")
+    if not second_differences:
+        matrix = identity
+    else:
+        matrix = second_difference_matrix(samples, cyclic=cyclic)
+        if centring:
+            matrix = sparse.vstack([matrix, centring * identity], format="csr")
+    transposed = matrix.T.tocsr()
+    return matrix, transposed, (transposed @ matrix).tocoo()

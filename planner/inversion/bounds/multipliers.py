@@ -21,7 +21,7 @@ from planner.inversion.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.inversion.clarabel import Cones, ConicSolution, minimise_over_cones
+from planner.inversion.clarabel import Cones, ConicSolution, ConicSolver
 from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10
@@ -87,26 +87,21 @@ def nearest_point(
     if norm == "rms":
         curvature = np.zeros(unknowns)
         curvature[sampled] = 2.0
-        answer = minimise_over_cones(
-            [np.zeros(unknowns)],
-            matrix,
-            left,
-            cones,
-            curvature=curvature,
-            tolerance=BOUND_TOLERANCE,
-        )[0]
+        answer = ConicSolver(
+            np.zeros(unknowns), matrix, left, cones, curvature=curvature, tolerance=BOUND_TOLERANCE
+        ).solve()
         return answer._replace(unknowns=origin + answer.unknowns)
     # One more unknown, the largest error, is at least each of them.
     picked = sparse.eye_array(unknowns, format="csr")[sampled]
     largest = sparse.csr_array(-np.ones((len(sampled), 1)))
     blocks: list[list[Any]] = [[matrix, None], [picked, largest], [-picked, largest]]
-    answer = minimise_over_cones(
-        [np.append(np.zeros(unknowns), 1.0)],
+    answer = ConicSolver(
+        np.append(np.zeros(unknowns), 1.0),
         sparse.csr_array(sparse.block_array(blocks)),
         np.concatenate([left, np.zeros(2 * len(sampled))]),
         cones._replace(at_most=cones.at_most + 2 * len(sampled)),
         tolerance=BOUND_TOLERANCE,
-    )[0]
+    ).solve()
     return answer._replace(
         unknowns=origin + answer.unknowns[:-1], multipliers=answer.multipliers[:rows]
     )

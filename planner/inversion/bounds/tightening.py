@@ -20,7 +20,7 @@ from planner.inversion.bounds.saturation_relaxation import (
     RelaxedSolution,
     ScaledProblem,
 )
-from planner.inversion.clarabel import Cones, minimise_over_cones
+from planner.inversion.clarabel import Cones, ConicSolver
 from planner.trajectory import Array
 
 
@@ -105,11 +105,13 @@ def proved_minima(local: LocalProblem, objectives: list[Array]) -> list[float]:
 
     It is ``(zeta + G' mu) middle - |zeta + G' mu| room - mu b``.
     """
-    answers = minimise_over_cones(
-        objectives, local.matrix, local.limits, local.cones, tolerance=TIGHTENING_TOLERANCE
+    solver = ConicSolver(
+        objectives[0], local.matrix, local.limits, local.cones, tolerance=TIGHTENING_TOLERANCE
     )
     proved = []
-    for objective, answer in zip(objectives, answers, strict=True):
+    for objective in objectives:
+        solver.update(objective)
+        answer = solver.solve()
         left = objective + local.matrix.T @ answer.multipliers
         loose = float(np.abs(left) @ local.room + answer.multipliers @ local.limits)
         proved.append(float(left @ local.middle) - loose)
