@@ -192,7 +192,9 @@ def drawn_models(
 
     They are drawn from a normal distribution with the intervals' widths, either side by itself, and
     their correlations, but none outside of the intervals; in pairs on either side of the model,
-    always the same ones. A parameter does not move towards an end that is not known.
+    always the same ones. A parameter does not move towards an end that is not known. But where logs
+    leave the top speed open above, the joint may have any: its reciprocal is drawn, down to 0, and
+    theta_0 keeps to the gain.
 
     Args:
         model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
@@ -214,15 +216,22 @@ def drawn_models(
     values = np.array([_value(model, name) for name in names])
     ends = np.array(list(evidence.intervals.values()))
     down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
+    open_above = np.array([name == "v_max" and GAIN in names for name in names])
+    open_above &= np.isfinite(ends[:, 0]) & np.isinf(ends[:, 1])
+
+    def moves_of(z: Array) -> Array:
+        known = np.where(z < 0.0, down, up) * z
+        return np.where(open_above & (z > 0.0), values * z / (QUANTILE - z), known)
+
     matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
     eigenvalues, vectors = np.linalg.eigh(matrix)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
     rng, moves = np.random.default_rng(seed), list[Array]()
     while len(moves) < 2 * (OPTIONS.pairs if pairs is None else pairs):
         move = root @ rng.standard_normal(len(names))
-        if np.all(np.abs(move) <= QUANTILE):
+        if np.all(np.abs(move) < QUANTILE):
             moves += [move, -move]
-    return (model, *(_moved(model, names, np.where(z < 0.0, down, up) * z) for z in moves))
+    return (model, *(_moved(model, names, moves_of(z)) for z in moves))
 
 
 def has_intervals(model: JointModel) -> bool:

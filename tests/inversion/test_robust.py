@@ -32,7 +32,7 @@ MODELS = (ERS210A, *OTHERS)
 SLOWER = ERS210A.with_evidence(
     Evidence(
         intervals={
-            "v_max": (4.2, np.inf),
+            "v_max": (4.2, ERS210A.v_max),
             "gain": (-np.inf, np.inf),
             "lag": (0.029, 0.035),
             "acceleration_time": (0.04, 0.056),
@@ -185,9 +185,45 @@ def test_models_are_drawn_as_their_intervals_and_correlations_say():
         assert np.mean(half) == pytest.approx(0.5, abs=0.03)
     assert np.corrcoef(lags, times)[0, 1] == pytest.approx(-0.9, abs=0.05)
     assert 4.2 <= np.min(speeds) <= 4.3
-    assert np.max(speeds) == SLOWER.v_max  # nothing is known above
+    assert np.max(speeds) == SLOWER.v_max
     assert np.ptp(gains) <= 1e-12 * gains[0]  # theta_0 follows v_max
     assert {each.offset for each in models} == {0.0}
+
+
+def open_above(**others):
+    """A joint of which a log tells that it is no slower than 4.2 rad/s, and how it begins."""
+    return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
+
+
+def test_a_top_speed_that_is_open_above_is_drawn_up_to_any_and_keeps_the_gain():
+    models = drawn_models(open_above(gain=(44.0, 45.0)), pairs=2000)
+    speeds = np.array([each.v_max for each in models])
+    faster, slower = speeds[speeds > ERS210A.v_max], speeds[speeds < ERS210A.v_max]
+    assert len(faster) == len(slower) == 2000
+    assert np.min(slower) >= 4.2
+    half = 0.642 / 1.96  # within it lies half of a normal distribution that is cut off at its 95 %
+    assert np.mean(ERS210A.v_max / faster >= 1.0 - half) == pytest.approx(0.5, abs=0.03)
+    assert np.max(faster) > 50.0 * ERS210A.v_max
+    gains = speeds / np.array([each.theta_0 for each in models])
+    assert np.min(gains) >= 44.0
+    assert np.max(gains) <= 45.0
+    # Without a gain theta_0 would stay, and the joint react as fast as it moves: none is drawn.
+    alone = drawn_models(open_above(), pairs=20)
+    assert max(each.v_max for each in alone) == ERS210A.v_max
+
+
+@pytest.mark.parametrize("robust", ["mean", "worst"])
+def test_a_plan_for_an_open_top_speed_bears_joints_that_are_faster_than_the_model(robust):
+    """The desired angles are too fast for the model, and would be overshot by a faster joint."""
+    model = open_above(gain=(44.0, 45.3), lag=(0.031, 0.033))
+    too_fast = 0.55 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+    made = invert_optimal(model, too_fast, robust=robust)
+    others = [
+        replace(model, v_max=factor * model.v_max, theta_0=factor * model.theta_0)
+        for factor in (0.85, 1.3, 2.0, 10.0)
+    ]
+    before, after = (errors(others, each.requests, too_fast) for each in (made.nominal, made))
+    assert np.max(after) <= 0.6 * np.max(before)
 
 
 def test_a_model_without_intervals_gives_no_others():
