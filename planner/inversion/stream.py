@@ -10,6 +10,9 @@ iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J
 
 Corners are rounded more the later a sample is: as time passes, each sample goes through what the
 offline search goes through in stages, from wide corners to sharp ones.
+
+What a joint at top speed should do now depends on the next half second of its path. Where the path
+repeats, what follows the known stretch is taken from the cycle before (``repeating_path``).
 """
 
 from __future__ import annotations
@@ -25,9 +28,11 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput
 from planner.inversion.arguments import checked_limits, range_of_each, steps_of_each
 from planner.inversion.closed_form import switching_time
+from planner.inversion.repeating_path import RepeatingPath
 from planner.inversion.stream_arguments import (
     StepArguments,
     StepInput,
+    checked_cycle,
     checked_preview,
     models_by_name,
 )
@@ -70,8 +75,14 @@ class StreamOptions:
         most_missed: Missed ticks that are simulated; after more of them the requests before are
             taken to have been the last one.
         worth: Share of a joint's cost by which a step must lower it for another step to follow.
-            Along walks joints take 1.3 steps a tick, with twice of it 1.2, and the errors are the
-            same; with five times of it they are larger.
+            Along walks it takes 1.2 steps a tick. With half of it they are 1.3 and the errors the
+            same, with twice of it 1.15, and the errors are up to a third further from the least.
+        horizon: Time ahead that is planned where the path repeats [s]. Over 27 cycles errors are
+            2.1 % above those of whole plans, with half of it 4.4 %, with twice of it 3.0 %, and
+            over walks whose speed changes 4.5, 9.3 and 6.1 %. Ticks take as much longer.
+        varies: Share of a cycle by which the last one may have been shorter or longer [-]. Over
+            walks whose speed changes errors are 4.5 % above those of whole plans, with half of it
+            5.6 %, with twice of it 4.5 %.
     """
 
     near: float = 0.02
@@ -87,7 +98,9 @@ class StreamOptions:
     factor: float = 3.0
     observer_time: float = 0.07
     most_missed: int = 1000
-    worth: float = 0.1
+    worth: float = 0.2
+    horizon: float = 0.5
+    varies: float = 0.25
 
 
 OPTIONS = StreamOptions()
@@ -110,6 +123,11 @@ class Stream:
             acceleration time take. 200 ms suffice for paths that the joints can follow.
         limits: Smallest and largest request [rad], each a number or one for each joint.
         max_step: Largest change from one request to the next [rad], a number or one for each joint.
+        cycle: Rows after which the desired path about repeats, such as a walk; None where it does
+            not. What follows the preview is then expected to be what followed a cycle before, up to
+            500 ms ahead: joints that are kept at top speed need to know. The cycle may be up to a
+            quarter shorter or longer, and change. The less of the preview the cycle before
+            explains, the less it counts; before a whole cycle is known, it does not count.
         on_bad: "hold", or "raise" to raise an error instead, before anything changes; the next step
             then has ``missed=1``.
 
@@ -118,10 +136,11 @@ class Stream:
         names: Their names: the keys of ``models``, or joint_1 and so on.
         period: Time between two ticks [s].
         preview: Rows of the desired path that are used.
+        cycle: Rows after which it about repeats, or None.
 
     Raises:
-        InvalidInput: A model, ``preview``, ``limits``, ``max_step`` or ``on_bad`` is none,
-            or the models have different periods.
+        InvalidInput: A model, ``preview``, ``limits``, ``max_step``, ``cycle`` or ``on_bad`` is
+            none, or the models have different periods.
         Infeasible: A lower limit is above the upper one.
 
     Example:
@@ -145,11 +164,13 @@ class Stream:
         preview: int,
         limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
         max_step: npt.ArrayLike | None = None,
+        cycle: int | None = None,
         on_bad: OnBad = "hold",
     ) -> None:
         self.names, self.models = models_by_name(models)
         self.period = self.models[0].period
         self.preview = checked_preview(preview, self.period)
+        self.cycle = checked_cycle(cycle)
         if not is_one_of(on_bad, get_args(OnBad)):
             raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
         self._raises = on_bad == "raise"
@@ -168,10 +189,18 @@ class Stream:
         """Allocate and compute what every tick uses."""
         models, joints, preview = self.models, len(self.models), self.preview
         ages = request_ages_of_all(models)
-        # What happens before the first request acts is decided; beyond the preview the path stops.
+        self._repeating, rows = None, preview
+        ahead = round(OPTIONS.horizon / self.period) - preview
+        if self.cycle is not None and ahead > 0:
+            self._repeating = RepeatingPath(
+                joints, preview, self.cycle, varies=OPTIONS.varies, ahead=ahead
+            )
+            rows += self._repeating.ahead
+        # What happens before the first request acts is decided; beyond the last row the path stops.
         self._waiting = np.minimum(np.arange(1, ages.youngest), preview - 1)
-        n = self._samples = max(preview - ages.youngest, ages.width)
-        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), preview - 1)
+        n = self._samples = max(rows - ages.youngest, ages.width)
+        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), rows - 1)
+        self._loaded = np.minimum(self._rows, preview - 1)
         self._sent = np.zeros((joints, ages.oldest))  # the last one at the end
         self._acting = slice(0, ages.width)  # those that act until now
         self._elapsed = Runs(models, ages, 1)
@@ -202,6 +231,8 @@ class Stream:
     def reset(self) -> None:
         """Forget everything: the next step is a first one, with the joints at rest."""
         self._angles: Array | None = None  # at the last tick
+        if self._repeating is not None:
+            self._repeating.reset()
         self._plan = np.zeros((len(self.models), self._samples))
         self._damping = np.full(len(self.models), OPTIONS.damping[0])
         self._status = self._all_planned
@@ -282,7 +313,8 @@ class Stream:
             self._angles, self._sent[:] = start, held[:, np.newaxis]
         else:
             self._elapse(given)
-        goal, sag = rows[:, self._rows], sags[:, self._rows]
+        goal = self._goal(rows, bad, 1 + given.missed)
+        sag = sags[:, self._loaded]
         plan = self._planned(goal, sag, given.torques, begins=begins)
         last = self._sent[:, -1].copy()
         requests = np.where(bad | begins, last, self._within(plan[:, 0], last))
@@ -312,6 +344,15 @@ class Stream:
         error[np.isnan(error)] = 0.0
         self._angles = angles + _clipped(self._observer * error, -fastest, fastest)
 
+    def _goal(self, rows: Array, bad: Mask, periods: int) -> Array:
+        """Desired angles at the samples [rad], (k, samples), those of the cycle before weighted."""
+        if self._repeating is not None:
+            self._repeating.move_on(periods)
+            follow, weights = self._repeating.continued(rows, bad)
+            rows = np.concatenate([rows, follow], axis=1)
+            self._plans.weights[:, self._rows >= self.preview] = weights
+        return rows[:, self._rows]
+
     def _planned(self, goal: Array, sag: Array, torques: Array, *, begins: bool) -> Array:
         """The plan for this tick, shape (k, samples)."""
         plans, start = self._plans, self._angles
@@ -322,7 +363,7 @@ class Stream:
             self._decided.loads[:] = torques[:, self._waiting]
             start = self._decided.run()[:, -1]
         plans.starts[:, 0] = start
-        plans.loads[:] = torques[:, self._rows]
+        plans.loads[:] = torques[:, self._loaded]
         plans.goal[:], plans.resting[:] = goal, goal - sag
         plans.damping[:, 1] = begins
         past = self._sent[:, -plans.past :]

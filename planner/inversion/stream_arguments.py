@@ -179,3 +179,14 @@ def checked_preview(preview: object, period: float) -> int:
             f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
         )
     return rows
+
+
+def checked_cycle(cycle: object) -> int | None:
+    """The rows after which a path repeats, or None."""
+    rows = as_whole(cycle)
+    if cycle is not None and (rows is None or not 2 <= rows <= MOST_PREVIEW):
+        raise InvalidInput(
+            f"cycle: got {shown(cycle)}, expected the number of rows after which the path repeats, "
+            f"from 2 to {MOST_PREVIEW}, or None"
+        )
+    return rows

@@ -52,11 +52,12 @@ def random_joint(seed):
     return rng, model
 
 
-def test_requests_depend_on_the_preview_and_the_past_only():
+@pytest.mark.parametrize("cycle", [None, 20])
+def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     path = smooth_path(120)
     other = path.copy()
     other[70:] += 0.5
-    one, two = (streamed(planner.JointModel.ers210a(), each) for each in (path, other))
+    one, two = (streamed(planner.JointModel.ers210a(), each, cycle=cycle) for each in (path, other))
     first = 70 - PREVIEW + 1  # the first tick that knows of row 70
     assert np.array_equal(one[:first], two[:first])
     assert not np.array_equal(one[first:], two[first:])
@@ -90,16 +91,91 @@ def test_a_fifth_of_a_second_is_nearly_the_whole_path_on_motions_that_joints_can
         assert error <= 1.1 * whole.rms + 2e-3 * model.theta_0
 
 
+def whole_and_streamed(joint, path, cycles):
+    """Root mean square errors of whole plans, and of streams that expect these cycles [rad]."""
+    errors = []
+    for cycle in cycles:
+        sent = streamed([joint] * path.shape[1], path, cycle=cycle)
+        angles = [planner.simulate(joint, each, cyclic=False) for each in sent.T]
+        errors.append(rms(np.transpose(angles) - path))
+    whole = [planner.invert_optimal(joint, each, cyclic=False).rms for each in path.T]
+    return rms(whole), *errors
+
+
+def walked(phase):
+    """The reference walk at phases in cycles [rad], shape (n, 3)."""
+    desired = planner.reference_walk().desired
+    rows = (phase % 1.0) * len(desired)
+    every = np.arange(len(desired) + 1)
+    return np.transpose([np.interp(rows, every, np.append(each, each[0])) for each in desired.T])
+
+
+def test_a_walk_at_top_speed_is_followed_as_the_whole_plan_where_its_cycle_is_known():
+    path = walked(np.arange(4 * 88) / 88.0)
+    whole, without, exact, guessed = whole_and_streamed(
+        planner.JointModel.ers210a(), path, (None, 88, 80)
+    )
+    assert without >= 1.12 * whole
+    assert exact <= 1.1 * whole
+    assert guessed <= 1.1 * whole
+
+
+def test_a_walk_that_slows_down_and_stops_is_followed_no_worse_for_an_expected_cycle():
+    tick = np.arange(330)
+    speed = 1.0 - 0.2 * np.sin(2.0 * np.pi * tick / 250.0)
+    speed[250:] *= np.clip((275.0 - tick[250:]) / 25.0, 0.0, 1.0)
+    whole, without, expected = whole_and_streamed(
+        planner.JointModel.ers210a(), walked(np.cumsum(speed) / 88.0), (None, 88)
+    )
+    assert expected <= 1.03 * without
+    assert expected >= 0.99 * whole
+
+
+def test_a_path_that_does_not_repeat_is_followed_no_worse_for_an_expected_cycle():
+    for seed in range(2):
+        rng, model = random_joint(2 * seed)
+        path = attainable(rng, model, samples=240)[:, np.newaxis]
+        _, without, expected = whole_and_streamed(model, path, (None, 50))
+        assert expected <= 1.03 * without + 2e-3 * model.theta_0
+
+
+def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
+    model, path = planner.JointModel.ers210a(), walked(np.arange(4 * 88) / 88.0)
+    errors = []
+    for cycle in (None, 88):
+        stream, sent, k = planner.Stream([model] * 3, preview=PREVIEW, cycle=cycle), [], 0
+        while k < len(path):
+            missed = 4 if k in (50, 130) else 0
+            k += missed
+            sent += sent[-1:] * missed
+            rows = path[k : k + PREVIEW].copy()
+            rows[:, 0 if 100 <= k < 103 else []] = np.nan
+            sent.append(stream.step(rows, missed=missed))
+            assert ("held" in stream.status) == (100 <= k < 103)
+            k += 1
+        angles = [planner.simulate(model, each, cyclic=False) for each in np.transpose(sent)]
+        assert stream.angles == pytest.approx([each[-1] for each in angles], abs=1e-9)
+        errors.append(rms((np.transpose(angles) - path)[176:]))
+    assert errors[1] <= 0.9 * errors[0]
+
+
+def test_a_cycle_makes_no_difference_to_a_preview_that_is_as_long_as_the_horizon():
+    model, path = planner.JointModel.ers210a(), smooth_path(40)
+    rows = round(OPTIONS.horizon / model.period)
+    one, two = (streamed(model, path, preview=rows, cycle=each) for each in (None, 20))
+    assert np.array_equal(one, two)
+
+
 @settings(max_examples=15)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_limits_and_steps_are_kept_to_the_last_bit(seed):
+@given(seed=st.integers(0, 2**32 - 1), cycle=st.sampled_from([None, 6]))
+def test_limits_and_steps_are_kept_to_the_last_bit(seed, cycle):
     rng = np.random.default_rng(seed)
     models = [random_joint(int(rng.integers(8)))[1] for _ in range(2)]
     models[1] = models[1].requested_every(models[0].period)
     lower = rng.uniform(-1.0, -0.1, 2)
     upper = lower + rng.uniform(0.0, 1.5, 2)
     step = rng.uniform(0.001, 0.3, 2)
-    stream = planner.Stream(models, preview=8, limits=(lower, upper), max_step=step)
+    stream = planner.Stream(models, preview=8, limits=(lower, upper), max_step=step, cycle=cycle)
     last = None
     for k in range(25):
         path = rng.normal(size=(int(rng.integers(1, 12)), 2)) * rng.choice([0.1, 1.0, 50.0])
@@ -206,6 +282,8 @@ def test_the_first_request_holds_the_joints_where_they_are():
         ({"limits": (np.zeros(3), 1.0)}, "limits: got"),
         ({"max_step": 0.0}, r"max_step: got 0\.0, expected an angle above 0 \[rad\]"),
         ({"max_step": [0.1, 0.1]}, "max_step: got"),
+        ({"cycle": 1}, "cycle: got 1, expected the number of rows after which the path repeats"),
+        ({"cycle": 0.7}, r"cycle: got 0\.7"),
         ({"on_bad": "warn"}, "on_bad: got 'warn', expected 'hold' or 'raise'"),
     ],
 )
@@ -260,12 +338,14 @@ def test_predicted_angles_are_those_of_the_exact_models():
         assert np.max(np.abs(np.array(angles)[:, j] - exact)) <= 1e-12
 
 
-def test_the_same_calls_give_the_same_requests():
+@pytest.mark.parametrize("cycle", [None, 8])
+def test_the_same_calls_give_the_same_requests(cycle):
     models = [random_joint(seed)[1].requested_every(0.02) for seed in range(3)]
     path = smooth_path(50, 3)
-    one, two = (streamed(models, path, preview=10, max_step=0.1) for _ in range(2))
+    options = {"preview": 10, "max_step": 0.1, "cycle": cycle}
+    one, two = (streamed(models, path, **options) for _ in range(2))
     assert np.array_equal(one, two)
-    stream = planner.Stream(models, preview=10, max_step=0.1)
+    stream = planner.Stream(models, **options)
     for _ in range(2):
         stream.reset()
         again = [stream.step(rows) for rows in stretches(path, 10)]
@@ -283,9 +363,10 @@ def test_answers_are_copies_and_arguments_are_left_alone():
     assert np.array_equal(requests, kept)
 
 
-def test_memory_does_not_grow():
+@pytest.mark.parametrize("cycle", [None, 60])
+def test_memory_does_not_grow(cycle):
     stream, path = (
-        planner.Stream([planner.JointModel.ers210a()] * 3, preview=10),
+        planner.Stream([planner.JointModel.ers210a()] * 3, preview=10, cycle=cycle),
         smooth_path(400, 3),
     )
     for k in range(100):

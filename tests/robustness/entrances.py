@@ -323,7 +323,10 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
         },
     ),
     "follow": (_follow, lambda: {"desired": ANGLES[:5, np.newaxis]}),
-    "Stream": (planner.Stream, lambda: {"models": MODEL, "preview": 5, "limits": (-1.0, 1.0)}),
+    "Stream": (
+        planner.Stream,
+        lambda: {"models": MODEL, "preview": 5, "limits": (-1.0, 1.0), "cycle": 20},
+    ),
     "Stream.step": (
         _step,
         lambda: {"desired": ANGLES[:5], "measured": ANGLES[:1], "load": 0.0, "missed": 0},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -33,6 +34,9 @@ CYCLES = 4
 ROWS = 600
 """Rows of a recording that are followed, and those from which its joint is identified: 2,000."""
 
+CYCLE = 0.7
+"""Cycle of the paths on which ticks are timed [s]."""
+
 TICKS = 1000
 """Ticks that are timed."""
 
@@ -42,6 +46,9 @@ COLUMNS = ("direct", "EMA", "feed-forward", "shift", "stream", "whole plan", "st
 
 MODELLED = (*COLUMNS, f"with {1e3 * LONGER:g} ms, %")
 """Where the joint is its model."""
+
+WALKED = (*MODELLED, "with its cycle, %")
+"""Where the path repeats, too."""
 
 EXPLAINED = (
     f"Root mean square of the error, mrad, from rest, with {1e3 * KNOWN:g} ms known ahead. EMA: "
@@ -53,7 +60,8 @@ EXPLAINED = (
 
 def measure(options: Options) -> list[Table]:
     """Times, and errors on the model, on the virtual servo and on recordings."""
-    tables = [times(TICKS if options.instances > QUICK else TICKS // 10), on_models(), on_servo()]
+    ticks = TICKS if options.instances > QUICK else TICKS // 10
+    tables = [times(ticks), on_models(), on_changing_walks(), on_servo()]
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if folder and Path(folder).is_dir():
         tables += on_recordings(Path(folder))
@@ -95,10 +103,11 @@ def streamed(
     path: Array,
     measured: Callable[[Array], Array] | None = None,
     known: float = KNOWN,
+    cycle: int | None = None,
 ) -> Array:
     """The stream's requests; ``measured`` sends each and returns the next measured angle."""
     preview = round(known / model.period)
-    stream, sent, angle = planner.Stream(model, preview=preview), [], None
+    stream, sent, angle = planner.Stream(model, preview=preview, cycle=cycle), [], None
     for k in range(len(path)):
         requests = stream.step(path[k : k + preview], angle)
         angle = measured(requests) if measured is not None else None
@@ -123,28 +132,74 @@ def compared(errors: list[float], stream: float, whole: float) -> list[float]:
     return [*errors, 1e3 * stream, 1e3 * whole, 100.0 * (stream / whole - 1.0) if whole else np.nan]
 
 
-def modelled(table: Table, name: str, model: planner.JointModel, path: Array) -> None:
-    """Add a joint that is its model."""
+def modelled(
+    table: Table, name: str, model: planner.JointModel, path: Array, cycle: int | None = None
+) -> None:
+    """Add a joint that is its model, and where its path repeats, what a stream gains by that."""
 
     def execute(requests: Array) -> Array:
         return planner.simulate(model, requests, cyclic=False, start=float(path[0]))
 
     errors, requests = row(model, path, execute)
     whole = rms(execute(requests) - path)
-    stream, longer = (
-        rms(execute(streamed(model, path, known=known)) - path) for known in (KNOWN, LONGER)
-    )
-    table.add(name, *compared(errors, stream, whole), 100.0 * (longer / whole - 1.0))
+    settings = [{"known": KNOWN}, {"known": LONGER}, *([{"cycle": cycle}] if cycle else [])]
+    stream, *others = (rms(execute(streamed(model, path, **each)) - path) for each in settings)
+    more = [100.0 * (each / whole - 1.0) for each in others]
+    table.add(name, *compared(errors, stream, whole), *more)
 
 
 def on_models() -> Table:
     """The reference walk, whose joints saturate, and slower ones, which they can follow."""
-    table = Table("Streams, walks on the model", MODELLED, note=EXPLAINED, stub="joint")
+    note = EXPLAINED + f"With its cycle: {CYCLES} cycles, of which the stream expects the length. "
+    table = Table("Streams, walks on the model", WALKED, note=note, stub="joint")
     joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
     for share in (1.0, 0.5, 0.25):
         for name, angles in zip(("rotator", "abductor", "knee"), walk.desired.T, strict=True):
             path = np.tile(angles[0] + share * (angles - angles[0]), CYCLES)
-            modelled(table, f"{name}, stroke times {share:g}", joint, path)
+            modelled(table, f"{name}, stroke times {share:g}", joint, path, len(walk.desired))
+    return table
+
+
+def on_changing_walks() -> Table:
+    """The reference walk at a speed that changes: what it costs to expect a cycle."""
+    table = Table(
+        "Streams, walks whose speed changes",
+        ("stream", "with a cycle", "whole plan", "stream over whole, %", "with a cycle, %"),
+        note="Root mean square of the error of the reference walk's three joints, mrad, from "
+        f"rest, with {1e3 * KNOWN:g} ms known ahead; five cycles at the speed of the walk. The "
+        "stream with a cycle expects that of the reference walk.",
+        stub="speed",
+    )
+    joint, walk = planner.JointModel.ers210a(), planner.reference_walk()
+    count = len(walk.desired)
+    at = np.arange(5 * count)
+    middle = 2.5 * count
+    speeds = {
+        "constant": np.ones(len(at)),
+        "constant, 10 % slower than expected": np.full(len(at), 0.9),
+        "falls by 30 %": np.linspace(1.0, 0.7, len(at)),
+        "rises by 30 %": np.linspace(1.0, 1.3, len(at)),
+        "20 % more and less": 1.0 + 0.2 * np.sin(2.0 * np.pi * at / 300.0),
+        "half of it at once": np.where(at < middle, 1.0, 0.5),
+        "falls to 0 in 0.3 s": np.clip(1.0 - (at - middle) * joint.period / 0.3, 0.0, 1.0),
+        "0 at once": np.where(at < middle, 1.0, 0.0),
+    }
+    for name, speed in speeds.items():
+        row = np.cumsum(speed) - speed[0]
+        path = np.transpose(
+            [np.interp(row, np.arange(count), each, period=count) for each in walk.desired.T]
+        )
+        whole = rms(
+            np.array([planner.invert_optimal(joint, each, cyclic=False).rms for each in path.T])
+        )
+        errors = []
+        for cycle in (None, count):
+            stream = planner.Stream([joint] * 3, preview=round(KNOWN / joint.period), cycle=cycle)
+            sent = np.array([stream.step(path[k:]) for k in at])
+            angles = [planner.simulate(joint, each, cyclic=False) for each in sent.T]
+            errors.append(rms(np.transpose(angles) - path))
+        over = [100.0 * (each / whole - 1.0) for each in errors]
+        table.add(name, *(1e3 * each for each in (*errors, whole)), *over)
     return table
 
 
@@ -227,12 +282,14 @@ def times(ticks: int) -> Table:
     """Time of a tick by period: six joints that all differ, with measured angles and limits."""
     table = Table(
         "Streams, time of a tick",
-        ("rows", "median, ms", "99th percentile, ms", "processor, mean, ms"),
-        note=f"Six different joints, {ticks} ticks of {1e3 * KNOWN:g} ms each, with limits, "
-        "max_step and measured angles.",
+        ("rows", "median, ms", "99th percentile, ms"),
+        note=f"Processor time. Six different joints, {ticks} ticks, with {1e3 * KNOWN:g} ms known "
+        f"ahead, limits, max_step and measured angles; and a cycle of {CYCLE:g} s where one is "
+        "expected.",
         stub="period",
     )
-    for period, hold, band in ((0.008, 1, 0.0), (0.01, 1, 0.0), (0.02, 4, 0.02), (0.03, 1, 0.02)):
+    periods = (0.008, 1, 0.0), (0.01, 1, 0.0), (0.02, 4, 0.02), (0.03, 1, 0.02)
+    for (period, hold, band), repeats in product(periods, (False, True)):
         models = [
             planner.JointModel(
                 v_max=5.0 + 0.1 * j,
@@ -245,17 +302,17 @@ def times(ticks: int) -> Table:
             )
             for j in range(6)
         ]
-        rows = round(KNOWN / period)
-        stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3)
+        rows, cycle = round(KNOWN / period), round(CYCLE / period) if repeats else None
+        stream = planner.Stream(models, preview=rows, limits=(-1.0, 1.0), max_step=0.3, cycle=cycle)
         clock = period * np.arange(ticks + rows)[:, np.newaxis]
-        path = 0.5 * np.sin(2.0 * np.pi * clock * (0.5 + 0.1 * np.arange(6)))
-        walls, used = [], time.process_time()
+        turns = clock / (cycle * period) if cycle else clock * (0.5 + 0.1 * np.arange(6))
+        path = (0.3 if cycle else 0.5) * np.sin(2.0 * np.pi * turns + np.arange(6))
+        used = []
         for k in range(ticks):
-            began = time.perf_counter()
+            began = time.process_time()
             stream.step(path[k : k + rows], path[k])
-            walls.append(1e3 * (time.perf_counter() - began))
-        used = 1e3 * (time.process_time() - used) / ticks
+            used.append(1e3 * (time.process_time() - began))
         name = f"{1e3 * period:g} ms" + (f", {hold} ticks of the model" if hold > 1 else "")
-        name += ", dry friction" if band else ""
-        table.add(name, rows, float(np.median(walls)), float(np.percentile(walls, 99)), used)
+        name += (", dry friction" if band else "") + (", with a cycle" if cycle else "")
+        table.add(name, rows, float(np.median(used)), float(np.percentile(used, 99)))
     return table
