@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner._version import __version__
-from planner.inversion.error_norm import error_norm, relative_gap
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.report.figure import (
     POSES,
@@ -18,7 +17,6 @@ from planner.report.figure import (
     Motion,
     Movie,
     Panel,
-    Timeline,
     leg_sketches,
     near_limits,
 )
@@ -31,6 +29,16 @@ from planner.report.page import (
     models_table,
     origin_lists,
 )
+from planner.report.plan_tables import (
+    expected_errors,
+    joint_rows,
+    joints_table,
+    models_errors_table,
+    motions_table,
+    requests_table,
+    size,
+    timeline_of,
+)
 from planner.report.style import (
     CLOSED_FORM,
     DESIRED,
@@ -40,22 +48,17 @@ from planner.report.style import (
     REQUESTED,
     Role,
 )
-from planner.report.table import NOTHING, Column, Row, Table, percent, signed
+from planner.report.table import percent
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
     from planner.evaluation.plan_outcome import PlanOutcome
-    from planner.inversion.result import ErrorsOfModels
-    from planner.trajectory import Array
 
 METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
 """How the plan of each method is drawn everywhere."""
 
 VIEWS = {"side": (0, "x"), "front": (1, "y")}
 """What a view has across [index and name of the axis]; upward it has z."""
-
-AT_LIMIT = math.radians(1e-6)
-"""A request this close to a limit is at it [rad]."""
 
 ROUNDING = 1e-12
 """What the division by a decimal step may add to a quotient, as a share of it."""
@@ -168,18 +171,6 @@ cost more accuracy (--smoothness).</p>
 # What the plan amounts to, in words.
 
 
-class Size(NamedTuple):
-    """Errors of one kind, in one unit: root mean square, and largest."""
-
-    rms: float
-    largest: float
-
-
-def size(errors: Array, factor: float) -> Size:
-    """The errors times a factor in two numbers."""
-    return Size(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
-
-
 def verdict(outcome: PlanOutcome) -> tuple[str, str]:
     """The answer in a few words, and what it is worth."""
     if outcome.feet:
@@ -205,11 +196,6 @@ def verdict(outcome: PlanOutcome) -> tuple[str, str]:
         largest = max(each for each in expected_errors(outcome) if each)
         tail += f". On the robot expect about {_two_digits(largest)} degrees rms"
     return head, tail
-
-
-def expected_errors(outcome: PlanOutcome) -> list[float]:
-    """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
-    return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in outcome.expected]
 
 
 def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) -> list[str]:
@@ -309,163 +295,6 @@ def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-# The tables.
-
-
-class JointRow(NamedTuple):
-    """A joint under the plan: angles in degrees, speeds in degrees per second.
-
-    ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
-    infinite. ``too_fast`` is the share of the desired path above the top speed, ``at_limit`` the
-    number of requests at one of the ``limits``, which are infinite where there is none.
-    """
-
-    name: str
-    planned: Size
-    direct: Size
-    bound: float | None
-    gap: float | None
-    speed: float
-    top_speed: float
-    too_fast: float
-    limits: tuple[float, float]
-    at_limit: int
-
-    @property
-    def load(self) -> float:
-        """The speed as a share of the top speed."""
-        return self.speed / self.top_speed
-
-
-def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
-    """Every joint."""
-    rows = []
-    for j, name in enumerate(outcome.names):
-        planned, direct = (
-            size(outcome.errors[kind][:, j], math.degrees(1.0)) for kind in ("planned", "direct")
-        )
-        lower, upper = outcome.limits.get(name, (-math.inf, math.inf))
-        bound = outcome.bounds.get(name)
-        error = math.radians(planned.rms if outcome.norm == "rms" else planned.largest)
-        requests = outcome.requests[:, j]
-        near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
-        rows.append(
-            JointRow(
-                name=name,
-                planned=planned,
-                direct=direct,
-                bound=None if bound is None else math.degrees(bound),
-                gap=None if bound is None else relative_gap(error, bound),
-                speed=math.degrees(float(outcome.speeds[j])),
-                top_speed=math.degrees(outcome.models[j].v_max),
-                too_fast=float(outcome.too_fast[j]),
-                limits=(math.degrees(lower), math.degrees(upper)),
-                at_limit=int(np.sum(near)),
-            )
-        )
-    return rows
-
-
-def joints_table(outcome: PlanOutcome) -> Table:
-    """Errors, bounds, speeds and limits of every joint."""
-    bounded = bool(outcome.bounds)
-    known = any(expected_errors(outcome))
-    columns = [
-        Column("planned [deg]", ("rms", "max")),
-        *([Column("on the robot [deg]")] if known else []),
-        Column("without a plan [deg]", ("rms", "max")),
-        *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
-        Column("speed [deg/s]", ("desired", "top")),
-        Column("too fast"),
-        Column("limits [deg]"),
-        Column("requests at a limit"),
-    ]
-    rows = []
-    for row, expected in zip(joint_rows(outcome), expected_errors(outcome), strict=True):
-        bounds = [
-            NOTHING if row.bound is None else f"{row.bound:.3f}",
-            NOTHING if row.gap is None else percent(row.gap),
-        ]
-        planned, direct = (
-            tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
-        )
-        cells: list[str | tuple[str, ...]] = [
-            planned,
-            *([f"{expected:.3f}" if expected else NOTHING] if known else []),
-            direct,
-            *(bounds if bounded else []),
-            (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
-            percent(row.too_fast, 0),
-            _limits(*row.limits),
-            f"{row.at_limit}",
-        ]
-        rows.append(Row(row.name, tuple(cells)))
-    return Table("joint", tuple(columns), tuple(rows), label="Joints")
-
-
-def models_errors_table(
-    stub: str, over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]], unit: str
-) -> Table | None:
-    """Errors of the robust plan over the models that joints may have, beside the nominal plan's.
-
-    Args:
-        stub: What has a row each.
-        over_models: Their errors, in SI units; there is no table where there are none.
-        unit: In which they are shown, "deg" or "cm".
-    """
-    if not over_models:
-        return None
-    parts, factor = ("nominal", "mean", "worst"), {"deg": math.degrees(1.0), "cm": 100.0}[unit]
-    columns = (
-        Column(f"robust plan [{unit}]", parts),
-        Column(f"plan for the nominal model [{unit}]", parts),
-    )
-    rows = (
-        Row(name, tuple(tuple(f"{factor * error:.3f}" for error in errors) for errors in plans))
-        for name, plans in over_models.items()
-    )
-    return Table(stub, columns, tuple(rows), label="Errors over the models")
-
-
-def _limits(lower: float, upper: float) -> str:
-    """Limits [deg] in words."""
-    low, high = (signed(f"{limit:.1f}") for limit in (lower, upper))
-    if math.isfinite(lower) and math.isfinite(upper):
-        return f"{low} to {high}"
-    if math.isfinite(lower):
-        return f"at least {low}"
-    return f"at most {high}" if math.isfinite(upper) else "none"
-
-
-def motions_table(outcome: PlanOutcome) -> Table:
-    """How the requests of every joint move, beside the desired path."""
-    columns = (
-        Column("largest step [deg]"),
-        Column("reversals per second"),
-        Column("length [deg]", ("requests", "desired")),
-        Column("beyond the desired range [deg]"),
-    )
-    rows = []
-    for name, motion in zip(outcome.names, outcome.motions, strict=True):
-        step, length, desired, beyond = np.degrees(
-            [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
-        )
-        lengths = (f"{length:.1f}", f"{desired:.1f}")
-        cells = (f"{step:.2f}", f"{motion.reversals_per_s:.1f}", lengths, f"{beyond:.2f}")
-        rows.append(Row(name, cells))
-    return Table("joint", columns, tuple(rows), label="How the requests move")
-
-
-def requests_table(outcome: PlanOutcome) -> Table:
-    """Every request."""
-    timeline = _timeline(outcome)
-    rows = (
-        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
-        for k, angles in enumerate(np.degrees(outcome.requests).tolist())
-    )
-    return Table(timeline.unit, tuple(map(Column, outcome.names)), tuple(rows), label="Requests")
-
-
 # The figures.
 
 
@@ -474,7 +303,7 @@ def foot_figures(outcome: PlanOutcome, role: Role) -> list[Figure]:
     if outcome.leg is None:
         return []
     side, front = (_view(outcome, outcome.leg, role, view) for view in VIEWS)
-    timeline = _timeline(outcome)
+    timeline = timeline_of(outcome)
     curves = [
         timeline.curve(100.0 * distances, looks)
         for distances, looks in zip(outcome.distances.values(), (DIRECT, role), strict=True)
@@ -496,7 +325,7 @@ def _view(outcome: PlanOutcome, leg: Leg, role: Role, view: str) -> Figure:
     chosen = np.linspace(0, len(outcome.desired), POSES, endpoint=not outcome.cyclic)
     samples = np.minimum(chosen.astype(int), len(outcome.desired) - 1)
     paths = [
-        _timeline(outcome).path(positions, looks, across)
+        timeline_of(outcome).path(positions, looks, across)
         for positions, looks in zip(outcome.feet.values(), (DESIRED, DIRECT, role), strict=True)
     ]
     moves = "Move the slider and the leg follows, drag it and it turns. " * (view == "side")
@@ -535,7 +364,7 @@ def _movie(outcome: PlanOutcome, leg: Leg, role: Role) -> Movie:
 
 def joint_figure(outcome: PlanOutcome, role: Role, j: int) -> Figure:
     """A joint: above its angles, below its requests against the limits."""
-    timeline, name = _timeline(outcome), outcome.names[j]
+    timeline, name = timeline_of(outcome), outcome.names[j]
     desired, direct, predicted, requests = (
         timeline.curve(np.degrees(values[:, j]), looks)
         for values, looks in (
@@ -561,7 +390,3 @@ def joint_figure(outcome: PlanOutcome, role: Role, j: int) -> Figure:
         ),
         clock=bool(outcome.feet) or len(outcome.names) > 1,
     )
-
-
-def _timeline(outcome: PlanOutcome) -> Timeline:
-    return Timeline(outcome.period, len(outcome.desired), outcome.cyclic)

@@ -11,7 +11,8 @@ import pytest
 import planner
 from kinematics import Limits
 from planner.evaluation.plan_outcome import PlanOutcome
-from planner.report.plan import cards, joint_rows, joints_table, plan_page, remarks, verdict
+from planner.report.plan import cards, plan_page, remarks, verdict
+from planner.report.plan_tables import joint_rows, joints_table
 
 SAME = 1e-12
 """The same figure by another route [m, rad]."""

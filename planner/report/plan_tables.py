@@ -1,0 +1,197 @@
+"""The tables of the page about a plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from planner.inversion.error_norm import error_norm, relative_gap
+from planner.report.figure import Timeline
+from planner.report.table import NOTHING, Column, Row, Table, percent, signed
+
+if TYPE_CHECKING:
+    from planner.evaluation.plan_outcome import PlanOutcome
+    from planner.inversion.result import ErrorsOfModels
+    from planner.trajectory import Array
+
+AT_LIMIT = math.radians(1e-6)
+"""A request this close to a limit is at it [rad]."""
+
+
+class Size(NamedTuple):
+    """Errors of one kind, in one unit: root mean square, and largest."""
+
+    rms: float
+    largest: float
+
+
+def size(errors: Array, factor: float) -> Size:
+    """The errors times a factor in two numbers."""
+    return Size(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
+
+
+def expected_errors(outcome: PlanOutcome) -> list[float]:
+    """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
+    return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in outcome.expected]
+
+
+class JointRow(NamedTuple):
+    """A joint under the plan: angles in degrees, speeds in degrees per second.
+
+    ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
+    infinite. ``too_fast`` is the share of the desired path above the top speed, ``at_limit`` the
+    number of requests at one of the ``limits``, which are infinite where there is none.
+    """
+
+    name: str
+    planned: Size
+    direct: Size
+    bound: float | None
+    gap: float | None
+    speed: float
+    top_speed: float
+    too_fast: float
+    limits: tuple[float, float]
+    at_limit: int
+
+    @property
+    def load(self) -> float:
+        """The speed as a share of the top speed."""
+        return self.speed / self.top_speed
+
+
+def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
+    """Every joint."""
+    rows = []
+    for j, name in enumerate(outcome.names):
+        planned, direct = (
+            size(outcome.errors[kind][:, j], math.degrees(1.0)) for kind in ("planned", "direct")
+        )
+        lower, upper = outcome.limits.get(name, (-math.inf, math.inf))
+        bound = outcome.bounds.get(name)
+        error = math.radians(planned.rms if outcome.norm == "rms" else planned.largest)
+        requests = outcome.requests[:, j]
+        near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
+        rows.append(
+            JointRow(
+                name=name,
+                planned=planned,
+                direct=direct,
+                bound=None if bound is None else math.degrees(bound),
+                gap=None if bound is None else relative_gap(error, bound),
+                speed=math.degrees(float(outcome.speeds[j])),
+                top_speed=math.degrees(outcome.models[j].v_max),
+                too_fast=float(outcome.too_fast[j]),
+                limits=(math.degrees(lower), math.degrees(upper)),
+                at_limit=int(np.sum(near)),
+            )
+        )
+    return rows
+
+
+def joints_table(outcome: PlanOutcome) -> Table:
+    """Errors, bounds, speeds and limits of every joint."""
+    bounded = bool(outcome.bounds)
+    known = any(expected_errors(outcome))
+    columns = [
+        Column("planned [deg]", ("rms", "max")),
+        *([Column("on the robot [deg]")] if known else []),
+        Column("without a plan [deg]", ("rms", "max")),
+        *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
+        Column("speed [deg/s]", ("desired", "top")),
+        Column("too fast"),
+        Column("limits [deg]"),
+        Column("requests at a limit"),
+    ]
+    rows = []
+    for row, expected in zip(joint_rows(outcome), expected_errors(outcome), strict=True):
+        bounds = [
+            NOTHING if row.bound is None else f"{row.bound:.3f}",
+            NOTHING if row.gap is None else percent(row.gap),
+        ]
+        planned, direct = (
+            tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
+        )
+        cells: list[str | tuple[str, ...]] = [
+            planned,
+            *([f"{expected:.3f}" if expected else NOTHING] if known else []),
+            direct,
+            *(bounds if bounded else []),
+            (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
+            percent(row.too_fast, 0),
+            _limits(*row.limits),
+            f"{row.at_limit}",
+        ]
+        rows.append(Row(row.name, tuple(cells)))
+    return Table("joint", tuple(columns), tuple(rows), label="Joints")
+
+
+def models_errors_table(
+    stub: str, over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]], unit: str
+) -> Table | None:
+    """Errors of the robust plan over the models that joints may have, beside the nominal plan's.
+
+    Args:
+        stub: What has a row each.
+        over_models: Their errors, in SI units; there is no table where there are none.
+        unit: In which they are shown, "deg" or "cm".
+    """
+    if not over_models:
+        return None
+    parts, factor = ("nominal", "mean", "worst"), {"deg": math.degrees(1.0), "cm": 100.0}[unit]
+    columns = (
+        Column(f"robust plan [{unit}]", parts),
+        Column(f"plan for the nominal model [{unit}]", parts),
+    )
+    rows = (
+        Row(name, tuple(tuple(f"{factor * error:.3f}" for error in errors) for errors in plans))
+        for name, plans in over_models.items()
+    )
+    return Table(stub, columns, tuple(rows), label="Errors over the models")
+
+
+def _limits(lower: float, upper: float) -> str:
+    """Limits [deg] in words."""
+    low, high = (signed(f"{limit:.1f}") for limit in (lower, upper))
+    if math.isfinite(lower) and math.isfinite(upper):
+        return f"{low} to {high}"
+    if math.isfinite(lower):
+        return f"at least {low}"
+    return f"at most {high}" if math.isfinite(upper) else "none"
+
+
+def motions_table(outcome: PlanOutcome) -> Table:
+    """How the requests of every joint move, beside the desired path."""
+    columns = (
+        Column("largest step [deg]"),
+        Column("reversals per second"),
+        Column("length [deg]", ("requests", "desired")),
+        Column("beyond the desired range [deg]"),
+    )
+    rows = []
+    for name, motion in zip(outcome.names, outcome.motions, strict=True):
+        step, length, desired, beyond = np.degrees(
+            [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
+        )
+        lengths = (f"{length:.1f}", f"{desired:.1f}")
+        cells = (f"{step:.2f}", f"{motion.reversals_per_s:.1f}", lengths, f"{beyond:.2f}")
+        rows.append(Row(name, cells))
+    return Table("joint", columns, tuple(rows), label="How the requests move")
+
+
+def requests_table(outcome: PlanOutcome) -> Table:
+    """Every request."""
+    timeline = timeline_of(outcome)
+    rows = (
+        Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
+        for k, angles in enumerate(np.degrees(outcome.requests).tolist())
+    )
+    return Table(timeline.unit, tuple(map(Column, outcome.names)), tuple(rows), label="Requests")
+
+
+def timeline_of(outcome: PlanOutcome) -> Timeline:
+    """When the samples are."""
+    return Timeline(outcome.period, len(outcome.desired), outcome.cyclic)
