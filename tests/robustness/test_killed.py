@@ -65,9 +65,9 @@ def folder(tmp_path):
     phase = 2.0 * np.pi * np.arange(24) / 24
     angles = np.column_stack([0.2 * np.sin(phase), 0.3 + 0.1 * np.cos(phase)])
     write_joint_path(tmp_path / "desired.csv", ["hip", "knee"], angles, period=0.008)
-    for name, method in (("run.toml", "closed-form"), ("other.toml", "optimal")):
+    for name, norm in (("run.toml", "rms"), ("other.toml", "max")):
         (tmp_path / name).write_text(
-            f'[path]\nfile = "desired.csv"\n[plan]\nmethod = "{method}"\n[output]\nreport = ""\n'
+            f'[path]\nfile = "desired.csv"\n[plan]\nnorm = "{norm}"\n[output]\nreport = ""\n'
         )
     return tmp_path
 
