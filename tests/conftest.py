@@ -9,7 +9,6 @@ import inspect
 import os
 import pickle
 import shutil
-import subprocess
 from collections import Counter, defaultdict
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution
@@ -260,37 +259,3 @@ def robots() -> Path:
     except PackageNotFoundError:
         pytest.skip("needs the extra robots")
     return Path(str(found.locate_file("cmeel.prefix/share/example-robot-data/robots")))
-
-
-@pytest.fixture
-def opened(tmp_path):
-    """A page opened by Chromium: its path to what the browser made of it and complained of."""
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    if browser is None:
-        pytest.skip("Chromium is not installed")
-
-    def opened(page):
-        return subprocess.run(
-            [
-                browser,
-                "--headless",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--disable-quic",
-                "--no-first-run",
-                "--disable-background-networking",
-                "--disable-component-update",
-                "--disable-sync",
-                "--enable-logging=stderr",
-                f"--user-data-dir={tmp_path / 'profile'}",
-                "--window-size=400,800",
-                "--dump-dom",
-                page.as_uri(),
-            ],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        )
-
-    return opened

@@ -82,6 +82,7 @@ def test_every_figure_comes_to_life_and_fits_the_screen(quiet, report, width, da
     quiet.wait_for(ALL_DRAWN)
     assert quiet.ask("document.documentElement.scrollWidth") <= width + BEYOND
     assert quiet.ask("document.querySelectorAll('figure.alive .canvas .main-svg').length") > 0
+    assert quiet.ask("document.querySelector('h1').textContent") == "The paper’s experiment, again"
     picture = Image.open(io.BytesIO(quiet.screenshot())).convert("RGB")
     assert picture.width == width
     assert (sum(picture.getpixel((2, 2))) < 3 * 64) == dark

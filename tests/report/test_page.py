@@ -119,10 +119,3 @@ def test_figures_of_the_results_stand_in_the_page(text, results):
 )
 def test_a_difference_is_relative_to_the_papers_figure(ours, paper, told):
     assert difference(ours, paper) == told
-
-
-def test_chromium_opens_the_page_without_a_complaint(folder, opened):
-    done = opened(folder / "report.html")
-    assert "CONSOLE" not in done.stderr
-    assert done.stdout.count('<svg role="img"') == len(PICTURES)
-    assert "The paper’s experiment, again</h1>" in done.stdout
