@@ -66,10 +66,14 @@ class Browser:
                   deviceScaleFactor=1, mobile=phone)  # fmt: skip
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
         self.prefer(dark=dark, media=media)
-        self._load("about:blank")
+        self.leave()
         self.complaints.clear()
         self.requests.clear()
         self._load(path.as_uri())
+
+    def leave(self):
+        """Leave the page, which ends what it does."""
+        self._load("about:blank")
 
     def prefer(self, *, dark, media=""):
         """Whether the reader prefers dark pages, and the medium if not a screen."""

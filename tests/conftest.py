@@ -241,14 +241,21 @@ def undrawn(undrawn_pages, monkeypatch):  # noqa: ARG001
 
 
 @pytest.fixture(scope="session")
-def browser(tmp_path_factory):
-    """A browser for pages that live: one for all tests, each of which opens its page anew."""
+def one_browser(tmp_path_factory):
+    """A browser for pages that live: one for all tests."""
     executable = shutil.which("chromium") or shutil.which("chromium-browser")
     if executable is None:
         pytest.skip("Chromium is not installed")
     browser = Browser(executable, tmp_path_factory.mktemp("browser"))
     yield browser
     browser.close()
+
+
+@pytest.fixture
+def browser(one_browser):
+    """The browser, in which each test opens its page anew; none goes on living after its test."""
+    yield one_browser
+    one_browser.leave()
 
 
 @pytest.fixture(scope="session")
