@@ -14,10 +14,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from planner.exceptions import SolverFailed
 from planner.inversion.arguments import Norm
 from planner.inversion.bounds.reachable_set import ReachableSet
+from planner.inversion.clarabel import Cones, ConicSolver
 from planner.inversion.foot.configuration_minima import Distance, minima
 from planner.trajectory import Array
 
@@ -34,6 +36,7 @@ class BundleOptions:
         tolerance: Share of a plan's squared error that the search for minima may leave unproved.
         reluctance: Proximal weight of the bundle method: what moving all linear terms by their own
             size costs, relative to a plan's squared error [-].
+        precision: Clarabel's tolerances in the bundle method [-].
     """
 
     linearisations: int = 12
@@ -41,6 +44,7 @@ class BundleOptions:
     proximal: float = 0.02
     tolerance: float = 1e-3
     reluctance: float = 3.0
+    precision: float = 1e-8
 
 
 OPTIONS = BundleOptions()
@@ -194,56 +198,92 @@ def bundle_step(
 ) -> tuple[Multipliers, float]:
     """Multipliers that would prove most if all angles were among the columns, near the centre.
 
-    This is a step of a proximal bundle method, in which every sample has its own cuts.
+    This is a step of a proximal bundle method, in which every sample has its own cuts: a quadratic
+    program.
 
     Returns:
         The multipliers, and what they would prove; the centre and 0 where the solver
         fails.
     """
-    cvxpy = _modelling()
     around, _ = _linear_terms(relaxation, centre.conditions)
     size = float(np.sum(around**2))
     if size == 0.0:
         return centre, 0.0
-    multipliers_of: list[Any] = [
-        cvxpy.Variable(len(each.limits), nonneg=True) for each in relaxation.sets
-    ]
-    gradients = [
-        each.matrix.T @ row for each, row in zip(relaxation.sets, multipliers_of, strict=True)
-    ]
-    slopes = cvxpy.vstack(relaxation.at_samples(gradients)).T
-    least = cvxpy.Variable(relaxation.samples)
-    weights: Any = centre.weights
-    conditions = []
-    if relaxation.norm == "max":
-        weights = cvxpy.Variable(relaxation.samples, nonneg=True)
-        conditions.append(cvxpy.sum(weights) == 1.0)
-    conditions += [
-        least
-        <= cvxpy.multiply(column.squared, weights)
-        + cvxpy.sum(cvxpy.multiply(column.angles, slopes), axis=1)
-        for column in columns
-    ]
-    value = cvxpy.sum(least)
-    for each, row, gradient, low, high in zip(
-        relaxation.sets, multipliers_of, gradients, *relaxation.room, strict=True
-    ):
-        value -= each.limits @ row
-        between = np.setdiff1d(np.arange(each.matrix.shape[1]), each.sampled)
-        if len(between):
-            value += cvxpy.sum(cvxpy.minimum(gradient[between] * low, gradient[between] * high))
-    apart = cvxpy.sum_squares(slopes - around) / size
-    if relaxation.norm == "max":
-        apart += cvxpy.sum_squares(weights - centre.weights) / float(np.sum(centre.weights**2))
-    problem = cvxpy.Problem(cvxpy.Maximize(value - OPTIONS.reluctance / step * apart), conditions)
-    try:
-        _solve(problem)
-    except SolverFailed as failure:
-        logging.getLogger(__name__).debug("foot bound: %s", failure)
+    problem, counts = _bundle_problem(relaxation, columns, centre)
+    # The proximal term pulls the linear terms and the weights to where they are.
+    rates = [2.0 * OPTIONS.reluctance / step / each for each in (size, np.sum(centre.weights**2))]
+    pulls = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
+    at = [np.zeros(count) for count in counts]
+    at[1], at[4] = around.T.ravel(), centre.weights
+    solver = ConicSolver(
+        problem.slope - pulls * np.concatenate(at),
+        problem.matrix,
+        problem.limits,
+        problem.cones,
+        curvature=pulls,
+        tolerance=OPTIONS.precision,
+    )
+    solution = solver.solve()
+    if not solution.usable:
         return centre, 0.0
-    found = centre.weights if relaxation.norm == "rms" else _normalised(weights.value)
-    multipliers = Multipliers(found, [np.maximum(row.value, 0.0) for row in multipliers_of])
-    return multipliers, float(value.value)
+    conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])
+    found = centre.weights if relaxation.norm == "rms" else _normalised(weights)
+    rows = np.cumsum([len(each.limits) for each in relaxation.sets])
+    multipliers = np.split(np.maximum(conditions, 0.0), rows[:-1])
+    return Multipliers(found, multipliers), -float(problem.slope @ solution.unknowns)
+
+
+class _Bundle(NamedTuple):
+    """A linear program in the form of :class:`ConicSolver`."""
+
+    slope: Array
+    matrix: sparse.csr_array
+    limits: Array
+    cones: Cones
+
+
+def _bundle_problem(
+    relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers
+) -> tuple[_Bundle, list[int]]:
+    """What multipliers would prove, negated, without the proximal term.
+
+    Its unknowns are the multipliers of the conditions, their linear terms at the samples, joint by
+    joint, the least value of those between samples, and the least value and weight of each sample.
+
+    Returns:
+        The problem, and how many unknowns of each kind there are.
+    """
+    sets, samples = relaxation.sets, relaxation.samples
+    gradients = sparse.block_diag([each.matrix.T for each in sets], format="csr")
+    ticks = [each.matrix.shape[1] for each in sets]
+    firsts = np.cumsum([0, *ticks[:-1]])
+    at = np.concatenate([first + each.sampled for first, each in zip(firsts, sets, strict=True)])
+    between = np.setdiff1d(np.arange(sum(ticks)), at)
+    room = (sparse.diags_array(np.repeat(ends, ticks)[between]) for ends in relaxation.room)
+    count, fixed = gradients.shape[1], relaxation.norm == "rms"
+    each_sample = sparse.eye_array(samples)
+    known = each_sample if fixed else sparse.csr_array(np.ones((1, samples)))
+    zero = [
+        [gradients[at], -sparse.eye_array(len(at)), None, None, None],
+        [None, None, None, None, known],
+    ]
+    at_most: list[list[Any]] = [[-sparse.eye_array(count), None, None, None, None]]
+    at_most += [
+        [-end @ gradients[between], None, sparse.eye_array(len(between)), None, None]
+        for end in room
+    ]
+    for column in columns:
+        moved = sparse.hstack([sparse.diags_array(angles) for angles in column.angles.T])
+        at_most.append([None, -moved, None, each_sample, -sparse.diags_array(column.squared)])
+    at_most.append([None, None, None, None, -each_sample])
+    counts = [count, len(at), len(between), samples, samples]
+    slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
+    slope[:count] = np.concatenate([each.limits for each in sets])
+    zeros = len(at) + known.shape[0]
+    matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
+    limits = np.zeros(matrix.shape[0])
+    limits[len(at) : zeros] = centre.weights if fixed else 1.0
+    return _Bundle(slope, matrix, limits, Cones(zeros, len(limits) - zeros)), counts
 
 
 def _modelling() -> Any:

@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait import reference_walk
 from planner.inversion.bounds.reachable_set import BoundProblem, reachable_set
+from planner.inversion.clarabel import ConicSolution
 from planner.inversion.foot.bound import FootBoundOptions, attainable_angles, foot_bound
 from planner.inversion.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
 from planner.inversion.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
@@ -199,6 +200,8 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
         raise SolverFailed("lower bound of the foot", "no luck")
 
     monkeypatch.setattr("planner.inversion.foot.bundle_method._solve", fail)
+    nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", usable=False)
+    monkeypatch.setattr("planner.inversion.clarabel.ConicSolver.solve", lambda _: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
 
