@@ -268,12 +268,11 @@ class _Programme:
 
     def solve(self, terms: _Terms, requests: Array) -> ConicSolution:
         """The unknowns and the multipliers of the dynamics, within the limits."""
-        room = self.room(requests)
         answer = self._held_at_limits(terms, requests)
-        if answer is None or np.any(self._limits @ answer.unknowns > room + TOLERANCE):
+        if answer is None or self._step_too_large(answer, requests):
             within = self._within_limits
             entries = within.pattern.stored([terms.dynamics, self._limits.tocoo().data])
-            right = np.concatenate([terms.right, room])
+            right = np.concatenate([terms.right, self.room(requests)])
             answer = within.solve(terms._replace(dynamics=entries, right=right))
         if answer.status not in USABLE:
             raise np.linalg.LinAlgError(f"no step was found: {answer.status}")
@@ -286,6 +285,8 @@ class _Programme:
         active set strategy (M. Hintermüller, K. Ito, M. Kunisch, *The primal-dual active set
         strategy as a semismooth Newton method*, SIAM J. Optim. 13, 2002).
         """
+        if not (self._above_lower.any() or self._below_upper.any()):
+            return self._dynamics.solve(terms)
         low, high = ((limit - requests)[self.free] for limit in (self._lower, self._upper))
         at_low, at_high = low > -TOLERANCE, high < TOLERANCE
         for _ in range(ACTIVE_SET_ROUNDS):
@@ -301,6 +302,12 @@ class _Programme:
             if np.array_equal(before, (at_low, at_high)):
                 return answer
         return None
+
+    def _step_too_large(self, answer: ConicSolution, requests: Array) -> bool:
+        """Whether a change from one request to the next is larger than allowed."""
+        if not self._step.size:
+            return False
+        return bool(np.any(self._limits @ answer.unknowns > self.room(requests) + TOLERANCE))
 
     def _fixed(self, terms: _Terms, held: Mask, place: Array) -> _Terms:
         """The same with some unknowns at given places; ``place`` is 0 for all others."""
