@@ -75,14 +75,27 @@ def respond(
     never = parameters.v_max == math.inf
     likely = guess is not None and not _saturated(grid, parameters, active, guess)
     if parameters.linear and (never or likely):
-        share = parameters.gain * grid.tick
-        inputs = np.empty(len(grid.ticks) + len(starts))
-        inputs[grid.starts] = starts
-        inputs[grid.states] = share * np.sum(active.weights * active.targets, axis=0)
-        states = recursion(grid, 1.0 - share, inputs)
+        states = _linear(grid, parameters, active, starts)
         if never or not _saturated(grid, parameters, active, states):
             return states
     return _joined(grid, _Chunks(grid, active, parameters), starts, guess)
+
+
+def _linear(grid: Grid, parameters: Parameters, active: ActiveRequests, starts: Array) -> Array:
+    """Angles at all states of a joint without a dead band that never saturates.
+
+    The recursion is that of the distance to the mean request, which dies away: the angle itself
+    would waver about a request by its rounding, and the sign of the error with it.
+    """
+    mean = np.sum(active.weights * active.targets, axis=0)
+    reference = np.empty(len(grid.ticks) + len(starts))
+    reference[grid.states] = mean
+    reference[grid.starts] = reference[grid.starts + 1]
+    factor = 1.0 - parameters.gain * grid.tick
+    apart = factor * (reference[grid.states - 1] - mean)
+    inputs = np.empty(len(reference))
+    inputs[grid.states], inputs[grid.starts] = apart, starts - reference[grid.starts]
+    return np.asarray(reference + recursion(grid, factor, inputs))
 
 
 def recursion(grid: Grid, factors: Array | float, inputs: Array) -> Array:

@@ -64,6 +64,21 @@ def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
     assert np.max(np.abs(grid.at_rows(states) - log.angles)) <= SAME_RUN
 
 
+def test_a_joint_that_comes_to_rest_does_not_waver():
+    """The derivative by the dead band is that of the side on which the joint rests."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        theta_0, lag, ramp = rng.uniform([0.05, 0.005, 0.005], [0.4, 0.03, 0.05])
+        model = replace(PLAIN, theta_0=theta_0, lag=lag, acceleration_time=ramp)
+        log = log_of(model, np.repeat([0.0, rng.uniform(0.05, 0.15)], [10, 300]))
+        grid = resampled([log], tick=PLAIN.tick, reach=0.5, burn_in=0.0)
+        at = Parameters.of(model)._replace(v_max=np.inf)
+        states = respond(grid, at, log.angles[:1])
+        errors = (active_requests(grid, at).targets - states[:-1])[:, -400:]
+        assert np.max(np.abs(errors)) < 1e-3
+        assert np.all(errors >= 0.0)
+
+
 @pytest.mark.parametrize("field", Parameters._fields)
 def test_the_derivatives_are_slopes(field):
     slopes_agree(PLAIN, field)
