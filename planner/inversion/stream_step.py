@@ -99,16 +99,25 @@ class Plans:
             self._judge[joint]()
 
 
+MOST_UNROLLED = 200_000
+"""Samples times the square of the requests that act, up to which a step is spelled out to its last
+operation, of which each takes a hundred bytes. Beyond, functions are called, which takes up to
+twice as long. Half a second at 500 Hz is 140,000."""
+
+
 @lru_cache(maxsize=64)
 def _compiled(model: JointModel, ages: RequestAges, terms: Terms) -> tuple[Any, Any]:
     """The cost of a plan of one joint, and the step from it, as CasADi functions."""
     import casadi
 
-    SX, samples, past = casadi.SX, len(terms.radii), max(ages.width - 1, 1)
-    start, settings, damping = SX.sym("start"), SX.sym("settings", 4), SX.sym("damping", 2)
-    requests = SX.sym("requests", past + samples)
+    samples, past = len(terms.radii), max(ages.width - 1, 1)
+    symbols: Any = casadi.SX if samples * past**2 <= MOST_UNROLLED else casadi.MX
+    start, settings, damping = (
+        symbols.sym(name, size) for name, size in (("start", 1), ("settings", 4), ("damping", 2))
+    )
+    requests = symbols.sym("requests", past + samples)
     loads, goal, weights, resting = (
-        SX.sym(name, samples) for name in ("loads", "goal", "weights", "resting")
+        symbols.sym(name, samples) for name in ("loads", "goal", "weights", "resting")
     )
     smoothing, rate, lower, upper = casadi.vertsplit(settings)
     exact, slopes = one_period(model, ages)
@@ -130,11 +139,15 @@ def _compiled(model: JointModel, ages: RequestAges, terms: Terms) -> tuple[Any, 
     by_error = weights * errors
     by_change = smoothing * changes + terms.exceeding * excess
     own = by_change - casadi.vertcat(by_change[1:], 0.0) + terms.resting * away
-    gradient, force = SX(own), SX.zeros(1)
-    for i in reversed(range(samples)):
-        force = by_error[i] + (by_angle[i + 1] * force if i + 1 < samples else 0.0)
-        for j in range(min(ages.width, i + 1)):
-            gradient[i - j] += by_request[i][j] * force
+    forces = [by_error[samples - 1]]
+    for i in reversed(range(samples - 1)):
+        forces.insert(0, by_error[i] + by_angle[i + 1] * forces[0])
+    entries = casadi.vec(casadi.vertcat(*by_request) * casadi.vertcat(*forces))
+    answered = np.arange(samples) + np.arange(ages.width)[:, np.newaxis]  # by age and request
+    places = np.arange(ages.width)[:, np.newaxis] * samples + answered
+    places[answered >= samples] = samples * ages.width  # behind the entries: zero
+    each = casadi.vertcat(entries, 0.0)[places.ravel().tolist()]
+    gradient = own + casadi.sum2(casadi.reshape(each, samples, ages.width))
     at_limit = casadi.logic_or(
         casadi.logic_and(plan <= lower, gradient > 0.0),
         casadi.logic_and(plan >= upper, gradient < 0.0),
@@ -146,7 +159,7 @@ def _compiled(model: JointModel, ages: RequestAges, terms: Terms) -> tuple[Any, 
     stage = _stage(past, slopes.sparsity_out(1))
     per_change = smoothing + terms.exceeding * (excess != 0.0)
     per_request = terms.resting + damping[0]
-    matrix, vector, laws = SX.zeros(past + 1, past + 1), SX.zeros(past + 1), []
+    matrix, vector, laws = casadi.DM.zeros(past + 1, past + 1), casadi.DM.zeros(past + 1), []
     for i in reversed(range(samples)):
         matrix, vector, feedback, constant = stage(
             matrix,
@@ -161,7 +174,7 @@ def _compiled(model: JointModel, ages: RequestAges, terms: Terms) -> tuple[Any, 
             free[i],
         )
         laws.append((feedback, constant))
-    state, steps = SX.zeros(past + 1), []
+    state, steps = symbols.zeros(past + 1), []
     for i, (feedback, constant) in enumerate(reversed(laws)):
         steps.append(constant - feedback @ state)
         moved = casadi.vertcat(steps[-1], state[1:])[: ages.width]

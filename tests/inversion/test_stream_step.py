@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.inversion import stream_step
 from planner.inversion.stream_step import Plans, Terms
 from planner.model.joint import request_ages
 from planner.model.sensitivity import Periods, request_ages_of_all
@@ -127,3 +128,13 @@ def test_joints_that_are_not_searched_are_left_alone():
     assert np.array_equal(plans.steps[0], steps[0])
     assert np.array_equal(plans.costs[0], costs[0])
     assert not np.array_equal(plans.steps[1], steps[1])
+
+
+def test_calls_of_functions_give_what_is_spelled_out(monkeypatch):
+    models = joints(1)
+    spelled_out = filled(models, 1)
+    monkeypatch.setattr(stream_step, "MOST_UNROLLED", 0)
+    monkeypatch.setattr(stream_step, "_compiled", stream_step._compiled.__wrapped__)
+    called = filled(models, 1)
+    assert np.allclose(called.steps, spelled_out.steps, rtol=1e-10)
+    assert np.allclose(called.costs, spelled_out.costs, rtol=1e-12)
