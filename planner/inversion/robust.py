@@ -54,6 +54,7 @@ class RobustOptions:
         pairs: Pairs of models that are drawn from intervals beside the nominal one, either side of
             it.
         largest_radius: Corners of the first stage [theta_0]: the plan for the first model is near.
+            Over 19 joints and 5 feet, half: their errors fall by 1 % less; 0.5: as good.
         smoothing: Weight of the squared second differences of the requests beside the squares of
             the errors in the search [-]: a second difference of a degree counts as an error of 0.03
             degrees. Requests that switch between the top speeds depend less on a joint's gain: with
@@ -63,7 +64,7 @@ class RobustOptions:
     """
 
     pairs: int = 4
-    largest_radius: float = 0.1
+    largest_radius: float = 0.2
     smoothing: float = 1e-3
     rounds: int = 6
 

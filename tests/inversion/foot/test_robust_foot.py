@@ -93,7 +93,7 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
 
 
 def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
-    radius, phase = 0.1, 2.0 * np.pi * np.arange(40) / 40
+    radius, phase = 0.1, 2.0 * np.pi * np.arange(60) / 60
     leg = made_up_leg(tmp_path, [Joint((0.0, 0.0, 0.0), Y)], (0.0, 0.0, -radius))
     desired = 0.3 * np.sin(phase)
     feet = leg.foot_positions(desired[:, np.newaxis])
@@ -103,9 +103,9 @@ def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
         assert foot.scenarios == tuple((each,) for each in joint.models)
         flat = invert_foot(joint.models, leg, feet, robust=robust)
         np.testing.assert_array_equal(flat.requests, foot.requests)
-        # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a few per cent.
+        # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a per cent or so.
         after = [getattr(each.over_models, robust) for each in (foot, joint)]
-        assert after[0] == pytest.approx(radius * after[1], rel=0.05)
+        assert after[0] == pytest.approx(radius * after[1], rel=0.03)
 
 
 def test_limits_and_largest_steps_hold_and_the_plan_is_the_same_again():
