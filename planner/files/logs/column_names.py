@@ -102,7 +102,8 @@ def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
     by_joint: dict[str, list[Meaning]] = {}
     for found in filter(None, map(meaning, columns)):
         by_joint.setdefault(found.joint, []).append(found)
-    return tuple(_pair(joint, found) for joint, found in by_joint.items())
+    named = {joint: _named(joint, columns) for joint in by_joint}
+    return tuple(_pair(joint, found, named[joint]) for joint, found in by_joint.items())
 
 
 def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
@@ -126,9 +127,18 @@ def _run(words: Sequence[str]) -> int:
     return next((k for k, word in enumerate(words) if word not in known), len(words))
 
 
-def _pair(joint: str, found: Sequence[Meaning]) -> Pair:
+def _named(joint: str, columns: Sequence[str]) -> tuple[str, ...]:
+    """Columns that name a joint and perhaps a unit, such as ``elbow_deg``."""
+    stems = [split_name(column, ANGLE_NAMES)[0].lower() for column in columns]
+    return tuple(
+        column for column, stem in zip(columns, stems, strict=True) if stem == joint.lower() != ""
+    )
+
+
+def _pair(joint: str, found: Sequence[Meaning], named: tuple[str, ...]) -> Pair:
+    """The columns of a joint; one that only names it holds actual angles if no other does."""
     by_role = {role: tuple(m.column for m in found if m.role == role) for role, _ in _ROLES}
-    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"])
+    return Pair(joint, by_role["requested"], by_role["actual"] or by_role["position"] or named)
 
 
 _ROLES = (("requested", REQUESTED), ("actual", ACTUAL), ("position", PLAIN))

@@ -213,6 +213,7 @@ def test_all_joints_are_read_each_in_its_unit(tmp_path):
         "t_s,Wrist_Pitch_req_deg,Wrist_Pitch_act_deg,Jaw_req_deg,Jaw_act_deg,Jaw_vel_deg",
         "t_s,Wrist_Pitch.goal_deg,Wrist_Pitch.pos_deg,Jaw.goal_deg,Jaw.pos_deg,x",
         "t_s,goal_Wrist_Pitch_deg,Wrist_Pitch_position_deg,goal_Jaw_deg,Jaw_position_deg,Jaw_load",
+        "t_s,goal_Wrist_Pitch_deg,Wrist_Pitch_deg,Jaw_request_deg,jaw_deg,Jaw_load",
     ],
 )
 def test_joints_may_be_named_before_or_after_what_is_measured(tmp_path, header):
