@@ -230,11 +230,11 @@ def _write_report(
     """The page, which links to the files that are already there, and its pictures."""
     from planner.files.staging import list_files
     from planner.files.text import write_bytes, write_text
-    from planner.report.matplotlib_figure import draw, svg_of, to_png
+    from planner.report.matplotlib_figure import png_of, svg_of
 
     linked = ["results.json", *list_files(folder)]
     (folder / "figures").mkdir()
     for figure in figures:
         write_text(folder / "figures" / f"{figure.name}.svg", svg_of(figure))
-        write_bytes(folder / "figures" / f"{figure.name}.png", to_png(draw(figure)))
+        write_bytes(folder / "figures" / f"{figure.name}.png", png_of(figure))
     write_text(folder / "report.html", page(document, figures, linked))

@@ -98,10 +98,23 @@ def to_png(picture: Picture) -> bytes:
     return stream.getvalue()
 
 
-@lru_cache(maxsize=64)
 def svg_of(figure: Figure) -> str:
     """The figure as an SVG file; its page shows the same, and it is drawn once."""
-    return to_svg(draw(figure))
+    return _drawn(figure)[0]
+
+
+def png_of(figure: Figure) -> bytes:
+    """The figure as a PNG file, laid out as the SVG file is."""
+    return to_png(_drawn(figure)[1])
+
+
+@lru_cache(maxsize=64)
+def _drawn(figure: Figure) -> tuple[str, Picture]:
+    """The figure as an SVG file, and the picture, whose layout stays as it is there."""
+    picture = draw(figure)
+    svg = to_svg(picture)
+    picture.set_layout_engine("none")
+    return svg, picture
 
 
 def to_inline_svg(figure: Figure) -> str:
