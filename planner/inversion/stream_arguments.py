@@ -65,6 +65,7 @@ class StepArguments:
             )
             rows = np.full((joints, self._preview), math.nan)
         bad: Mask = np.asarray(~(np.abs(rows) <= LARGEST).all(axis=1))
+        rows[bad] = math.nan
         if bad.any() and not problems:
             problems.append(
                 f"desired: {self._names[int(np.argmax(bad))]} has angles that are not finite"

@@ -256,8 +256,9 @@ def test_what_cannot_be_used_is_held_and_said(bad):
 
 def test_nothing_is_sent_before_anything_is_known():
     stream = planner.Stream(planner.JointModel.ers210a(), preview=10)
-    assert np.isnan(stream.step(np.full((10, 1), np.nan))).all()
-    assert stream.status == ("held",)
+    for bad in (np.nan, np.inf, 1e200):
+        assert np.isnan(stream.step(np.full((10, 1), bad))).all()
+        assert stream.status == ("held",)
     assert np.array_equal(stream.step(np.full((10, 1), np.nan), [0.2]), [0.2])
     assert np.array_equal(
         planner.Stream(planner.JointModel.ers210a(), preview=10).step([0.3]), [0.3]
