@@ -32,13 +32,18 @@ class ConicSolution(NamedTuple):
         unknowns: The solver's point, shape (unknowns,).
         multipliers: One for each row; all zero where the solver has none.
         status: The solver's own word for how it ended.
-        usable: Whether it has multipliers.
+        has_multipliers: Whether they are finite: they then prove a bound, however it ended.
     """
 
     unknowns: Array
     multipliers: Array
     status: str
-    usable: bool
+    has_multipliers: bool
+
+    @property
+    def solved(self) -> bool:
+        """Whether the point is a solution, at least to a reduced accuracy."""
+        return self.status in ("Solved", "AlmostSolved")
 
 
 class ConicSolver:
@@ -117,12 +122,12 @@ class ConicSolver:
             "Clarabel: %s after %d iterations", solution.status, solution.iterations
         )
         unknowns, multipliers = np.nan_to_num(solution.x), np.array(solution.z)
-        usable = bool(np.all(np.isfinite(multipliers)))
-        if not usable:
+        finite = bool(np.all(np.isfinite(multipliers)))
+        if not finite:
             multipliers = np.zeros(len(multipliers))
         end = cones.zero + cones.at_most
         multipliers[cones.zero : end] = np.maximum(multipliers[cones.zero : end], 0.0)
         if cones.ball:
             length = float(np.linalg.norm(multipliers[end + 1 :]))
             multipliers[end] = max(multipliers[end], length)
-        return ConicSolution(unknowns, multipliers, str(solution.status), usable)
+        return ConicSolution(unknowns, multipliers, str(solution.status), finite)

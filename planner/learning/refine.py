@@ -75,11 +75,17 @@ SAME_REQUESTS = 1e-6
 LIKE_DEGREES = (40.0, 80.0)
 """Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off."""
 
-MEASURED = (
+AFTER_ROBUST_PLAN = (
     "the executed plan was for several models: learning goes on from the nominal one, and what was "
     "measured takes the place of the others"
 )
 """Why a robust plan is followed by one that is not."""
+
+OTHER_LIMITS = (
+    "the best cycle's requests do not keep the limits or the largest step of the next ones: it is "
+    "not repeated"
+)
+"""Why learning goes on where it would have ended."""
 
 Planned = TypeVar("Planned", Inversion, FootInversion)
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
@@ -97,7 +103,8 @@ def refine(
     What the model misses and what repeats itself from cycle to cycle is learnt, noise is not. The
     more cycles are measured at once, the better the two are separated. Where an executed cycle is
     worse than the best one, the next plan is made from the best one with a smaller step. Where
-    learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle.
+    learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle;
+    it does not end there where they keep no limits that the plan has been given since.
 
     Limits, ``max_step``, ``smoothness`` and the norm stay those of the plan. After a plan for
     several models the next one is for the nominal model, or the one that is identified anew: what
@@ -210,7 +217,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     """The next plan for one joint or one foot; ``cycles`` has shape (cycles, n, k)."""
     joints, remarks = PlannedJoints.of(plan), list[str]()
     if plan.robust is not None:
-        remarks.append(MEASURED)
+        remarks.append(AFTER_ROBUST_PLAN)
     requests = plan.requests.reshape(cycles.shape[1:])
     modelled = joints.respond(requests)
     _check_unit(cycles, modelled)
@@ -242,6 +249,9 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
             f"by the model the next requests would lower the error by less than "
             f"{100.0 * OPTIONS.worthwhile:g} %"
         )
+    if stopped and not _keeps_limits(made, base.requests):
+        stopped = ""
+        remarks.append(OTHER_LIMITS)
     floor = _floor(joints, made, noise, before, ended=bool(stopped))
     if stopped:
         sent = base.requests.reshape(plan.requests.shape).copy()
@@ -262,6 +272,15 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         remarks=tuple(remarks),
     )
     return replace(made, learning=learning)  # type: ignore[return-value]  # of the plan's type
+
+
+def _keeps_limits(plan: Inversion | FootInversion, requests: Array) -> bool:
+    """Whether requests, shape (n, k), keep the limits and the largest step of a plan."""
+    lower, upper = (-math.inf, math.inf) if plan.limits is None else plan.limits
+    most = math.inf if plan.max_step is None else plan.max_step
+    steps = np.abs(np.diff(requests, axis=0, append=requests[:1] if plan.cyclic else requests[-1:]))
+    within = (requests >= lower - SAME_REQUESTS) & (requests <= upper + SAME_REQUESTS)
+    return bool(np.all(within & (steps <= most + SAME_REQUESTS)))
 
 
 class Estimate(NamedTuple):

@@ -94,6 +94,21 @@ def test_it_stops_at_the_speed_limit_and_says_so() -> None:
     assert after.learning.floor[0] == pytest.approx(plan.rms, rel=0.05)
 
 
+@pytest.mark.parametrize("changed", [{"max_step": 0.02}, {"limits": (-0.29, 0.29)}], ids=str)
+def test_where_learning_would_end_with_requests_beyond_new_limits_it_goes_on(changed) -> None:
+    desired = 0.29 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    plan = planner.invert_optimal(KNOWN, desired)
+    assert np.ptp(plan.requests) > 0.59
+    assert plan.largest_step > 0.02
+    measured = planner.simulate(KNOWN, plan.requests)
+    assert planner.refine(plan, measured).stopped
+    after = planner.refine(replace(plan, **changed), measured)
+    assert not after.stopped
+    assert after.largest_step <= changed.get("max_step", math.inf)
+    assert np.max(np.abs(after.requests)) <= max(changed.get("limits", (math.inf,)))
+    assert any("not repeated" in remark for remark in after.learning.remarks)
+
+
 def test_a_late_sensor_is_not_learnt_as_motion() -> None:
     """Where it is known, or long and the whole of the difference; a short one is mentioned."""
     desired = random_path(5, 88, span=1.0, fastest=0.03)

@@ -48,7 +48,7 @@ def linear_bound(problem: BoundProblem, level: Level) -> float:
     limits = (reachable.limits - matrix @ np.full(matrix.shape[1], middle)) / scale
     centred = (desired - middle) / scale
     answer = nearest_point(matrix, limits, sampled, centred, norm=norm)
-    if not answer.usable:
+    if not answer.has_multipliers:
         raise SolverFailed("lower bound", answer.status)
     scaled = ReachableSet(matrix, limits, sampled)
     proved = certified_error(

@@ -224,7 +224,7 @@ def bundle_step(
         tolerance=OPTIONS.precision,
     )
     solution = solver.solve()
-    if not solution.usable:
+    if not solution.solved:
         return centre, 0.0
     conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])
     found = centre.weights if relaxation.norm == "rms" else _normalised(weights)

@@ -200,7 +200,7 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
         raise SolverFailed("lower bound of the foot", "no luck")
 
     monkeypatch.setattr("planner.inversion.foot.bundle_method._solve", fail)
-    nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", usable=False)
+    nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
     monkeypatch.setattr("planner.inversion.clarabel.ConicSolver.solve", lambda _: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
