@@ -32,14 +32,14 @@ SLOWEST = (
     "tests/inversion/test_friction.py",
     "tests/corpus/test_corpus.py",
     "tests/identification/test_recordings.py",
-    "tests/inversion/foot/test_bound.py",
-    "tests/virtual/test_experiment.py",
     "tests/identification/test_verdict.py",
-    "tests/cli/test_process.py",
+    "tests/inversion/foot/test_bound.py",
+    "tests/robustness/test_public_functions.py",
+    "tests/inversion/test_optimal.py",
     "tests/evaluation/test_cross_check.py",
-    "tests/report/test_in_a_browser.py",
     "tests/cli/test_compare.py",
     "tests/cli/test_any_leg.py",
+    "tests/cli/test_process.py",
 )
 """Files that begin first, so that no process is left alone with one of them at the end."""
 
