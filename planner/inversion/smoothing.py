@@ -75,9 +75,6 @@ OPTIONS = SmoothingOptions()
 UNCHANGED = 1e-24
 """Sum of squared second differences up to which requests count as straight [rad^2]."""
 
-SAME_ERROR = 1e-13
-"""Errors that differ by no more than this are equal: rounding [rad]."""
-
 
 def smoothed(
     problem: TrackingProblem,

@@ -2,7 +2,8 @@
 
 They maximise a concave dual function that is known by its values and subgradients alone. A proximal
 bundle method (Lemaréchal 1975, Kiwiel 1990) collects them and steps to the maximum of the model
-that they make, held near the best multipliers so far.
+that they make, held near the best multipliers so far. Its many steps go to Clarabel directly; the
+few of the search before it are stated in CVXPY, which takes four times as long as the solver.
 """
 
 from __future__ import annotations
@@ -210,17 +211,17 @@ def bundle_step(
     if size == 0.0:
         return centre, 0.0
     problem, counts = _bundle_problem(relaxation, columns, centre)
-    # The proximal term pulls the linear terms and the weights to where they are.
+    # The proximal term keeps the linear terms and the weights near those of the centre.
     rates = [2.0 * OPTIONS.reluctance / step / each for each in (size, np.sum(centre.weights**2))]
-    pulls = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
-    at = [np.zeros(count) for count in counts]
-    at[1], at[4] = around.T.ravel(), centre.weights
+    proximal = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
+    proximal_centre = [np.zeros(count) for count in counts]
+    proximal_centre[1], proximal_centre[4] = around.T.ravel(), centre.weights
     solver = ConicSolver(
-        problem.slope - pulls * np.concatenate(at),
+        problem.slope - proximal * np.concatenate(proximal_centre),
         problem.matrix,
         problem.limits,
         problem.cones,
-        curvature=pulls,
+        curvature=proximal,
         tolerance=OPTIONS.precision,
     )
     solution = solver.solve()

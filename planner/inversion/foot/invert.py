@@ -36,7 +36,7 @@ from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.robust import ModelOrModels, Robust, robust_requests, scenarios_of
-from planner.inversion.smoothing import SAME_ERROR, allowed_error, smoothed
+from planner.inversion.smoothing import allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.model.load import Loads, rest_angles
@@ -45,6 +45,9 @@ from planner.validation import as_flag, as_reals, freeze, shown
 
 LEAST_FOOT_MOTION = 1e-9
 """Movement of the foot per radian that is rounding, relative to the last link's length."""
+
+SAME_ERROR = 1e-13
+"""Errors that differ by no more than this are equal: rounding [m]."""
 
 STATIONARY = 1e-9
 """Range of the requests that hold a joint that does not move [rad]: rounding."""
