@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -49,6 +50,18 @@ LOADS = {
 }
 
 
+@cache
+def optimal(path, load, *, cyclic=True):
+    """The optimal plan of a path under a load, made once."""
+    return invert_optimal(SERVO, PATHS[path], cyclic=cyclic, load=LOADS[load])
+
+
+@cache
+def closed_form(path, load, *, cyclic=True):
+    """The closed form of a path under a load, made once."""
+    return invert_closed_form(SERVO, PATHS[path], cyclic=cyclic, load=LOADS[load])
+
+
 def rms(angles, desired):
     return float(np.sqrt(np.mean((angles - desired) ** 2)))
 
@@ -56,12 +69,10 @@ def rms(angles, desired):
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("load", LOADS)
 def test_what_a_plan_predicts_is_what_another_simulation_finds(load, cyclic):
-    desired, load = PATHS["holds"], LOADS[load]
-    torques = np.broadcast_to(0.0 if load is None else load, SAMPLES)
-    for made in (
-        invert_optimal(SERVO, desired, cyclic=cyclic, load=load),
-        invert_closed_form(SERVO, desired, cyclic=cyclic, load=load),
-    ):
+    desired = PATHS["holds"]
+    torques = np.broadcast_to(0.0 if LOADS[load] is None else LOADS[load], SAMPLES)
+    for invert in (optimal, closed_form):
+        made = invert("holds", load, cyclic=cyclic)
         if cyclic:
             again = next_cycle(SERVO, made.requests, made.predicted[-1], load=torques)
         else:
@@ -74,7 +85,7 @@ def test_what_a_plan_predicts_is_what_another_simulation_finds(load, cyclic):
 @pytest.mark.parametrize("path", PATHS)
 def test_a_plan_is_no_worse_than_the_closed_form_and_no_better_than_the_bound(path, load, cyclic):
     desired, torque = PATHS[path], LOADS[load]
-    made = invert_optimal(SERVO, desired, cyclic=cyclic, load=torque)
+    made = optimal(path, load, cyclic=cyclic)
     for rule in RULES:
         lines = invert_closed_form(SERVO, desired, cyclic=cyclic, load=torque, rule=rule)
         assert made.rms <= lines.rms
@@ -84,12 +95,11 @@ def test_a_plan_is_no_worse_than_the_closed_form_and_no_better_than_the_bound(pa
 @pytest.mark.parametrize("load", LOADS)
 def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not(load):
     desired, torque = PATHS["slow sine"], LOADS[load]
-    made = invert_optimal(SERVO, desired, load=torque)
+    made = optimal("slow sine", load)
     four_numbers = invert_optimal(WITHOUT, desired)
     missed = rms(simulate(SERVO, four_numbers.requests, load=torque), desired)
     assert made.rms < missed / 20.0
-    lines = invert_closed_form(SERVO, desired, load=torque)
-    assert lines.rms < missed / 3.0
+    assert closed_form("slow sine", load).rms < missed / 3.0
 
 
 @pytest.mark.parametrize(
@@ -103,9 +113,8 @@ def test_a_plan_that_knows_friction_and_load_is_a_twentieth_of_one_that_does_not
 )
 def test_casadis_solvers_find_nothing_better(path, load, solver):
     desired, torque = PATHS[path], LOADS[load]
-    made = invert_optimal(SERVO, desired, load=torque)
     other = invert_optimal(SERVO, desired, load=torque, solver=solver)
-    assert made.rms == pytest.approx(other.rms, rel=5e-3)
+    assert optimal(path, load).rms == pytest.approx(other.rms, rel=5e-3)
 
 
 @settings(max_examples=15)
@@ -143,12 +152,10 @@ def test_no_requests_do_much_better_where_there_are_few(cyclic):
 
 
 def test_a_mirrored_joint_has_the_mirrored_plan():
-    load = LOADS["gravity"]
     mirrored = replace(SERVO, v_offset=-SERVO.v_offset)
-    for path in PATHS.values():
-        made = invert_optimal(SERVO, path, load=load)
-        other = invert_optimal(mirrored, -path, load=-load)
-        assert other.rms == pytest.approx(made.rms, rel=1e-3)
+    for path, desired in PATHS.items():
+        other = invert_optimal(mirrored, -desired, load=-LOADS["gravity"])
+        assert other.rms == pytest.approx(optimal(path, "gravity").rms, rel=1e-3)
 
 
 def test_a_constant_load_is_an_offset():
