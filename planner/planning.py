@@ -20,7 +20,7 @@ from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion, Method
 from planner.inversion.robust import ModelOrModels, Robust, models_of_joints
 from planner.model.joint import JointModel
-from planner.model.load import checked_load
+from planner.model.load import checked_load, felt
 from planner.robot.schedule import as_rows
 from planner.trajectory import Array
 from planner.validation import as_reals, is_one_of, shown
@@ -262,10 +262,11 @@ _JOINTS = "columns of desired"
 
 def _under(plan: Inversion, torques: Array) -> Inversion:
     """The same requests under the load of a pose [N m], shape (n,)."""
+    load = felt([checked_load(torques, each, len(torques)) for each in plan.models or [plan.model]])
     return replace(
         plan,
-        load=checked_load(torques, plan.model, len(torques)),
-        load_of_pose=plan.model.feels_load,
+        load=load,
+        load_of_pose=load is not None,
         nominal=plan.nominal and _under(plan.nominal, torques),
     )
 

@@ -40,7 +40,7 @@ from planner.inversion.robust import (
 from planner.inversion.smoothing import smoothed
 from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, request_ages
-from planner.model.load import checked_load
+from planner.model.load import checked_load, felt
 from planner.model.response import checked_start
 from planner.trajectory import Array, as_trajectory
 
@@ -154,7 +154,8 @@ def invert_optimal(
     tolerance = checked_tolerance(tolerance)
     desired = as_trajectory(desired, name="desired", minimum=3)
     start = checked_start(start, cyclic=cyclic)
-    torques = checked_load(load, model, len(desired))
+    loads = [checked_load(load, each, len(desired)) for each in models]
+    torques = loads[0]
     if not cyclic and start is None:
         start = float(desired[0])
     checked = None if limits is None else checked_limits(limits)
@@ -195,14 +196,19 @@ def invert_optimal(
         max_step=None if math.isinf(step) else step,
         smoothness=share,
         tolerance=tolerance,
-        load=torques,
+        load=felt(loads),
     )
     if len(models) == 1:
         return alone
     robust = robust or "mean"
-    loads = [(checked_load(load, each, len(desired)),) for each in models]
-    scenarios = tuple((each,) for each in models)
-    column = robust_requests(problem, scenarios, loads, column, robust=robust, smoothness=share)
+    column = robust_requests(
+        problem,
+        tuple((each,) for each in models),
+        [(each,) for each in loads],
+        column,
+        robust=robust,
+        smoothness=share,
+    )
     return replace(
         alone,
         requests=_only(column),

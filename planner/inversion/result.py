@@ -66,7 +66,7 @@ class Inversion:
         approximation: The piecewise linear trajectory behind a closed form, else None.
         tolerance: Error that was asked for, in the plan's norm [rad]; None where none was.
         load: Torque on the joint in the period that ends in each sample [N m], shape (n,); None
-            where there is none, or the joint does not feel it.
+            where there is none, or none of the models feels it.
         load_of_pose: Whether that is the load of the predicted angles. Other requests would meet
             another load, so that there is no lower bound on their error: it is 0.
         disturbance: What executed cycles add to the model's angles [rad], shape (n,): see
@@ -165,7 +165,7 @@ class Inversion:
     @cached_property
     def lower_bound(self) -> float:
         """Lower bound on the error of any requests, in the plan's norm [rad]: level "envelope"."""
-        if self.load_of_pose:
+        if self.load_of_pose and self.model.feels_load:
             return 0.0
         goal = self.desired if self.disturbance is None else self.desired - self.disturbance
         problem = BoundProblem(self.model, goal, self.cyclic, self.norm, self.start, self.load)

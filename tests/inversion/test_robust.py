@@ -258,6 +258,28 @@ def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
         plan(SLOWER, SINE, method="closed_form", robust="mean")
 
 
+def test_every_model_is_judged_under_the_load_that_it_feels():
+    models = [ERS210A, replace(ERS210A, compliance=0.05), replace(ERS210A, compliance=0.1)]
+    for load in (1.0, np.cos(SINE)):
+        made = invert_optimal(models, SINE, load=load)
+        for plan_ in (made, made.nominal):
+            expected = errors(models, plan_.requests, SINE, load=load)
+            np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-12)
+    assert invert_optimal([ERS210A, OTHERS[0]], SINE, load=1.0).load is None  # neither feels it
+
+
+def test_every_model_is_judged_under_the_load_of_the_predicted_pose():
+    models = [ERS210A, replace(ERS210A, compliance=0.05)]
+    (made,) = plan(models, SINE, load=np.cos).inversions
+    for plan_ in (made, made.nominal):
+        load = np.cos(made.predicted)
+        expected = errors(models, plan_.requests, SINE, load=load)
+        np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-9)
+    # The nominal model feels no load: its bound holds whatever the pose.
+    assert made.load_of_pose
+    assert made.lower_bound == invert_optimal(ERS210A, SINE).lower_bound
+
+
 def test_models_of_different_periods_and_unknown_errors_are_refused():
     with pytest.raises(InvalidInput, match="one request period"):
         invert_optimal([ERS210A, replace(ERS210A, hold=2)], SINE)

@@ -39,7 +39,7 @@ from planner.inversion.robust import ModelOrModels, Robust, robust_requests, sce
 from planner.inversion.smoothing import allowed_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
-from planner.model.load import Loads, rest_angles
+from planner.model.load import Loads, felt, rest_angles
 from planner.trajectory import Array, Mask
 from planner.validation import as_flag, as_reals, freeze, shown
 
@@ -205,7 +205,9 @@ def invert_foot(
             robust=robust,
         )
         return settled(lambda torques: again(load=torques), load, solution.angles)
-    loads = load_of_each(load, joints, len(desired), joints=joints_of(leg))
+    by_scenario = [
+        load_of_each(load, each, len(desired), joints=joints_of(leg)) for each in scenarios
+    ]
     added = _checked_disturbance(disturbance, solution.angles)
     problem = _problem(
         joints,
@@ -217,7 +219,7 @@ def invert_foot(
         max_step=steps,
         cyclic=cyclic,
         norm=norm,
-        loads=loads,
+        loads=by_scenario[0],
         disturbance=added,
     )
     problem, requests = _search(problem, smoothness=share)
@@ -235,7 +237,7 @@ def invert_foot(
         smoothness=share,
         start=problem.start,
         reachable=solution.reachable,
-        loads=loads,
+        loads=tuple(felt(each) for each in zip(*by_scenario, strict=True)),
         disturbance=added,
     )
     if len(scenarios) == 1:
@@ -244,7 +246,7 @@ def invert_foot(
     requests = robust_requests(
         problem,
         scenarios,
-        [load_of_each(load, each, len(desired), joints=joints_of(leg)) for each in scenarios],
+        by_scenario,
         requests,
         robust=robust,
         smoothness=share,

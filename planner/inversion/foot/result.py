@@ -17,6 +17,7 @@ from planner.inversion.foot.bound import foot_bound
 from planner.inversion.result import ErrorsOfModels
 from planner.inversion.trials import Learning
 from planner.model.joint import JointModel
+from planner.model.load import felt
 from planner.model.response import simulate_joints
 from planner.trajectory import Array
 
@@ -43,7 +44,8 @@ class FootInversion:
         nominal: With several scenarios: the plan for the nominal models alone, to compare with.
         reachable: Which of the desired positions the leg can reach, shape (n,).
         start: From rest: angles at which the joints rest before the first request [rad], (k,).
-        loads: Torque on each joint at every sample [N m], (n,), or None; () for none at all.
+        loads: Torque on each joint at every sample [N m], (n,), or None where none of its models
+            feels it; () for none at all.
         load_of_pose: Whether that is the load of the predicted angles; there is no lower bound
             then, see :class:`planner.Inversion`.
         disturbance: What executed cycles add to the models' angles [rad], shape (n, k): see
@@ -75,7 +77,11 @@ class FootInversion:
     def under(self, torques: Array) -> Self:
         """The same requests under the load of a pose [N m], shape (n, k)."""
         joints = joints_of(self.leg)
-        loads = load_of_each(torques, self.models, len(self.requests), joints=joints)
+        scenarios = self.scenarios or (self.models,)
+        by_scenario = [
+            load_of_each(torques, each, len(self.requests), joints=joints) for each in scenarios
+        ]
+        loads = tuple(felt(each) for each in zip(*by_scenario, strict=True))
         return replace(
             self,
             loads=loads,
@@ -151,7 +157,8 @@ class FootInversion:
         first asked for: some 30 ms a sample, and up to ten seconds where a path is short. There is
         none, and it is 0, where the load depends on the pose, or with a disturbance.
         """
-        if self.load_of_pose or self.disturbance is not None:
+        feels = self.load_of_pose and any(model.feels_load for model in self.models)
+        if feels or self.disturbance is not None:
             return 0.0
         return foot_bound(
             self.models,

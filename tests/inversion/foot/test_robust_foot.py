@@ -49,15 +49,16 @@ def planned(**options):
     return invert_foot(MODELS, LEG, path(), **options)
 
 
-def errors(scenarios, plan, *, requests=None):
+def errors(scenarios, plan, *, requests=None, loads=(None, None, None)):
     """Errors of the foot in each scenario, by simulation joint by joint [m], (scenarios,)."""
     sent = plan.requests if requests is None else requests
     starts = [None] * sent.shape[1] if plan.start is None else plan.start
     found = []
     for models in scenarios:
-        columns = zip(models, sent.T, starts, strict=True)
+        columns = zip(models, sent.T, starts, loads, strict=True)
         angles = [
-            simulate(model, each, cyclic=plan.cyclic, start=start) for model, each, start in columns
+            simulate(model, each, cyclic=plan.cyclic, start=start, load=load)
+            for model, each, start, load in columns
         ]
         away = np.linalg.norm(
             plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1
@@ -131,6 +132,17 @@ def test_a_load_that_depends_on_the_pose_acts_on_all_models():
     assert made.lower_bound == 0.0
     np.testing.assert_allclose(np.transpose(made.loads), weight(made.predicted), atol=1e-3)
     assert made.over_models.mean <= 1.01 * made.nominal.over_models.mean  # other loads
+
+
+def test_every_model_is_judged_under_the_load_that_it_feels():
+    soft = replace(ERS210A, compliance=0.05)
+    load = np.array([0.3, 0.2, -0.4])
+    made = invert_foot([(ERS210A, soft), (ERS210A,), (soft, ERS210A)], LEG, path(), load=load)
+    scenarios = ((ERS210A, ERS210A, soft), (soft, ERS210A, ERS210A))
+    for plan in (made, made.nominal, made.under(np.tile(load, (30, 1)))):
+        expected = errors(scenarios, plan, loads=load)
+        np.testing.assert_allclose(plan.errors_of_models, expected, rtol=0.0, atol=1e-11)
+    assert made.loads[1] is None  # no model of the abductor feels it
 
 
 def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_not():
