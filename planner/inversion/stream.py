@@ -124,10 +124,12 @@ class Stream:
         limits: Smallest and largest request [rad], each a number or one for each joint.
         max_step: Largest change from one request to the next [rad], a number or one for each joint.
         cycle: Rows after which the desired path about repeats, such as a walk; None where it does
-            not. What follows the preview is then expected to be what followed a cycle before, up to
-            500 ms ahead: joints that are kept at top speed need to know. The cycle may be up to a
-            quarter shorter or longer, and change. The less of the preview the cycle before
-            explains, the less it counts; before a whole cycle is known, it does not count.
+            not. What follows the preview is then expected to be what followed a cycle before:
+            joints that are kept at top speed need to know. It is expected until 500 ms from now,
+            but over three quarters of a cycle at most; a preview of 500 ms leaves nothing to
+            expect. The cycle may be up to a quarter shorter or longer, and change. The less of the
+            preview the cycle before explains, the less it counts; before a whole cycle is known, it
+            does not count.
         on_bad: "hold", or "raise" to raise an error instead, before anything changes; the next step
             then has ``missed=1``.
 
