@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from planner.exceptions import InvalidInput
 from planner.trajectory import Array, rms
+from planner.validation import as_reals, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +149,29 @@ class Evidence(NamedTuple):
             pairs,
             intervals,
             self.correlations,
+        )
+
+
+def check_correlations(evidence: Evidence) -> None:
+    """Raise InvalidInput unless the correlations fit the intervals, or there are none.
+
+    Args:
+        evidence: What is known of a model, from a file or from a caller.
+    """
+    given, names = evidence.correlations, evidence.intervals
+    try:
+        matrix = as_reals(given)
+    except (TypeError, ValueError):
+        matrix = np.array(math.nan)
+    if (
+        matrix.shape not in ((0,), (len(names), len(names)))
+        or not np.all(np.abs(matrix) <= 1.0)
+        or not np.array_equal(matrix, matrix.T)
+        or not np.all(np.diagonal(np.atleast_2d(matrix)) == 1.0)
+    ):
+        raise InvalidInput(
+            f"correlations: got {shown(given)}, expected a symmetric matrix of numbers from -1 to "
+            f"1, with 1 on its diagonal and a row for each interval: {', '.join(names) or 'none'}"
         )
 
 

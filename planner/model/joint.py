@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidModel
-from planner.model.evidence import Evidence
+from planner.model.evidence import Evidence, check_correlations
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -224,7 +224,13 @@ class JointModel:
         return evidence
 
     def with_evidence(self, evidence: Evidence | None) -> Self:
-        """The same joint, with this evidence."""
+        """The same joint, with this evidence.
+
+        Raises:
+            InvalidInput: Its correlations are no correlations of the parameters with intervals.
+        """
+        if evidence is not None:
+            check_correlations(evidence)
         model = replace(self)
         object.__setattr__(model, "_evidence", evidence)
         return model

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from planner.exceptions import InvalidFile, InvalidInput
 from planner.model.evidence import Evidence, Run, errors_by_acceleration, expectation
 from planner.model.joint import JointModel
 
@@ -92,6 +94,34 @@ def test_a_model_that_was_not_tested_promises_nothing_whatever_its_intervals():
     told = expectation(untested, PHASE, PHASE, period=0.01, cyclic=False, load=np.ones(200))
     assert np.isnan(told.error)
     assert told.untested == ()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ((1.0, np.nan), (np.nan, 1.0)),
+        ((1.0, 5.0), (5.0, 1.0)),
+        ((30.0, 0.0), (0.0, 30.0)),
+        ((1.0, 0.5), (0.4, 1.0)),
+        ((1.0,),),
+        ((1.0, 0.5), (0.5,)),
+        "high",
+    ],
+)
+def test_correlations_that_are_none_are_refused_of_a_caller_and_in_a_file(wrong, tmp_path):
+    joint = JointModel.ers210a()
+    intervals = {"v_max": (4.0, 5.6), "lag": (0.03, 0.034)}
+    right = joint.with_evidence(Evidence(intervals=intervals, correlations=((1, 0.5), (0.5, 1))))
+    with pytest.raises(InvalidInput, match=r"symmetric matrix .* each interval: v_max, lag"):
+        joint.with_evidence(right.evidence._replace(correlations=wrong))
+    right.to_toml(tmp_path / "joint.toml")
+    text = (tmp_path / "joint.toml").read_text()
+    assert JointModel.from_toml(tmp_path / "joint.toml").evidence == right.evidence
+    start = text.index("correlations = ")
+    matrix = json.dumps(wrong).replace("NaN", "nan")
+    (tmp_path / "joint.toml").write_text(f"{text[:start]}correlations = {matrix}\n")
+    with pytest.raises(InvalidFile, match=r"symmetric matrix .* each interval: v_max, lag"):
+        JointModel.from_toml(tmp_path / "joint.toml")
 
 
 def test_intervals_in_another_unit_are_scaled_but_for_times_and_the_gain():
