@@ -288,7 +288,8 @@ def times(ticks: int) -> Table:
         "expected.",
         stub="period",
     )
-    periods = (0.008, 1, 0.0), (0.01, 1, 0.0), (0.02, 4, 0.02), (0.03, 1, 0.02)
+    fast, slow = (0.002, 0.004, 0.008, 0.01), ((0.02, 4, 0.02), (0.03, 1, 0.02))
+    periods = *((period, 1, 0.0) for period in fast), *slow
     for (period, hold, band), repeats in product(periods, (False, True)):
         models = [
             planner.JointModel(
