@@ -144,8 +144,9 @@ def plan(
             :func:`planner.read_models` returns it; "" in it is the model of every other joint. In
             the place of a model there may be a sequence of models that the joint may have, the
             nominal one first, or the answer of :func:`planner.identify`: its requests are then good
-            for all of them, see :func:`planner.invert_optimal`. For one joint a flat sequence is
-            such a one. Only with method "optimal".
+            for all of them, see :func:`planner.invert_optimal`. A joint with a sequence of one has
+            that model in any case. For one joint a flat sequence of more than one is such a
+            sequence. Only with method "optimal".
         desired: Desired angles [rad], shape (n, k), or (n,) for one joint; a row every period of
             the models, which must have the same one.
         cyclic: Whether the path repeats for ever.
@@ -165,8 +166,8 @@ def plan(
         smoothness: Relative rise of the error that smoother requests may cost, as there; by default
             0.005. Only with method "optimal".
         robust: "mean" or "worst": which error over the models that each joint may have counts, as
-            there; a single model needs intervals, from which others are drawn. Only with method
-            "optimal".
+            there; a model that is in no such sequence needs intervals, from which others are
+            drawn. Only with method "optimal".
         method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
             :func:`planner.invert_closed_form`.
         progress: Called with the name of each joint before it is planned.
@@ -247,7 +248,7 @@ def plan(
                     load=loads.get(name),
                     max_step=steps.get(name),
                     smoothness=smoothness,
-                    robust=robust,
+                    robust=robust if len(several[j]) > 1 else None,
                     **options,
                 )
         except PlannerError as error:

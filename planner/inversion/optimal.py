@@ -103,7 +103,8 @@ def invert_optimal(
     Args:
         model: The joint. Or several models that it may have, the nominal one first, or the answer
             of :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
-            the same ones: the requests are then good for all of them.
+            the same ones: the requests are then good for all of them. With a sequence of one the
+            joint has that model in any case.
         desired: Desired angles [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the trajectory repeats for ever.
         limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
@@ -121,8 +122,8 @@ def invert_optimal(
             for none. Errors are those that an encoder of 12 bits would measure: where they are far
             below its noise of 0.025 degrees, the error may rise by up to 0.0025 degrees.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
-            for them, "worst" for the largest of them. With one model eight others are drawn from
-            the intervals that its file has.
+            for them, "worst" for the largest of them. With a model by itself eight others are
+            drawn from the intervals that its file has.
 
     Returns:
         The plan; its bound and gap say how much better any other could be. The bound does not know
@@ -134,8 +135,8 @@ def invert_optimal(
         InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
         InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle is
             given a ``start``, the load does not fit the samples or the joint, ``max_step`` is not
-            above 0, ``smoothness`` below it, or a model without intervals is to be planned for
-            robustly.
+            above 0, ``smoothness`` below it, or a model without intervals, or one in any
+            case, is to be planned for robustly.
         Infeasible: The limits exclude each other, the start or a desired angle.
         SolverFailed: No requests were found that lead to a steady cycle, or CasADi's solver
             stopped without an answer.

@@ -75,20 +75,42 @@ QUANTILE = 1.96
 """Half the width of a 95 % interval [standard deviations]."""
 
 
-def checked_models(
-    model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
-) -> tuple[JointModel, ...]:
+def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[JointModel, ...]:
     """The models that a joint may have, the nominal one first.
 
-    One model stands for itself, unless ``robust`` asks for those that its intervals allow; ``seed``
-    is that of :func:`drawn_models`.
+    A model by itself is the only one, unless ``robust`` asks for those that its intervals allow. A
+    sequence has all of them: of one, the joint has that model in any case. Those of an
+    identification are always drawn from its intervals.
 
     Raises:
-        InvalidInput: There is none, one is no JointModel, their request periods differ, the only
-            one has no intervals, or ``robust`` does not say which error over the models counts.
+        InvalidInput: There is none, one is no JointModel, their request periods differ, one by
+            itself has no intervals, or ``robust`` does not say which error over the models counts,
+            or is given for a sequence of one.
     """
+    _check_robust(robust)
+    models = _models_of(model, robust)
+    _check_several(robust, [models])
+    return models
+
+
+def _check_robust(robust: Robust | None) -> None:
     if robust is not None and not is_one_of(robust, get_args(Robust)):
         raise InvalidInput(f"robust: got {shown(robust)}, expected 'mean' or 'worst'")
+
+
+def _check_several(robust: Robust | None, models: Sequence[tuple[JointModel, ...]]) -> None:
+    """Raise InvalidInput if ``robust`` is given and every joint has one model in any case."""
+    if robust is not None and all(len(each) == 1 for each in models):
+        raise InvalidInput(
+            f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
+            "expected several models, or the model by itself, from whose intervals others are drawn"
+        )
+
+
+def _models_of(
+    model: ModelOrModels, robust: Robust | None, *, seed: int = 0
+) -> tuple[JointModel, ...]:
+    """The models of :func:`checked_models`; ``seed`` is that of :func:`drawn_models`."""
     if isinstance(model, Identification):
         return drawn_models(model.model, seed=seed)
     if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
@@ -115,10 +137,11 @@ def models_of_joints(
     """The models that each joint may have, the nominal one first, in the order of the joints.
 
     Args:
-        models: One for all joints, or one for each; in the place of one several that the joint may
-            have, or an identification. For one joint a flat sequence is several.
+        models: One for all joints, or a sequence with one for each; in the place of one several
+            that the joint may have, or an identification, see :func:`checked_models`. For one joint
+            a flat sequence of more than one is such a place.
         count: How many joints there are.
-        robust: Whether others are drawn for single models, see :func:`checked_models`.
+        robust: Whether others are drawn for models by themselves.
         joints: What has a joint each, in words.
         independent: Whether the models of different joints are drawn independently of one another.
             Joints with the same model share what is not known of it.
@@ -126,6 +149,7 @@ def models_of_joints(
     Raises:
         InvalidInput: They do not fit the joints, or see :func:`checked_models`.
     """
+    _check_robust(robust)
     given: list[Any]
     if isinstance(models, JointModel | Identification):
         given = [models] * count
@@ -142,9 +166,9 @@ def models_of_joints(
             model_of_each(models, count, given_as="models", joints=joints)  # type: ignore[arg-type]
     known = [_what_is_known(each) for each in given]
     seeds = [known.index(each) if independent else 0 for each in known]
-    return [
-        checked_models(each, robust, seed=seed) for each, seed in zip(given, seeds, strict=True)
-    ]
+    several = [_models_of(each, robust, seed=seed) for each, seed in zip(given, seeds, strict=True)]
+    _check_several(robust, several)
+    return several
 
 
 def _what_is_known(model: ModelOrModels) -> object:

@@ -11,7 +11,7 @@ from planner.exceptions import InvalidInput
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.robust import drawn_models
+from planner.inversion.robust import drawn_models, models_of_joints
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -278,6 +278,28 @@ def test_every_model_is_judged_under_the_load_of_the_predicted_pose():
     # The nominal model feels no load: its bound holds whatever the pose.
     assert made.load_of_pose
     assert made.lower_bound == invert_optimal(ERS210A, SINE).lower_bound
+
+
+def test_a_model_in_a_sequence_of_one_is_that_of_the_joint_in_any_case():
+    with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
+        invert_optimal([SLOWER], SINE, robust="mean")
+    both = np.column_stack([SINE, 0.5 * SINE])
+    for models, desired in (([[SLOWER]], SINE), ([[SLOWER], [ERS210A]], both)):
+        with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
+            plan(models, desired, robust="mean")
+    made = plan([[ERS210A], SLOWER], both, robust="mean")  # without intervals, and with
+    assert [len(each.models) for each in made.inversions] == [0, 9]
+    assert [each.robust for each in made.inversions] == [None, "mean"]
+
+
+def test_models_of_one_joint_are_as_those_of_more():
+    drawn = drawn_models(SLOWER)
+    for count in (1, 2):
+        for models in (SLOWER, [SLOWER] * count, [drawn] * count):
+            assert models_of_joints(models, count, "mean", joints="joints") == [drawn] * count
+        alone = models_of_joints([[SLOWER]] * count, count, joints="joints")
+        assert alone == [(SLOWER,)] * count
+    assert models_of_joints(drawn, 1, "mean", joints="joints") == [drawn]  # several of the joint
 
 
 def test_models_of_different_periods_and_unknown_errors_are_refused():

@@ -132,9 +132,10 @@ def invert_foot(
         models: One joint model for all joints of the leg, or one for each. In the place of a model
             there may be several that the joint may have, the nominal one first, or an
             identification, from whose intervals eight are drawn: the requests are then good for the
-            first, the second ... models of all joints together; a sequence of one is a joint that
-            has that model in any case. Those of different joints are drawn independently; joints
-            with the same model have the same ones.
+            first, the second ... models of all joints together; with a sequence of one in that
+            place the joint has that model in any case. Those of different joints are drawn
+            independently; joints with the same model have the same ones. For a leg of one joint a
+            flat sequence of more than one is such a sequence.
         leg: A leg of up to three joints.
         foot: Desired positions in the leg's base frame [m], shape (n, 3), one every model's period.
         cyclic: Whether the path repeats for ever.
@@ -152,8 +153,8 @@ def invert_foot(
             (k,): see :func:`planner.invert_optimal`.
         smoothness: Relative rise of the foot's error that smoother requests may cost, as there.
         robust: "mean" to minimise the root mean square of the foot's errors over several models,
-            the default for them, "worst" for the largest of them. For single models eight others
-            are drawn from the intervals that their files have.
+            the default for them, "worst" for the largest of them. For models that are in no such
+            sequence eight others are drawn from the intervals that their files have.
 
     Returns:
         The plan. Error, bound and gap are those of the nominal models; ``errors_of_models`` has all
@@ -162,8 +163,8 @@ def invert_foot(
     Raises:
         InvalidInput: The models do not fit the leg or each other, or the weights are not three
             numbers, 0 or more and not all 0, or load or disturbance do not fit the points, or
-            ``max_step`` is not above 0 or ``smoothness`` below it, or a model without intervals is
-            to be planned for robustly.
+            ``max_step`` is not above 0 or ``smoothness`` below it, or a model without
+            intervals, or only models in any case, are to be planned for robustly.
         Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
         kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
