@@ -26,7 +26,7 @@ import numpy as np
 
 from planner.exceptions import InvalidInput, InvalidModel, SolverFailed
 from planner.identification.result import Identification
-from planner.inversion.arguments import model_of_each
+from planner.inversion.arguments import Norm, model_of_each
 from planner.inversion.error_norm import error_norm
 from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
@@ -320,6 +320,10 @@ class RobustProblem(TrackingProblem):
     def weighted(self, weights: Array) -> RobustProblem:
         """The same problem with other weights."""
         return RobustProblem(self.nominal, self.scenarios, self._loads, self.robust, weights)
+
+    def _changed(self, limits: tuple[Array, Array], norm: Norm) -> RobustProblem:
+        nominal = self.nominal.within(limits).with_norm(norm)
+        return RobustProblem(nominal, self.scenarios, self._loads, self.robust, self.weights)
 
     def admissible(self, requests: Array) -> Array:
         """Requests within the limits [rad]; from rest the first ones hold the nominal models."""

@@ -184,6 +184,24 @@ def problem():
     return RobustProblem(nominal, scenarios, [(None,)] * 3, "mean", weights)
 
 
+def test_other_limits_and_another_norm_are_those_of_all_scenarios(problem):
+    limits = (np.array([-0.1]), np.array([0.15]))
+    within, largest = problem.within(limits), problem.with_norm("max")
+    angles = np.random.default_rng(0).normal(size=(20, 3))
+    errors = angles - problem.desired
+    assert largest.error(angles) == pytest.approx(np.sqrt(np.mean(np.max(errors**2, axis=0))))
+    assert (
+        within.error(angles) == problem.error(angles) == pytest.approx(np.sqrt(np.mean(errors**2)))
+    )
+    for changed in (within, largest):
+        assert changed.scenarios == problem.scenarios
+        np.testing.assert_array_equal(changed.weights, problem.weights)
+        requests = changed.admissible(problem.desired)
+        assert changed.exact_angles(requests).shape == angles.shape
+    requests = within.admissible(problem.desired)
+    assert (np.min(requests), np.max(requests)) == (-0.1, 0.15)
+
+
 def test_sums_over_what_requests_drive_are_the_transpose_of_driving_it(problem):
     rng = np.random.default_rng(0)
     requests, angles = rng.normal(size=(20, 1)), rng.normal(size=(20, 3))
