@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, InvalidModel, SolverFailed
+from planner.exceptions import InvalidInput, SolverFailed
 from planner.identification.result import Identification
 from planner.inversion.arguments import Norm, model_of_each
 from planner.inversion.error_norm import error_norm
@@ -32,7 +32,7 @@ from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.smoothing import smoothed
 from planner.inversion.tracking_problem import Errors, Goal, TrackingProblem
-from planner.model.evidence import GAIN
+from planner.model.drawn_models import drawn_models
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import Loads
 from planner.model.sensitivity import Response
@@ -51,8 +51,6 @@ class RobustOptions:
     """What steers plans for several models.
 
     Attributes:
-        pairs: Pairs of models that are drawn from intervals beside the nominal one, either side of
-            it.
         largest_radius: Corners of the first stage [theta_0]: the plan for the first model is near.
             Over 19 joints and 5 feet, half: their errors fall by 1 % less; 0.5: as good.
         smoothing: Weight of the squared second differences of the requests beside the squares of
@@ -63,16 +61,12 @@ class RobustOptions:
             changes by up to 1 %, eight: as good.)
     """
 
-    pairs: int = 4
     largest_radius: float = 0.2
     smoothing: float = 1e-3
     rounds: int = 6
 
 
 OPTIONS = RobustOptions()
-
-QUANTILE = 1.96
-"""Half the width of a 95 % interval [standard deviations]."""
 
 
 def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[JointModel, ...]:
@@ -208,80 +202,6 @@ def scenarios_of(
     return tuple(
         zip(*(each if len(each) == most else each * most for each in several), strict=True)
     )
-
-
-def drawn_models(
-    model: JointModel, *, pairs: int | None = None, seed: int = 0
-) -> tuple[JointModel, ...]:
-    """The model, and others that its intervals allow.
-
-    They are drawn from a normal distribution with the intervals' widths, either side by itself, and
-    their correlations, but none outside of the intervals; in pairs on either side of the model,
-    always the same ones. A parameter does not move towards an end that is not known. But where logs
-    leave the top speed open above, the joint may have any: its reciprocal is drawn, down to 0, and
-    theta_0 keeps to the gain.
-
-    Args:
-        model: The nominal model, with intervals as :attr:`planner.JointModel.evidence`.
-        pairs: How many pairs; by default four.
-        seed: Which draw: another one gives other models.
-
-    Raises:
-        InvalidInput: The model has no interval with a known end.
-    """
-    if not has_intervals(model):
-        raise InvalidInput(
-            "model: got one without intervals of its parameters, from which other models are "
-            "drawn; expected one that planner.identify found or planner.read_models read from its "
-            "file, or several models"
-        )
-    evidence = model.evidence
-    assert evidence is not None, "a model without intervals was refused"
-    names = list(evidence.intervals)
-    values = np.array([_value(model, name) for name in names])
-    ends = np.array(list(evidence.intervals.values()))
-    down, up = np.where(np.isfinite(ends), np.abs(ends - values[:, np.newaxis]), 0.0).T / QUANTILE
-    open_above = np.array([name == "v_max" and GAIN in names for name in names])
-    open_above &= np.isfinite(ends[:, 0]) & np.isinf(ends[:, 1])
-
-    def moves_of(z: Array) -> Array:
-        known = np.where(z < 0.0, down, up) * z
-        return np.where(open_above & (z > 0.0), values * z / (QUANTILE - z), known)
-
-    matrix = np.array(evidence.correlations) if evidence.correlations else np.eye(len(names))
-    eigenvalues, vectors = np.linalg.eigh(matrix)
-    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0)) @ vectors.T  # unique: symmetric
-    rng, moves = np.random.default_rng(seed), list[Array]()
-    while len(moves) < 2 * (OPTIONS.pairs if pairs is None else pairs):
-        move = root @ rng.standard_normal(len(names))
-        if np.all(np.abs(move) < QUANTILE):
-            moves += [move, -move]
-    return (model, *(_moved(model, names, moves_of(z)) for z in moves))
-
-
-def has_intervals(model: JointModel) -> bool:
-    """Whether other models can be drawn from what is known of this one."""
-    intervals = model.evidence.intervals if model.evidence else {}
-    return any(math.isfinite(end) for ends in intervals.values() for end in ends)
-
-
-def _value(model: JointModel, name: str) -> float:
-    """A parameter of the model, or v_max / theta_0."""
-    return model.v_max / model.theta_0 if name == GAIN else float(getattr(model, name))
-
-
-def _moved(model: JointModel, names: Sequence[str], move: Array) -> JointModel:
-    """The model with its parameters moved, or half as far where they would describe no joint."""
-    moved = {name: _value(model, name) + by for name, by in zip(names, move.tolist(), strict=True)}
-    gain = moved.pop(GAIN, None)
-    if gain is not None and gain > 0.0:
-        moved["theta_0"] = moved.get("v_max", model.v_max) / gain
-    try:
-        if gain is not None and gain <= 0.0:
-            raise InvalidModel(f"v_max / theta_0: got {gain:g}, expected more than 0")
-        return replace(model, **moved)
-    except InvalidModel:
-        return _moved(model, names, move / 2.0)
 
 
 class RobustProblem(TrackingProblem):

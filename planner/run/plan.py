@@ -15,7 +15,7 @@ from planner.exceptions import ANGLE_UNIT
 from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
-from planner.inversion.robust import has_intervals
+from planner.model.drawn_models import has_intervals
 from planner.model.evidence import Expectation, expectation
 from planner.model.load import load_columns
 from planner.planning import plan

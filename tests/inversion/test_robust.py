@@ -11,7 +11,8 @@ from planner.exceptions import InvalidInput
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.robust import drawn_models, models_of_joints
+from planner.inversion.robust import models_of_joints
+from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate

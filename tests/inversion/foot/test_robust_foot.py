@@ -12,8 +12,9 @@ from planner.exceptions import InvalidInput
 from planner.gait import reference_walk
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
-from planner.inversion.robust import ReachInAll, RobustProblem, drawn_models, scenarios_of
+from planner.inversion.robust import ReachInAll, RobustProblem, scenarios_of
 from planner.inversion.tracking_problem import FollowAngles, track
+from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
