@@ -128,8 +128,8 @@ class Stream:
             joints that are kept at top speed need to know. It is expected until 500 ms from now,
             but over three quarters of a cycle at most; a preview of 500 ms leaves nothing to
             expect. The cycle may be up to a quarter shorter or longer, and change. The less of the
-            preview the cycle before explains, the less it counts; before a whole cycle is known, it
-            does not count.
+            preview the cycle before explains, and the worse earlier expectations were, the less it
+            counts; before a whole cycle is known, it does not count.
         on_bad: "hold", or "raise" to raise an error instead, before anything changes; the next step
             then has ``missed=1``.
 

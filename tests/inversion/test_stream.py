@@ -139,6 +139,18 @@ def test_a_path_that_does_not_repeat_is_followed_no_worse_for_an_expected_cycle(
         assert expected <= 1.03 * without + 2e-3 * model.theta_0
 
 
+def test_random_walks_are_followed_about_as_well_where_a_cycle_is_expected_in_vain():
+    model, ratios = planner.JointModel.ers210a(), []
+    for seed in range(4):
+        path = 0.05 * np.cumsum(np.random.default_rng(seed).normal(size=400))[:, np.newaxis]
+        errors = []
+        for cycle in (None, 60, 100):
+            sent = streamed([model], path, cycle=cycle)
+            errors.append(rms(planner.simulate(model, sent[:, 0], cyclic=False) - path[:, 0]))
+        ratios += [each / errors[0] for each in errors[1:]]
+    assert np.mean(ratios) <= 1.04  # 1.06 if only the preview says how much a cycle counts
+
+
 def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
     model, path = planner.JointModel.ers210a(), walked(np.arange(4 * 88) / 88.0)
     errors = []
