@@ -19,6 +19,7 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.logs.column_names import pairs
 from planner.files.table import Table, nearest, read_table, write_table
 from planner.files.text import write_text
 from planner.files.units import (
@@ -143,10 +144,14 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         table: The table.
         joints: Joints to read; by default all.
         even: Whether times must be evenly spaced.
+
+    Raises:
+        InvalidFile: The table is no joint path, or a log and no joints are named.
     """
     if joints:
         columns = pick(table, joints, JOINT_UNITS)
     else:
+        _check_no_log(table)
         others = (TIME, *COUNTERS)
         columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
     if not columns:
@@ -161,6 +166,19 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
             _check_radians(table, name, angles)
     loads = _loads(table, names, all_joints=not joints)
     return JointPath(table.path, names, units, values, read_times(table, even=even), loads)
+
+
+def _check_no_log(table: Table) -> None:
+    """Refuse requested and actual angles of one joint, which are no paths of two joints."""
+    for pair in pairs(table.names):
+        if pair.requested and pair.actual:
+            raise InvalidFile(
+                table.path,
+                f"'{pair.requested[0]}' and '{pair.actual[0]}' are columns of a log, expected a "
+                "path, with one column for each joint; request-planner identify reads logs, and "
+                "--joint takes single columns as a path",
+                line=1,
+            )
 
 
 def _loads(table: Table, names: Sequence[str], *, all_joints: bool) -> Array | None:

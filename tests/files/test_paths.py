@@ -61,6 +61,15 @@ def test_columns_without_a_unit_are_named_together_and_keep_their_names(tmp_path
     )
 
 
+@pytest.mark.parametrize("columns", ["requested_deg,actual_deg", "goal_hip_deg,present_hip_deg"])
+def test_a_log_is_no_path_but_each_of_its_columns_is(tmp_path, columns):
+    (tmp_path / "log.csv").write_text(f"t_s,{columns}\n0,1,0\n1,2,1\n")
+    with pytest.raises(InvalidFile, match="columns of a log, expected a path"):
+        read_joint_path(tmp_path / "log.csv")
+    requested = columns.partition("_deg")[0]
+    assert read_joint_path(tmp_path / "log.csv", joints=[requested]).names == (requested,)
+
+
 def test_shares_of_a_range_are_carried_as_if_a_percent_were_a_degree(tmp_path):
     file = tmp_path / "path.csv"
     file.write_text("hip_deg,jaw_percent\n0,25\n1,50\n")
