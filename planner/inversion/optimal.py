@@ -119,8 +119,9 @@ def invert_optimal(
             to the first, from rest also from the request that holds the start. Each is kept
             exactly.
         smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
-            for none. Errors are those that an encoder of 12 bits would measure: where they are far
-            below its noise of 0.025 degrees, the error may rise by up to 0.0025 degrees.
+            for none. Errors are those that a robot would show, the known error of an identified
+            model and at least an encoder's 0.025 degrees added in quadrature: far below that noise,
+            the error may rise by up to a tenth of it.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
             for them, "worst" for the largest of them. With a model by itself eight others are
             drawn from the intervals that its file has.

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,8 @@ from planner.inversion.gauss_newton import (
 from planner.inversion.reversals import OPTIONS as DEAD_BAND
 from planner.inversion.reversals import typical_band
 from planner.inversion.tracking_problem import TrackingProblem
-from planner.trajectory import Array
+from planner.model.joint import JointModel
+from planner.trajectory import Array, rms
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +43,6 @@ class SmoothingOptions:
     with dry friction or for the largest error.
 
     Attributes:
-        encoder_step: Step of the encoder by which errors count, 12 bits for a turn [rad].
         radii: Radius of the corners in each step [theta_0].
         factor: Factor c of the first weight [-] (0.5: +5 and +5 %; 2: -1 and +7 %; from 4 on some
             requests cross the dead band needlessly).
@@ -59,7 +60,6 @@ class SmoothingOptions:
             +18 %).
     """
 
-    encoder_step: float = 2.0 * math.pi / 4096.0
     radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
     factor: float = 1.0
     growth: float = 3.0
@@ -71,6 +71,9 @@ class SmoothingOptions:
 
 
 OPTIONS = SmoothingOptions()
+
+ENCODER_NOISE = 2.0 * math.pi / 4096.0 / math.sqrt(12.0)
+"""Rounding of an encoder of 12 bits for a turn [rad], rms."""
 
 UNCHANGED = 1e-24
 """Sum of squared second differences up to which requests count as straight [rad^2]."""
@@ -102,22 +105,45 @@ def smoothed(
     if angles is None:
         return requests
     given, error = State(requests, angles), problem.error(angles)
-    most = min(allowed_error(error, smoothness), at_most)
+    most = most_error(problem, error, smoothness=smoothness, at_most=at_most)
     smoothest = _smoothest(problem, given, error, most)
     if any(model.dead_band for model in problem.models):
         smoothest = _without_needless_crossings(problem, given, error, smoothest)
     return smoothest.requests
 
 
-def allowed_error(error: float, smoothness: float) -> float:
+def most_error(
+    problem: TrackingProblem, error: float, *, smoothness: float, at_most: float
+) -> float:
+    """The error that smoother requests may have, given that of the best ones.
+
+    ``at_most`` holds up to what is lost in the known error of a model.
+    """
+    noise = noise_of(problem.models)
+    lost = allowed_error(0.0, smoothness, noise=noise) if noise > ENCODER_NOISE else 0.0
+    return min(allowed_error(error, smoothness, noise=noise), max(at_most, lost))
+
+
+def allowed_error(error: float, smoothness: float, *, noise: float = ENCODER_NOISE) -> float:
     """The error to which smoother requests may raise one.
 
-    Errors count as a sensor measures them, its noise added in quadrature: with sigma the root mean
-    square of the rounding of an encoder, the answer e meets
-    ``e^2 + sigma^2 = (1 + smoothness)^2 (error^2 + sigma^2)``.
+    Errors count as they would be measured on the robot, noise added in quadrature: with sigma that
+    noise the answer e meets ``e^2 + sigma^2 = (1 + smoothness)^2 (error^2 + sigma^2)``.
     """
-    variance = OPTIONS.encoder_step**2 / 12.0
+    variance = noise**2
     return math.sqrt((1.0 + smoothness) ** 2 * (error**2 + variance) - variance)
+
+
+def noise_of(models: Sequence[JointModel]) -> float:
+    """What errors of plans are seen through [rad], rms over the joints.
+
+    For each the error of its model on rows that were not fitted, where it is known, and at least
+    the rounding of an encoder.
+    """
+    known = [model.evidence.error for model in models if model.evidence is not None]
+    errors = [max(error, ENCODER_NOISE) for error in known if not math.isnan(error)]
+    errors += [ENCODER_NOISE] * (len(models) - len(errors))
+    return rms(np.array(errors))
 
 
 def roughness(problem: TrackingProblem, requests: Array) -> float:

@@ -11,6 +11,7 @@ from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.smoothing import allowed_error, roughness, smoothed
 from planner.inversion.tracking_problem import track
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 
@@ -162,3 +163,14 @@ def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
 def test_a_smoothness_that_is_no_share_is_refused(smoothness):
     with pytest.raises(InvalidInput, match=r"smoothness: got .*expected the share"):
         invert_optimal(ERS210A, np.zeros(30), smoothness=smoothness)
+
+
+def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
+    """A step of 20 degrees, rounded so that the joint can follow it: jumps would gain nothing."""
+    ramp = np.clip((np.arange(88) - 20) / 24.0, 0.0, 1.0) - np.clip((np.arange(88) - 60) / 24, 0, 1)
+    desired = 0.35 * ramp**2 * (3.0 - 2.0 * ramp)
+    known = ERS210A.with_evidence(Evidence(error=np.radians(0.25)))
+    exact, plan = invert_optimal(ERS210A, desired), invert_optimal(known, desired)
+    assert exact.rms < np.radians(0.05)
+    assert plan.rms <= allowed_error(exact.rms, 0.005, noise=np.radians(0.25)) + ROUNDING
+    assert rough(plan) < 0.3 * rough(exact)

@@ -36,7 +36,7 @@ from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.robust import ModelOrModels, Robust, robust_requests, scenarios_of
-from planner.inversion.smoothing import allowed_error, smoothed
+from planner.inversion.smoothing import most_error, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.model.load import Loads, felt, rest_angles
@@ -338,7 +338,8 @@ def _search(problem: TrackingProblem, *, smoothness: float) -> tuple[TrackingPro
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    at_most = min(at_most, allowed_error(problem.exact_error(best.requests), smoothness))
+    error = problem.exact_error(best.requests)
+    at_most = most_error(problem, error, smoothness=smoothness, at_most=at_most)
     problem, best = with_stationary_joints(problem, best, at_most=at_most)
     return problem, smoothed(problem, best.requests, at_most=at_most, smoothness=smoothness)
 
