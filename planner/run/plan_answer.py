@@ -85,10 +85,11 @@ def summary(run: settings.Run, answer: Answer) -> str:
         if name in answer.inversions and not answer.bound_withdrawn:
             inversion = answer.inversions[name]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        shown = name if desired.unit(j) == "deg" else f"{name} [% of its range]"
         expected = np.degrees(answer.expected[j].error)
         robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
-        rows.append([shown, *(f"{error:.3f}" for error in errors.values()), *robot, *bounded])
+        rows.append(
+            [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
+        )
     robot = ["on the robot"] * known
     text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
     text += "\n" + text_table(
@@ -133,6 +134,12 @@ def _unknown_top_speeds(desired: Desired) -> list[str]:
     ]
 
 
+def _label(desired: Desired, joint: int) -> str:
+    """The joint's name, with the unit where its errors are no angles."""
+    name = desired.names[joint]
+    return name if desired.unit(joint) == "deg" else f"{name} [% of its range]"
+
+
 def _over_models(
     made: Inversion | FootInversion, unit: str, factor: float
 ) -> dict[str, Any] | None:
@@ -158,10 +165,9 @@ def _over_models_table(answer: Answer) -> str:
         parts: dict[str, Inversion | FootInversion] = {"foot": answer.together}
     else:
         unit, factor = "deg", math.degrees(1.0)
-        percents = (answer.desired.unit(j) != "deg" for j in range(len(answer.inversions)))
         parts = {
-            name + " [% of its range]" * percent: inversion
-            for (name, inversion), percent in zip(answer.inversions.items(), percents, strict=True)
+            _label(answer.desired, j): inversion
+            for j, inversion in enumerate(answer.inversions.values())
         }
     rows, norm, drawn = [], "", 0
     for name, made in parts.items():
