@@ -217,7 +217,7 @@ def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models
         assert told["of_each_cm"] == pytest.approx(100.0 * made.errors_of_models, abs=1e-9)
         assert told["nominal_cm"] == pytest.approx(100.0 * made.error, abs=1e-9)
         assert told["mean_cm"] == pytest.approx(100.0 * made.over_models.mean, abs=1e-9)
-        assert told["worst_cm"] == pytest.approx(100.0 * made.worst_error, abs=1e-9)
+        assert told["worst_cm"] == pytest.approx(100.0 * made.over_models.worst, abs=1e-9)
     text = run(*ask, stdin=rows).stderr
     assert "rms errors over the nominal model and 8 drawn from its intervals:\nplan  " in text
     for kind, made in (("mean", library), ("nominal model", library.nominal)):

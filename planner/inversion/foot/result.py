@@ -144,11 +144,6 @@ class FootInversion:
         """The nominal, the mean and the worst of them [m]."""
         return ErrorsOfModels.of(self.errors_of_models)
 
-    @property
-    def worst_error(self) -> float:
-        """The worst of them [m]."""
-        return self.over_models.worst
-
     @cached_property
     def lower_bound(self) -> float:
         """Lower bound on :attr:`error` for any requests within the limits [m].

@@ -86,12 +86,11 @@ def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_
         after = made.errors_of_models
         assert made.error == after[0]
         assert made.over_models == (after[0], np.sqrt(np.mean(after**2)), np.max(after))
-        assert made.worst_error == np.max(after)
         # The lesser of the two at least: from rest the largest error is that of the start.
         assert getattr(made.over_models, which) <= getattr(made.nominal.over_models, which)
     if cyclic:
         assert mean.over_models.mean <= 0.95 * mean.nominal.over_models.mean
-        assert worst.worst_error <= 0.85 * worst.nominal.worst_error
+        assert worst.over_models.worst <= 0.85 * worst.nominal.over_models.worst
 
 
 def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
