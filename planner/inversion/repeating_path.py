@@ -67,6 +67,7 @@ class RepeatingPath:
 
     def move_on(self, periods: int) -> None:
         """Let time pass: what was known of the path and is now past is kept."""
+        periods = min(periods, self._rows.shape[1])
         self._errors *= self._kept**periods
         for rows in (self._rows, self._expected, self._counts):
             left = max(rows.shape[-1] - periods, 0)

@@ -325,9 +325,10 @@ def test_bad_extras_of_a_step_are_said_and_left_out():
         assert word in stream.problem
 
 
-def test_missed_ticks_are_simulated_with_the_last_request_held():
+@pytest.mark.parametrize("cycle", [None, 20])
+def test_missed_ticks_are_simulated_with_the_last_request_held(cycle):
     model, path = planner.JointModel.ers210a(), smooth_path(120)
-    stream, sent, k = planner.Stream(model, preview=PREVIEW), [], 0
+    stream, sent, k = planner.Stream(model, preview=PREVIEW, cycle=cycle), [], 0
     for missed in [0] * 30 + [3] + [0] * 20 + [7] + [0] * 20:
         k += missed
         sent += [sent[-1]] * missed if sent else []
@@ -335,7 +336,7 @@ def test_missed_ticks_are_simulated_with_the_last_request_held():
         k += 1
     angles = planner.simulate(model, sent, cyclic=False)
     assert stream.angles[0] == pytest.approx(angles[-1], abs=1e-12)
-    stream.step(path[:PREVIEW], missed=10**9)
+    stream.step(path[:PREVIEW], missed=10**400)
     assert stream.angles[0] == pytest.approx(sent[-1], abs=1e-9)
 
 
