@@ -68,7 +68,8 @@ class Inversion:
         load: Torque on the joint in the period that ends in each sample [N m], shape (n,); None
             where there is none, or none of the models feels it.
         load_of_pose: Whether that is the load of the predicted angles. Other requests would meet
-            another load, so that there is no lower bound on their error: it is 0.
+            another load, so that there is no lower bound on their error: it is 0, unless the
+            nominal model feels no load.
         disturbance: What executed cycles add to the model's angles [rad], shape (n,): see
             :func:`planner.refine`; None before any was measured.
         learning: The executed cycles that the plan has learnt from; None where there are none.

@@ -47,7 +47,7 @@ class FootInversion:
         loads: Torque on each joint at every sample [N m], (n,), or None where none of its models
             feels it; () for none at all.
         load_of_pose: Whether that is the load of the predicted angles; there is no lower bound
-            then, see :class:`planner.Inversion`.
+            then, unless the nominal models feel no load, see :class:`planner.Inversion`.
         disturbance: What executed cycles add to the models' angles [rad], shape (n, k): see
             :func:`planner.refine`; None before any was measured.
         learning: The executed cycles that the plan has learnt from; None where there are none.
