@@ -79,7 +79,7 @@ class StreamOptions:
             same, with twice of it 1.15, and the errors are up to a third further from the least.
         horizon: Time ahead that is planned where the path repeats [s]. Over the benchmark's walks
             errors are 1.4 % above those of whole plans, with half of it 4.1 %, with twice of it
-            2.2 %, and over those whose speed changes 6.0, 12.0 and 7.3 %. Ticks take as much more.
+            2.2 %, and over those whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too.
         varies: Share of a cycle by which the last one may have been shorter or longer [-]. Over
             walks whose speed changes errors are 6.0 % above those of whole plans, with half of it
             9.1 %, with twice of it 5.9 %.
