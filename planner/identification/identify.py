@@ -33,7 +33,7 @@ from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.unmodelled import unmodelled
 from planner.identification.validation import HeldOut, held_out
-from planner.identification.verdict import notes_on, opposite_sign, verdict_on
+from planner.identification.verdict import exchanged_columns, notes_on, opposite_sign, verdict_on
 from planner.trajectory import Array
 from planner.validation import as_flag
 
@@ -105,6 +105,7 @@ def identify(
         held,
         errors,
         against=opposite_sign(fit.grid),
+        exchanged=exchanged_columns(fit.grid),
         signal=signal,
         unit=unit,
         tested=held is not None or not hold_out,

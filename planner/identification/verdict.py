@@ -52,8 +52,8 @@ class VerdictOptions:
             for doubt (none; none).
         loose: A time whose interval is wider than this share of it, and than two ticks, is
             pointed out (two warnings more; none).
-        sign_likeness: Both signs explain the angles if what they leave unexplained is within
-            this factor (none; none).
+        sign_likeness: Both signs, or requests before and after, explain the angles if what they
+            leave unexplained is within this factor (none; none).
         least_likeness: Correlation below which a delay explains nothing (none; none).
         delays: Delays that are compared; more around the best follow (none; none).
     """
@@ -98,6 +98,7 @@ def verdict_on(
     simple: dict[str, float],
     *,
     against: OppositeSign | None,
+    exchanged: str,
     signal: float,
     unit: str,
     tested: bool,
@@ -117,6 +118,7 @@ def verdict_on(
         held: What held-out rows say, if any were.
         simple: Error of the simpler descriptions on the same rows [rad].
         against: What speaks for a joint that moves against its requests, if anything does.
+        exchanged: What speaks for columns that are exchanged, in words; empty where nothing does.
         signal: Standard deviation of the motion [rad].
         unit: Unit of the angles in words; empty for shares of a range.
         tested: Whether rows were held out, or were not asked for.
@@ -159,6 +161,8 @@ def verdict_on(
         )
     if against is not None:
         warnings.insert(0, against.words)
+    elif exchanged and missed > OPTIONS.suspect:
+        warnings.insert(0, exchanged)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten = ours > OPTIONS.simpler_wins * others[name]
@@ -317,6 +321,27 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
     if other < OPTIONS.least_likeness or not as_good or delay >= same_delay:
         return None
     return OppositeSign(delay, other, same_delay, same)
+
+
+def exchanged_columns(grid: Grid) -> str:
+    """What speaks for angles that come before their requests, in words; empty where nothing does.
+
+    Motion that repeats itself is as like the requests before as those after.
+    """
+    delays = np.linspace(0.0, grid.reach, OPTIONS.delays)
+    before, after = _likeness(grid, delays), _likeness(grid, -delays)
+    k = _first_best(after)
+    past, future = float(np.max(before)), float(after[k])
+    if future < OPTIONS.least_likeness:
+        return ""
+    if OPTIONS.sign_likeness * _unlike(future) >= _unlike(past):
+        return ""
+    return (
+        f"the joint seems to move before it is requested to: its angles correlate by {future:.2f} "
+        f"with the requests {1e3 * delays[k]:.0f} ms later, and by at most {past:.2f} with "
+        "earlier ones; are the columns of requested and actual angles exchanged, or the times of "
+        "one of them late?"
+    )
 
 
 def _first_best(likeness: Array) -> int:

@@ -57,6 +57,14 @@ def test_a_saturating_joint_is_better_described_by_the_model_than_by_anything_si
     assert set(first_order.parameters) == {"delay", "time_constant", "offset"}
 
 
+def test_requested_and_actual_angles_that_are_exchanged_are_recognised():
+    log = rich_log(noise=NOISE)
+    found = planner.identify(changed(log, requests=log.angles, angles=log.requests), hold_out=False)
+    assert not found.accepted
+    assert "columns of requested and actual angles exchanged" in found.warnings[0]
+    assert not any("exchanged" in text for text in identified_steps().warnings)
+
+
 def test_a_joint_that_merely_delays_has_that_delay():
     requests = rich_log().requests
     angles = np.concatenate([np.full(5, requests[0]), requests[:-5]])
