@@ -115,6 +115,7 @@ def _as_json(learning: Learning) -> dict[str, Any]:
         "floor": [None if math.isnan(part) else part for part in learning.floor],
         "stopped": learning.stopped,
         "remarks": list(learning.remarks),
+        "replaced": [None if model is None else asdict(model) for model in learning.replaced],
     }
 
 
@@ -137,4 +138,7 @@ def _learning(content: Mapping[str, Any]) -> Learning:
         floor=(speed, noise),
         stopped=str(content["stopped"]),
         remarks=tuple(content["remarks"]),
+        replaced=tuple(
+            None if model is None else JointModel(**model) for model in content.get("replaced", ())
+        ),
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
 
@@ -64,14 +65,16 @@ class Learning:
         trials: The executed requests, oldest first, as many as are kept.
         noise: Standard deviation of one cycle about the mean of many, rms over samples [rad], (k,).
         gain: Share of the disturbance last found that the requests compensate for, 0 to 1.
-        reidentified: The trials after which each joint's model was identified anew, one a joint; 0
-            where the model is that of the first plan.
+        reidentified: The trials after which each joint's model was changed last, one a joint; 0
+            where it is that of the first plan.
         delays: What a late sensor would explain, for each joint.
         best: The trial from which the requests were made.
         floor: What of the error of the best trial cannot be learnt: ``speed``, from the lower bound
             of the model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
         stopped: Why there is nothing more to learn; empty while there is.
         remarks: What was done with the measurements, in words.
+        replaced: The model of each joint before it was identified anew, until the new one has been
+            tried: where that makes the error larger, it is used again. None, or empty, for none.
     """
 
     trials: tuple[Trial, ...]
@@ -83,6 +86,7 @@ class Learning:
     floor: tuple[float, float]
     stopped: str = ""
     remarks: tuple[str, ...] = ()
+    replaced: tuple[JointModel | None, ...] = ()
 
     @property
     def errors(self) -> Array:

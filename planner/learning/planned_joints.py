@@ -44,6 +44,12 @@ class PlannedJoints(NamedTuple):
         starts = [None] * count if plan.start is None else plan.start.tolist()
         return cls(plan, plan.models, plan.loads or (None,) * count, tuple(starts))
 
+    def with_models(self, models: tuple[JointModel, ...]) -> PlannedJoints:
+        """The same task for other models of the joints."""
+        if isinstance(self.plan, Inversion):
+            return PlannedJoints.of(replace(self.plan, model=models[0]))
+        return PlannedJoints.of(replace(self.plan, models=models))
+
     @property
     def cyclic(self) -> bool:
         """Whether the requests repeat."""

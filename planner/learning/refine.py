@@ -24,7 +24,7 @@ from planner.inversion.result import Inversion
 from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
 from planner.learning.planned_joints import PlannedJoints
-from planner.learning.reidentification import better_model
+from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
     delays_of,
     delays_to_remove,
@@ -120,8 +120,9 @@ def refine(
         sensor_delay: How late the measured angles are [s]; they are moved back by it, and it is not
             learnt. None to take a delay for the sensor's where it alone explains what was measured
             and is longer than half of the model's own latency; 0 to learn in any case.
-        reidentify: Whether several cycles may identify the model anew, which is done where that
-            predicts a cycle better which it has not seen.
+        reidentify: Whether the trials may identify the model anew. That is done from the second one
+            on, where the new model predicts a trial better which it has not seen; where it makes
+            the error larger, the model before is used again.
 
     Returns:
         The next plan, of the same type. Its ``learning`` says what was done; its ``disturbance``
@@ -228,15 +229,21 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     removed = delays_to_remove(joints, cycles, modelled, given=sensor_delay, before=before)
     cycles = earlier(cycles, removed, joints)
     trials, now = _with_trial(before, joints, requests, cycles)
-    anew = (0,) * len(joints.models) if before is None else before.reidentified
+    models = Models.of(joints, before)
     noise = _noise(joints, trials, trials[now].mean - modelled)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
-        joints, anew, said = _reidentified(joints, trials, noise, anew)
+        tried = before is not None and not _same(requests, before.trials[-1].requests)
+        if tried and models.anew and _worse(joints, trials[-1], trials[-2].error, noise):
+            models, said = models.before(now)
+        else:
+            models = models.kept() if tried else models
+            models, said = reidentified(models, joints, trials, noise)
+        joints = joints.with_models(models.now)
         remarks += said
         noise = _noise(joints, trials, trials[now].mean - joints.respond(requests))
     delays = delays_of(joints, cycles, joints.respond(requests), removed)
     remarks += remarks_on_delays(joints, delays, noise.deviation)
-    found = _estimated(joints, trials, max(anew), noise)
+    found = _estimated(joints, trials, max(models.since), noise)
     made = joints.planned(found.disturbance)
     base = trials[found.base]
     whole = joints.respond(made.requests.reshape(requests.shape)) + found.measured
@@ -264,7 +271,8 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         trials=trials,
         noise=spread,
         gain=found.gain,
-        reidentified=anew,
+        reidentified=models.since,
+        replaced=models.replaced,
         delays=delays,
         best=found.base,
         floor=floor,
@@ -307,13 +315,10 @@ def _estimated(
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
     ``since`` were planned on another model, so that their failures say nothing of this one.
     """
-    size = joints.size(noise.deviation)
     used, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
     before, seen = used, used
     for number, trial in enumerate(trials):
-        size_here = size / math.sqrt(trial.cycles)
-        bar = least * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size_here
-        if trial.error <= bar:
+        if not _worse(joints, trial, least, noise):
             gain = 1.0 if number <= since else min(gain * OPTIONS.growth, 1.0)
             base, before = number, used
             seen = trial.mean - joints.respond(trial.requests)
@@ -326,6 +331,16 @@ def _estimated(
     return Estimate(used, seen, base, gain)
 
 
+def _worse(joints: PlannedJoints, trial: Trial, error: float, noise: Noise) -> bool:
+    """Whether a trial is worse than an error, by more than noise explains."""
+    size = joints.size(noise.deviation) / math.sqrt(trial.cycles)
+    return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
+
+
+def _same(requests: Array, others: Array) -> bool:
+    return bool(np.max(np.abs(requests - others)) <= SAME_REQUESTS)
+
+
 def _noise(joints: PlannedJoints, trials: Sequence[Trial], error: Array) -> Noise:
     return noise_of([trial.measured for trial in trials], error, cyclic=joints.cyclic)
 
@@ -335,7 +350,7 @@ def _with_trial(
 ) -> tuple[tuple[Trial, ...], int]:
     """The trials with a new one, or with more cycles of one of the same requests; its number."""
     trials = list(before.trials if before else ())
-    known = (np.max(np.abs(trial.requests - requests)) <= SAME_REQUESTS for trial in trials)
+    known = (_same(trial.requests, requests) for trial in trials)
     now = next((number for number, same in enumerate(known) if same), len(trials))
     if now < len(trials):
         cycles = np.concatenate([trials[now].measured, cycles])
@@ -345,36 +360,6 @@ def _with_trial(
     error = joints.error(cycles.mean(axis=0))
     trials[now : now + 1] = [Trial(requests=requests.copy(), measured=cycles.copy(), error=error)]
     return tuple(trials), now
-
-
-def _reidentified(
-    joints: PlannedJoints, trials: Sequence[Trial], noise: Noise, anew: tuple[int, ...]
-) -> tuple[PlannedJoints, tuple[int, ...], list[str]]:
-    """The joints with models that the trials identify anew, where these predict better."""
-    models, numbers, said = list(joints.models), list(anew), list[str]()
-    for j, model in enumerate(joints.models):
-        found = better_model(
-            model,
-            trials,
-            j,
-            float(noise.deviation[j]),
-            cyclic=joints.cyclic,
-            start=joints.starts[j],
-            load=joints.loads[j],
-        )
-        if found is not None:
-            models[j], numbers[j] = found, len(trials) - 1
-            which = "model" if len(models) == 1 else f"model of joint {j + 1}"
-            said.append(
-                f"the {which} was identified anew from the measured cycles: it predicts a cycle "
-                "that it had not seen better than the model as it was and what was learnt with it"
-            )
-    if not said:
-        return joints, anew, said
-    plan = joints.plan
-    if isinstance(plan, Inversion):
-        return PlannedJoints.of(replace(plan, model=models[0])), tuple(numbers), said
-    return PlannedJoints.of(replace(plan, models=tuple(models))), tuple(numbers), said
 
 
 def _floor(

@@ -1,16 +1,19 @@
-"""Another model from the measured cycles, where it predicts a cycle that it has not seen better."""
+"""Models identified anew from trials, where they predict a trial that they have not seen better."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import PlannerError
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.inversion.trials import Trial
+from planner.inversion.trials import Learning, Trial
+from planner.learning.disturbance import Noise
+from planner.learning.planned_joints import PlannedJoints
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array, rms
@@ -24,7 +27,7 @@ class ReidentificationOptions:
         unexplained: Error of the prediction from which on it is worth a second, in standard
             deviations of the measured cycle's noise [-].
         negligible: So is one beyond this share of the joint's motion [-]: learning copes with it.
-        saving: Share of that error that another model has to save on a cycle that it has not seen
+        saving: Share of that error that another model has to save on a trial that it has not seen
             [-]: a model that is as good brings nothing, and forgets the logs it came from.
         trials: Trials, the last ones, that are fitted.
         resting: Rows of rest before a motion from rest: longer than any lag.
@@ -38,6 +41,78 @@ class ReidentificationOptions:
 
 
 OPTIONS = ReidentificationOptions()
+
+
+class Models(NamedTuple):
+    """The models of the joints, and what they were.
+
+    Attributes:
+        now: The model of each joint.
+        since: The trial after which it was changed last; 0 where it never was.
+        replaced: The model before, until the new one has been tried; None where there is none.
+    """
+
+    now: tuple[JointModel, ...]
+    since: tuple[int, ...]
+    replaced: tuple[JointModel | None, ...]
+
+    @classmethod
+    def of(cls, joints: PlannedJoints, before: Learning | None) -> Models:
+        """Those of a plan that has learnt, or has not."""
+        count = len(joints.models)
+        since = (0,) * count if before is None else before.reidentified
+        replaced = before.replaced if before is not None else ()
+        return cls(joints.models, since, replaced or (None,) * count)
+
+    @property
+    def anew(self) -> bool:
+        """Whether one was identified anew and has not been tried yet."""
+        return any(model is not None for model in self.replaced)
+
+    def kept(self) -> Models:
+        """The same, without a way back."""
+        return self._replace(replaced=(None,) * len(self.now))
+
+    def before(self, trial: int) -> tuple[Models, list[str]]:
+        """The models that were replaced, from a trial on, and what to say of them."""
+        now, since, said = list(self.now), list(self.since), list[str]()
+        for j, model in enumerate(self.replaced):
+            if model is not None:
+                now[j], since[j] = model, trial
+                said.append(
+                    f"the {self._name(j)} that was identified anew has made the error larger: the "
+                    "one before it is used again"
+                )
+        return Models(tuple(now), tuple(since), (None,) * len(now)), said
+
+    def _name(self, j: int) -> str:
+        return "model" if len(self.now) == 1 else f"model of joint {j + 1}"
+
+
+def reidentified(
+    models: Models, joints: PlannedJoints, trials: Sequence[Trial], noise: Noise
+) -> tuple[Models, list[str]]:
+    """The models that the trials identify anew, where these predict better; and what to say."""
+    now, since, replaced = list(models.now), list(models.since), list(models.replaced)
+    said = list[str]()
+    for j, model in enumerate(models.now):
+        found = better_model(
+            model,
+            trials,
+            j,
+            float(noise.deviation[j]),
+            cyclic=joints.cyclic,
+            start=joints.starts[j],
+            load=joints.loads[j],
+        )
+        if found is not None:
+            now[j], since[j], replaced[j] = found, len(trials) - 1, models.replaced[j] or model
+            said.append(
+                f"the {models._name(j)} was identified anew from the measured cycles: it predicts "
+                "a trial that it had not seen better than the model as it was and what was learnt "
+                "with it"
+            )
+    return Models(tuple(now), tuple(since), tuple(replaced)), said
 
 
 def better_model(
@@ -54,8 +129,9 @@ def better_model(
 
     The last trial is held out. With the model as it is, its angles are predicted with the
     disturbance of the trial before; so they are with a model that is identified from those before.
-    Of a single trial the last cycle is held out; as the disturbance of the others would explain it
-    whatever the model, the models compete without one.
+    With that disturbance every model explains a repeated motion: what the models are compared by is
+    how the angles change with the requests. So there is no other model after a single trial,
+    however many cycles it has, nor where the requests have hardly changed.
 
     Args:
         model: The joint as it is known.
@@ -74,21 +150,15 @@ def better_model(
         logs = [_log(model, *each, cyclic=cyclic, load=load) for each in known[-OPTIONS.trials :]]
         return _identified(model, logs)
 
-    pairs = [(trial.requests[:, joint], trial.measured[:, :, joint]) for trial in trials]
-    sent, measured = pairs[-1]
-    if len(pairs) > 1:
-        known = [(requests, cycles.mean(axis=0)) for requests, cycles in pairs[:-1]]
-        target = measured.mean(axis=0)
-        noise /= np.sqrt(len(measured))
-    elif len(measured) > 1:
-        known, target = [(sent, measured[:-1].mean(axis=0))], measured[-1]
-    else:
+    if len(trials) < 2:
         return None
+    pairs = [(trial.requests[:, joint], trial.mean[:, joint]) for trial in trials]
+    known, (sent, target) = pairs[:-1], pairs[-1]
+    noise /= np.sqrt(trials[-1].cycles)
 
     def missed(by: JointModel) -> float:
         before, angles = known[-1]
-        disturbance = angles - run(by, before) if len(pairs) > 1 else 0.0
-        return rms(run(by, sent) + disturbance - target)
+        return rms(run(by, sent) - run(by, before) + angles - target)
 
     try:
         now = missed(model)

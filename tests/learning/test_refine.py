@@ -10,6 +10,7 @@ import pytest
 from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
+from planner.files.learning_history import LearningState, read_history, write_history
 from planner.model.evidence import Evidence
 from planner.trajectory import Array
 
@@ -133,15 +134,52 @@ def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
     assert rms(worse.requests - plan.requests) < rms(first.requests - plan.requests)
 
 
-def test_several_cycles_identify_the_model_anew_where_that_predicts_better() -> None:
+@pytest.fixture(scope="module")
+def two_trials() -> tuple[MadeJoint, planner.Inversion, planner.Inversion]:
+    """A slower joint, and the plans after a trial of three cycles and after a second one."""
     true = replace(KNOWN, v_max=0.75 * KNOWN.v_max, theta_0=1.2 * KNOWN.theta_0)
-    desired = random_path(3, 88, span=1.2, fastest=0.05)
-    plan = planner.invert_optimal(KNOWN, desired)
     joint = MadeJoint(true, noise=math.radians(0.05))
-    after = planner.refine(plan, joint.play(plan.requests, 3)[1])
-    assert after.model.v_max == pytest.approx(true.v_max, rel=0.03)
-    assert any("identified anew" in remark for remark in after.learning.remarks)
-    assert planner.refine(plan, joint.play(plan.requests, 3)[1], reidentify=False).model == KNOWN
+    plan = planner.invert_optimal(KNOWN, random_path(3, 88, span=1.2, fastest=0.05))
+    first = planner.refine(plan, joint.play(plan.requests, 3)[1])
+    return joint, first, planner.refine(first, joint.play(first.requests, 3)[1])
+
+
+def test_a_second_trial_identifies_the_model_anew_where_that_predicts_it_better(two_trials) -> None:
+    joint, first, second = two_trials
+    assert second.model.v_max == pytest.approx(joint.model.v_max, rel=0.03)
+    assert any("identified anew" in remark for remark in second.learning.remarks)
+    measured = joint.play(first.requests, 3)[1]
+    assert planner.refine(first, measured, reidentify=False).model == KNOWN
+
+
+def test_cycles_of_the_same_requests_identify_no_model(two_trials) -> None:
+    """Any model that is fitted to a motion predicts that motion."""
+    joint, first, _ = two_trials
+    again = replace(first, requests=first.learning.trials[0].requests[:, 0])
+    for plan in (first, planner.refine(again, joint.play(again.requests, 5)[1])):
+        assert plan.model == KNOWN
+        assert plan.learning.reidentified == (0,)
+
+
+@pytest.mark.parametrize("filed", [False, True], ids=["in memory", "from a file"])
+def test_a_model_identified_anew_that_makes_the_error_larger_is_given_up(
+    two_trials, tmp_path, filed: bool
+) -> None:
+    _, first, plan = two_trials
+    if filed:
+        name, desired = tmp_path / "learning.json", plan.desired[:, np.newaxis]
+        state = LearningState((plan.model,), plan.learning)
+        write_history(str(name), desired, {"knee": state})
+        (model,), learning = read_history(str(name), ["knee"], desired)["knee"]
+        plan = replace(plan, model=model, learning=learning)
+    wave = np.sin(6.0 * np.pi * np.arange(88) / 88)
+    after = planner.refine(plan, plan.predicted + 0.3 * wave)
+    assert after.model == first.model == KNOWN
+    assert any("before it is used again" in remark for remark in after.learning.remarks)
+    assert after.learning.best == 1
+    kept = planner.refine(plan, plan.predicted)
+    assert kept.model == plan.model
+    assert not any(kept.learning.replaced)
 
 
 def test_a_motion_from_rest_is_learnt_and_starts_where_it_did() -> None:
