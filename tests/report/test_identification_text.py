@@ -202,7 +202,7 @@ def test_intervals_of_a_model_file_are_read_and_written_again_to_the_last_digit(
         ("[4.5, 5.5]", "[nan, 5.5]", "v_max_interval: got "),
         ("0.9, 0.0]", "0.8, 0.0]", "correlations: got .*expected a symmetric matrix"),
         ("[1.0, 0.9, 0.0]", "[2.0, 0.9, 0.0]", "from -1 to 1, with 1 on its diagonal"),
-        (", [0.0, 0.0, 1.0]", "", "a row for each of v_max_interval, theta_0_interval, lag_"),
+        (", [0.0, 0.0, 1.0]", "", "a row for each interval: v_max, theta_0, lag"),
         ("lag_interval", "gain_interval = [40, 60]\nlag_interval", "expected one of them"),
         ("lag_interval", "lag_intervall", "'lag_intervall' .did you mean 'lag_interval'"),
     ],
