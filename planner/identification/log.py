@@ -48,6 +48,9 @@ UNITS = ("rad", "1")
 LATEST = 1e12
 """Times beyond this [s] are in another unit."""
 
+SLOWEST, FASTEST = 2.0, 2e-5
+"""A log with rows further apart than this [s], or closer, has probably another unit of time."""
+
 FEWEST_ROWS = 3
 """Rows below which there is no motion to speak of."""
 

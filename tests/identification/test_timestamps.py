@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import planner
 from planner.identification.fit import evenly_timed
@@ -92,3 +93,10 @@ def test_a_loop_that_is_late_now_and_then_has_the_period_of_most_of_its_rows():
         [changed(log, times=np.cumsum(np.where(late, 0.028, 0.0205)))], tick=None, hold=None
     )
     assert abs(timing.period - 0.0205) <= 1e-9  # the mean would be 21.6 ms
+
+
+@pytest.mark.parametrize("scale", [1e3, 1e-3])
+def test_rows_too_far_apart_or_too_close_to_be_of_a_joint_are_refused(scale):
+    log = rich_log()
+    with pytest.raises(planner.InvalidInput, match="expected one every 2e-05 to 2 s"):
+        planner.identify(changed(log, times=scale * log.times))

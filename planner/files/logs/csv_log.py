@@ -17,6 +17,7 @@ from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
 from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
 from planner.files.paths import LOAD, TIME
 from planner.files.table import Table, read_table
+from planner.files.units import MOST_TURNS, TURN, not_radians
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             load=_load(table, pair.joint),
             requested=requested,
         )
+        if log_columns.request_scale.name == "rad":
+            _check_radians(table, requested, log_columns.requests)
         source = Source(path=path, line=lambda k: table.lines[k])
         notes = (
             f"{clock}, requested from '{requested}', actual from '{actual}'{torque}",
@@ -193,6 +196,21 @@ def _scale(table: Table, column: str, joint: str, options: LogOptions) -> Scale:
         return scale(unit, options.ticks_per_turn)
     except InvalidInput as error:
         raise InvalidFile(table.path, str(error), line=1) from error
+
+
+def _check_radians(table: Table, column: str, requests: Array) -> None:
+    """Refuse requests in radians that are those of degrees; a sensor may have glitches."""
+    known = np.flatnonzero(np.isfinite(requests))
+    if not len(known) or not not_radians(requests[known]):
+        return
+    k = int(known[np.argmax(np.abs(requests[known]))])
+    raise InvalidFile(
+        table.path,
+        f"column '{column}': got {requests[k]:g} rad, {abs(requests[k]) / TURN:.1f} turns, "
+        f"expected at most {MOST_TURNS:g}; if these are degrees, name the columns so or give "
+        "--unit deg; a joint that turns further is read in degrees or turns",
+        line=table.lines[k],
+    )
 
 
 def _unit_note(columns: Columns, given: str | None) -> str:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.units import Scale
 from planner.files.units import LARGEST, LEAST_DEG, not_radians
-from planner.identification.log import FEWEST_ROWS, Log, Written
+from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
 from planner.trajectory import Array
 
 Switch = npt.NDArray[np.bool_]
@@ -20,9 +20,6 @@ Switch = npt.NDArray[np.bool_]
 
 EPOCH = 1e6
 """Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
-
-SLOWEST, FASTEST = 2.0, 2e-5
-"""A log with rows further apart than this [s], or closer, has probably another unit of time."""
 
 MOST_SHARE = 2.0
 """A share of the range beyond this either way is none."""

@@ -248,9 +248,9 @@ def test_several_files_are_several_logs_in_their_order(tmp_path):
 
 DOUBTS = {
     "degrees called radians": (
-        "t_s,req_rad,act_deg",
-        {"requested": [0, 20, 10, 0]},
-        "requested angles reach 20 rad: are they degrees?",
+        "t_s,req_deg,act_rad",
+        {"actual": [0, 20, 10, 0]},
+        "actual angles reach 20 rad: are they degrees?",
     ),
     "radians called degrees": (
         "t_s,req_deg,act_deg",
@@ -269,6 +269,12 @@ DOUBTS = {
 def test_a_unit_that_is_probably_wrong_is_doubted_in_words(tmp_path, case):
     header, values, doubt = DOUBTS[case]
     assert doubt in _read(_csv(tmp_path, header, **values)).notes
+
+
+def test_requests_in_radians_that_are_those_of_degrees_are_refused(tmp_path):
+    file = _csv(tmp_path, "t_s,req_rad,act_rad", requested=[0, 20, 10, 0])
+    with pytest.raises(InvalidFile, match=r"line 3: column 'req_rad': got 20 rad, 3.2 turns"):
+        _read(file)
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])
