@@ -23,6 +23,7 @@ from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
 from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
+from planner.learning.measurements import check_motion, check_new
 from planner.learning.planned_joints import PlannedJoints
 from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
@@ -71,9 +72,6 @@ OPTIONS = LearningOptions()
 
 SAME_REQUESTS = 1e-6
 """Requests that differ by less are the same [rad]: files carry them rounded, servos in counts."""
-
-LIKE_DEGREES = (40.0, 80.0)
-"""Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit off."""
 
 AFTER_ROBUST_PLAN = (
     "the executed plan was for several models: learning goes on from the nominal one, and what was "
@@ -129,8 +127,10 @@ def refine(
         is what was learnt, and part of ``predicted``.
 
     Raises:
-        InvalidInput: ``plan`` is none, the delay is no time, or the angles look like degrees.
-        InvalidTrajectory: ``measured`` has another shape or values that are not finite.
+        InvalidInput: ``plan`` is none, or the delay is no time.
+        InvalidTrajectory: ``measured`` has another shape or values that are not finite, or cannot
+            belong to the requests: another unit, a joint that does not move, the requests
+            themselves, or a cycle that was already measured under others.
         SolverFailed: No requests were found that lead to a steady cycle.
 
     Example:
@@ -221,13 +221,16 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         remarks.append(AFTER_ROBUST_PLAN)
     requests = plan.requests.reshape(cycles.shape[1:])
     modelled = joints.respond(requests)
-    _check_unit(cycles, modelled)
+    check_motion(cycles, requests, modelled)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
         remarks.append("the first cycle differs from the others: it is taken for the way into them")
     before = plan.learning
     removed = delays_to_remove(joints, cycles, modelled, given=sensor_delay, before=before)
     cycles = earlier(cycles, removed, joints)
+    if before is not None:
+        old = [joints.respond(trial.requests) for trial in before.trials]
+        check_new(cycles, modelled, before.trials, old)
     trials, now = _with_trial(before, joints, requests, cycles)
     models = Models.of(joints, before)
     noise = _noise(joints, trials, trials[now].mean - modelled)
@@ -403,15 +406,3 @@ def _settled(cycles: Array) -> Array:
     spread, first = rms(others - others.mean(axis=0)), rms(cycles[0] - others.mean(axis=0))
     count = float(np.max(np.ptp(others, axis=1)))
     return others if first > max(OPTIONS.settling * spread, 0.01 * count) else cycles
-
-
-def _check_unit(cycles: Array, modelled: Array) -> None:
-    """Refuse angles that look like degrees."""
-    moved = modelled - modelled.mean(axis=0)
-    power = float(np.vdot(moved, moved))
-    ratio = float(np.vdot(cycles.mean(axis=0), moved)) / power if power else 0.0
-    if LIKE_DEGREES[0] < ratio < LIKE_DEGREES[1]:
-        raise InvalidInput(
-            f"measured: the angles move {ratio:.0f} times as far as the model: are they degrees? "
-            "expected radians; convert them with numpy.radians"
-        )

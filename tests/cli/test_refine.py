@@ -128,6 +128,21 @@ def test_what_does_not_fit_is_refused(run, desired, tmp_path, execute, options, 
     assert result.stdout == ""
 
 
+def test_the_same_recording_twice_is_refused_before_anything_is_written(
+    run, desired, execute, tmp_path
+):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "requests.csv")
+    line = (*line, "--history", "all.json")
+    assert run(*line).exit_code == 0
+    written = {name: (tmp_path / name).read_text() for name in ("requests.csv", "all.json")}
+    result = run(*line)
+    assert result.exit_code == 2
+    assert "hip: measured: the same angles as in trial 1" in result.stderr
+    assert written == {name: (tmp_path / name).read_text() for name in written}
+
+
 def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
     run("plan", desired, "-o", "requests.csv")
     execute()

@@ -209,6 +209,7 @@ def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> Non
     true = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0)
     angles = np.column_stack([planner.simulate(true, column) for column in plan.requests.T])
     after = planner.refine(plan, angles, reidentify=False)
+    angles = np.column_stack([planner.simulate(true, column) for column in after.requests.T])
     after = planner.refine(after, np.stack([angles, angles]), reidentify=False)
     assert after.names == plan.names
     assert [len(each.learning.trials) for each in after.inversions] == [2, 2]
@@ -246,6 +247,37 @@ def test_measurements_that_do_not_fit_are_refused(measured: object, message: str
     plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
     with pytest.raises(planner.InvalidTrajectory, match=message):
         planner.refine(plan, measured)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda plan: plan.requests, "the angles of the joint are its requests"),
+        (lambda plan: np.round(plan.requests, 4), "the angles of the joint are its requests"),
+        (lambda plan: 0.0 * plan.requests, "the joint does not move: .* range of 0 rad, the model"),
+        (lambda plan: 0.0015 * (plan.requests > 0.0), "the joint does not move"),
+        (lambda plan: np.radians(plan.predicted), "1/57 as far as the model: are they radians"),
+    ],
+    ids=["requests", "rounded requests", "still", "flipping count", "radians as degrees"],
+)
+def test_measurements_that_cannot_be_of_the_joint_are_refused(wrong, message: str) -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
+    with pytest.raises(planner.InvalidTrajectory, match=message):
+        planner.refine(plan, wrong(plan))
+
+
+def test_a_joint_that_should_not_move_may_rest_where_it_is_requested_to() -> None:
+    plan = planner.invert_optimal(replace(KNOWN, offset=0.01), np.full(88, 0.3))
+    np.testing.assert_allclose(planner.refine(plan, plan.requests).requests, 0.3)
+
+
+def test_the_recording_of_other_requests_is_refused(two_trials) -> None:
+    joint, first, second = two_trials
+    old = first.learning.trials[0].measured[:, :, 0]
+    with pytest.raises(planner.InvalidTrajectory, match="same angles as in trial 1"):
+        planner.refine(first, old[1:])
+    with pytest.raises(planner.InvalidTrajectory, match="same angles as in trial 1"):
+        planner.refine(second, np.vstack([joint.play(second.requests)[1], old]))
 
 
 def test_degrees_and_no_plan_are_refused() -> None:
@@ -287,7 +319,9 @@ def test_after_a_robust_plan_what_was_measured_takes_the_place_of_the_drawn_mode
     np.testing.assert_array_equal(after.predicted, expected.predicted)
     assert (after.robust, after.nominal) == (None, None)
     assert any("was for several models" in remark for remark in after.learning.remarks)
-    again = planner.refine(after, measured)
+    columns = after.requests.reshape(len(after.requests), -1).T
+    angles = np.column_stack([planner.simulate(true, each) for each in columns])
+    again = planner.refine(after, angles.reshape(after.requests.shape))
     assert not any("was for several models" in remark for remark in again.learning.remarks)
 
 

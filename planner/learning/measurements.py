@@ -1,0 +1,113 @@
+"""Measured cycles that cannot belong to the requests: refused before anything is learnt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.exceptions import ANGLE_UNIT, InvalidTrajectory
+from planner.inversion.trials import Trial
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurementOptions:
+    """When measured angles are taken for something else.
+
+    Attributes:
+        still: Range of a joint that does not move [rad]: its reading flips between two counts of a
+            sensor of 12 bit, and not more.
+        moving: Range of the modelled angles from which on the joint should have moved [rad].
+        equal: Measured angles that differ from the requests by less, everywhere, are the requests
+            [rad]: files carry them rounded, to a hundredth of a degree or finer.
+        lagging: Range of modelled angles less requests from which on they should not be [rad].
+        repeated: Two cycles that differ by less, everywhere, are one [rad].
+        degrees: Measured over modelled motion [-] from which angles look like degrees: 57.3, a bit
+            off; and by one over it like radians that were read as degrees.
+    """
+
+    still: float = 1.5 * 2.0 * math.pi / 4096.0
+    moving: float = 15.0 * 2.0 * math.pi / 4096.0
+    equal: float = 1e-4
+    lagging: float = 1e-3
+    repeated: float = 1e-9
+    degrees: tuple[float, float] = (40.0, 80.0)
+
+
+OPTIONS = MeasurementOptions()
+
+
+def check_motion(cycles: Array, requests: Array, modelled: Array) -> None:
+    """Refuse angles in another unit, joints that do not move, and requests in place of angles.
+
+    Args:
+        cycles: Measured angles [rad], (cycles, n, k).
+        requests: What was executed [rad], (n, k).
+        modelled: Angles of the models under it [rad], (n, k).
+
+    Raises:
+        InvalidTrajectory: The angles cannot be those of the joints.
+    """
+    moved = modelled - modelled.mean(axis=0)
+    power = float(np.vdot(moved, moved))
+    ratio = float(np.vdot(cycles.mean(axis=0), moved)) / power if power else 0.0
+    least, most = OPTIONS.degrees
+    if least < ratio < most:
+        raise InvalidTrajectory(
+            f"measured: the angles move {ratio:.0f} times as far as the model: are they degrees? "
+            "expected radians; convert them with numpy.radians"
+        )
+    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
+    if np.any(should_move) and 1.0 / most < ratio < 1.0 / least:
+        raise InvalidTrajectory(
+            f"measured: the angles move 1/{1.0 / ratio:.0f} as far as the model: are they radians "
+            "that were taken for degrees? check the unit of the file, or convert them once only"
+        )
+    for j in range(modelled.shape[1]):
+        of = "the joint" if modelled.shape[1] == 1 else f"joint {j + 1}"
+        measured, model = cycles[:, :, j], modelled[:, j]
+        if should_move[j] and np.ptp(measured) <= OPTIONS.still:
+            raise InvalidTrajectory(
+                f"measured: {of} does not move: its angles have a range of "
+                f"{_text(np.ptp(measured))}, the model's of {_text(np.ptp(model))}; check that its "
+                "torque was on, and that the recording is of this joint"
+            )
+        lags = float(np.ptp(model - requests[:, j])) > OPTIONS.lagging
+        if lags and np.max(np.abs(measured - requests[:, j])) <= OPTIONS.equal:
+            raise InvalidTrajectory(
+                f"measured: the angles of {of} are its requests: no joint follows so exactly; give "
+                "what its sensor measured"
+            )
+
+
+def check_new(
+    cycles: Array, modelled: Array, trials: Sequence[Trial], before: Sequence[Array]
+) -> None:
+    """Refuse a cycle that was already measured under other requests.
+
+    Args:
+        cycles: Measured angles [rad], (cycles, n, k), the sensors' delays taken off.
+        modelled: Angles of the models under the executed requests [rad], (n, k).
+        trials: The trials before.
+        before: Angles of the models in each of them [rad], (n, k).
+
+    Raises:
+        InvalidTrajectory: An earlier trial has the same angles, and the model has others.
+    """
+    for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
+        if np.max(np.abs(modelled - angles)) <= OPTIONS.lagging:
+            continue
+        apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
+        if np.any(apart <= OPTIONS.repeated):
+            raise InvalidTrajectory(
+                f"measured: the same angles as in trial {number}, whose requests were others; give "
+                "what was measured while the last requests were executed"
+            )
+
+
+def _text(angle: float) -> str:
+    unit = ANGLE_UNIT.get()
+    return f"{angle:.2g} rad" if unit == "rad" else f"{math.degrees(angle):.2g} {unit}"
