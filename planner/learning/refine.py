@@ -393,9 +393,14 @@ def _remaining(joints: PlannedJoints, base: Trial, floor: tuple[float, float]) -
         return f"{error:.5f} rad" if unit == "rad" else f"{math.degrees(error):.3f} {unit}"
 
     speed, noise = floor
-    words = f"remaining error {text(base.error)}: "
-    words += "" if math.isnan(speed) else f"{text(speed)} from speed limits, "
-    return words + f"{text(noise)} noise of a cycle"
+    if noise > base.error:
+        return (
+            f"remaining error {text(base.error)}: no more than the noise of a cycle, {text(noise)}"
+        )
+    words = "" if math.isnan(speed) else f"{text(speed)} from speed limits, "
+    if speed > base.error:
+        words = "all of it from speed limits by the model, "
+    return f"remaining error {text(base.error)}: {words}{text(noise)} noise of a cycle"
 
 
 def _settled(cycles: Array) -> Array:

@@ -116,10 +116,13 @@ def remarks_on_delays(
             and late >= OPTIONS.period * joints.period
             and late * speeds[j] > OPTIONS.noise * noise[j]
         ):
+            share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
             said.append(
-                f"{100.0 * delay.share:.0f} % of what the model misses{of} is a delay of "
-                f"{1e3 * delay.seconds:.3g} ms: it is learnt as the joint's. If the sensor or the "
-                f"log is late by it: sensor_delay={delay.seconds:.3g}"
+                f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
+                "is learnt"
+                if delay.seconds < 0.0
+                else f"{share} a delay of {1e3 * late:.3g} ms: it is learnt as the joint's. If the "
+                f"sensor or the log is late by it: sensor_delay={late:.3g}"
             )
     return said
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.files.paths import read_joint_path
+from planner.files.paths import JointPath, read_joint_path
 from planner.inversion.arguments import checked_smoothness
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
@@ -90,9 +90,24 @@ def read_executed(path: str, prepared: Prepared) -> Array:
     """
     desired = prepared.desired
     given = read_joint_path(path, joints=desired.names)
-    given.check_period(desired.period)
+    _check_rate(given, desired.period)
     given.check_samples(len(desired.angles))
     return given.angles
+
+
+def _check_rate(given: JointPath, period: float) -> None:
+    """Raise InvalidFile if the rows of a file are not ``period`` [s] apart."""
+    try:
+        given.check_period(period)
+    except InvalidFile as error:
+        assert given.times is not None, "they are what was checked"
+        step = float(given.times[-1] - given.times[0]) / (len(given.times) - 1)
+        raise InvalidFile(
+            given.path,
+            f"one row every {step:.6g} s, expected one every {period:.6g} s, the time between "
+            f"requests; refine with --rate-hz {1.0 / step:.6g} if that is the rate at which they "
+            "were planned and sent, else record a row for each request",
+        ) from error
 
 
 def read_measured(
@@ -112,7 +127,7 @@ def read_measured(
     samples = len(desired.angles)
     for path in paths:
         given = read_joint_path(path, joints=desired.names)
-        given.check_period(desired.period)
+        _check_rate(given, desired.period)
         if desired.units is not None and given.units != desired.units:
             pairs = zip(desired.names, given.units, desired.units, strict=True)
             name, got, expected = next(each for each in pairs if each[1] != each[2])

@@ -143,6 +143,17 @@ def test_the_same_recording_twice_is_refused_before_anything_is_written(
     assert written == {name: (tmp_path / name).read_text() for name in written}
 
 
+def test_measured_angles_at_another_rate_are_refused_with_the_option_of_refine(
+    run, desired, execute
+):
+    run("plan", desired, "-o", "requests.csv")
+    write_joint_path("measured.csv", ("hip", "knee"), execute(), period=0.02)
+    result = run("refine", "requests.csv", "measured.csv", "--desired", desired, "-o", "next.csv")
+    assert result.exit_code == 2
+    assert "one row every 0.02 s, expected one every 0.008 s" in result.stderr
+    assert "refine with --rate-hz 50 if that is the rate" in result.stderr
+
+
 def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
     run("plan", desired, "-o", "requests.csv")
     execute()

@@ -124,6 +124,23 @@ def test_a_late_sensor_is_not_learnt_as_motion() -> None:
     assert any("sensor_delay=" in remark for remark in after.learning.remarks)
 
 
+def test_a_joint_that_answers_earlier_than_the_model_is_no_late_sensor() -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(5, 88, span=1.0, fastest=0.03))
+    after = planner.refine(plan, np.roll(plan.predicted, -1))
+    (remark,) = after.learning.remarks
+    assert "the joint answers 8 ms earlier than the model" in remark
+    assert "sensor_delay" not in remark
+
+
+def test_the_remaining_error_has_no_part_that_exceeds_it() -> None:
+    """Many noisy cycles of the model itself: their mean is off by less than one of them."""
+    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
+    joint = MadeJoint(KNOWN, noise=math.radians(0.1))
+    after = planner.refine(plan, joint.play(plan.requests, 20)[1])
+    assert after.learning.floor[1] > after.learning.errors[0]
+    assert "no more than the noise of a cycle, 0.00" in after.stopped
+
+
 def test_a_worse_cycle_makes_the_next_one_start_from_the_best() -> None:
     desired = random_path(6, 88, span=1.0, fastest=0.03)
     plan = planner.invert_optimal(KNOWN, desired)
