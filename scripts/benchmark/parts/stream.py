@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -278,7 +278,7 @@ def on_recordings(folder: Path) -> list[Table]:
     return [followed, predicted]
 
 
-def times(ticks: int) -> Table:
+def times(ticks: int, *, fast: Sequence[float] = (0.002, 0.004, 0.008, 0.01)) -> Table:
     """Time of a tick by period: six joints that all differ, with measured angles and limits."""
     table = Table(
         "Streams, time of a tick",
@@ -288,7 +288,7 @@ def times(ticks: int) -> Table:
         "expected.",
         stub="period",
     )
-    fast, slow = (0.002, 0.004, 0.008, 0.01), ((0.02, 4, 0.02), (0.03, 1, 0.02))
+    slow = (0.02, 4, 0.02), (0.03, 1, 0.02)
     periods = *((period, 1, 0.0) for period in fast), *slow
     for (period, hold, band), repeats in product(periods, (False, True)):
         models = [
