@@ -13,6 +13,7 @@ pool for all workers, as in joblib's too, every unfinished task fails together w
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import signal
@@ -321,10 +322,15 @@ class Cluster:
 
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
-    """A connection to a scheduler."""
+    """A connection to a scheduler, which is tried first without a client.
+
+    A client that could not connect closes itself when it is collected, which may be while another
+    one begins and holds the lock that this takes.
+    """
     from distributed import Client
 
     try:
+        asyncio.run(_connect(address))
         client = Client(address, timeout=PATIENCE)
     except ValueError as error:
         raise InvalidInput(
@@ -341,6 +347,14 @@ def _client(address: str) -> Iterator[Any]:
     finally:
         with suppress(OSError, TimeoutError):  # it may be gone
             client.close(timeout=PATIENCE)
+
+
+async def _connect(address: str) -> None:
+    """Open a connection to a scheduler, and close it."""
+    from distributed.comm import connect
+
+    comm = await connect(address, timeout=PATIENCE)
+    await comm.close()
 
 
 def _check_workers(client: Any, address: str) -> int:
