@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from planner.identification.identify import identify
     from planner.identification.log import Log
     from planner.identification.result import Identification
-    from planner.inversion.certify import Certificate, certify, lower_bound
+    from planner.inversion.bounds.certify import Certificate, certify, lower_bound
     from planner.inversion.closed_form import closed_form_requests, invert_closed_form
     from planner.inversion.foot.invert import invert_foot
     from planner.inversion.foot.result import FootInversion
     from planner.inversion.line_inverse import line_offset
     from planner.inversion.optimal import invert_optimal
     from planner.inversion.result import Inversion
-    from planner.inversion.stream import Stream
+    from planner.inversion.streaming.stream import Stream
     from planner.inversion.trials import Learning, SensorDelay, Trial
     from planner.learning.refine import refine
     from planner.model.joint import JointModel
@@ -132,14 +132,14 @@ _HOMES = {
     "planner.identification.result": ("Identification",),
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
-    "planner.inversion.certify": ("Certificate", "certify", "lower_bound"),
+    "planner.inversion.bounds.certify": ("Certificate", "certify", "lower_bound"),
     "planner.inversion.closed_form": ("closed_form_requests", "invert_closed_form"),
     "planner.inversion.foot.invert": ("invert_foot",),
     "planner.inversion.foot.result": ("FootInversion",),
     "planner.inversion.line_inverse": ("line_offset",),
     "planner.inversion.optimal": ("invert_optimal",),
     "planner.inversion.result": ("Inversion",),
-    "planner.inversion.stream": ("Stream",),
+    "planner.inversion.streaming.stream": ("Stream",),
     "planner.inversion.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from planner.inversion.certify import lower_bound
+from planner.inversion.bounds.certify import lower_bound
 from planner.inversion.error_norm import error_norm
 from planner.inversion.load_of_pose import LoadOfPose
 from planner.inversion.result import Inversion

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
-from planner.inversion.certify import lower_bound
+from planner.inversion.bounds.certify import lower_bound
 from planner.planning import Limits
 from planner.recorded_path import (
     Models,

@@ -30,9 +30,9 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.differences import Difference, difference
+from planner.inversion.bounds.certify import Certificate, certify
 from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
-from planner.inversion.certify import Certificate, certify
 from planner.inversion.error_norm import relative_gap
 from planner.inversion.result import Inversion
 from planner.inversion.reversals import error_not_spared

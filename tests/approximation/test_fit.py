@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from planner.approximation.fit import fit_pwl
 from planner.approximation.slope_projection import attainable_error
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.inversion.certify import lower_bound
+from planner.inversion.bounds.certify import lower_bound
 from planner.model.joint import JointModel
 from tests.approximation.samples import (
     EXACT_KNOTS,

@@ -8,7 +8,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from planner.inversion.certify import lower_bound
+from planner.inversion.bounds.certify import lower_bound
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.model.response import simulate

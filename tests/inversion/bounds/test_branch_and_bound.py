@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from planner import invert_optimal
 from planner.inversion.arguments import NORMS
 from planner.inversion.bounds.branch_and_bound import Node, branch, cut_off, exact_bound
+from planner.inversion.bounds.certify import certify, lower_bound, planned_error
 from planner.inversion.bounds.reachable_set import BoundProblem
 from planner.inversion.bounds.saturation_relaxation import (
     ScaledProblem,
@@ -20,7 +21,6 @@ from planner.inversion.bounds.saturation_relaxation import (
     solve_relaxation,
 )
 from planner.inversion.bounds.tightening import tighten
-from planner.inversion.certify import certify, lower_bound, planned_error
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import REFERENCE_JOINTS, random_model, saturating

@@ -14,6 +14,7 @@ from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
 from planner.inversion.arguments import NORMS
+from planner.inversion.bounds.certify import lower_bound
 from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.multipliers import certified_error
 from planner.inversion.bounds.reachable_set import (
@@ -22,7 +23,6 @@ from planner.inversion.bounds.reachable_set import (
     envelope,
     reachable_set,
 )
-from planner.inversion.certify import lower_bound
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.independent import from_rest

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from planner import invert_optimal
 from planner.inversion.arguments import NORMS
+from planner.inversion.bounds.certify import certify, lower_bound
 from planner.inversion.bounds.saturation_relaxation import acting_pairs
-from planner.inversion.certify import certify, lower_bound
 from planner.model.joint import JointModel, speed_law
 from planner.model.response import simulate
 from tests.instances import random_model, saturating

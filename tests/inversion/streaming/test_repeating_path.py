@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.inversion.repeating_path import RepeatingPath
+from planner.inversion.streaming.repeating_path import RepeatingPath
 
 KNOWN, CYCLE, AHEAD = 10, 40, 15
 FINE = np.zeros(2, dtype=np.bool_)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.inversion.stream import OPTIONS
+from planner.inversion.streaming.stream import OPTIONS
 from tests.instances import attainable, random_model, saturating
 from tests.pid_servo import PidServo
 

@@ -28,15 +28,15 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput
 from planner.inversion.arguments import checked_limits, range_of_each, steps_of_each
 from planner.inversion.closed_form import switching_time
-from planner.inversion.repeating_path import RepeatingPath
-from planner.inversion.stream_arguments import (
+from planner.inversion.streaming.arguments import (
     StepArguments,
     StepInput,
     checked_cycle,
     checked_preview,
     models_by_name,
 )
-from planner.inversion.stream_step import Plans, Terms
+from planner.inversion.streaming.repeating_path import RepeatingPath
+from planner.inversion.streaming.riccati_step import Plans, Terms
 from planner.inversion.tracking_problem import Indices
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.inversion import stream_step
-from planner.inversion.stream_step import Plans, Terms
+from planner.inversion.streaming import riccati_step
+from planner.inversion.streaming.riccati_step import Plans, Terms
 from planner.model.joint import request_ages
 from planner.model.sensitivity import Periods, request_ages_of_all
 from tests.instances import random_model
@@ -133,8 +133,8 @@ def test_joints_that_are_not_searched_are_left_alone():
 def test_calls_of_functions_give_what_is_spelled_out(monkeypatch):
     models = joints(1)
     spelled_out = filled(models, 1)
-    monkeypatch.setattr(stream_step, "MOST_UNROLLED", 0)
-    monkeypatch.setattr(stream_step, "_compiled", stream_step._compiled.__wrapped__)
+    monkeypatch.setattr(riccati_step, "MOST_UNROLLED", 0)
+    monkeypatch.setattr(riccati_step, "_compiled", riccati_step._compiled.__wrapped__)
     called = filled(models, 1)
     assert np.allclose(called.steps, spelled_out.steps, rtol=1e-10)
     assert np.allclose(called.costs, spelled_out.costs, rtol=1e-12)

@@ -1,0 +1,1 @@
+"""Requests while the desired path becomes known: one optimised step at every period."""
