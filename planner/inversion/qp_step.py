@@ -118,6 +118,7 @@ class _Pattern:
         places, self._place = np.unique(key, return_inverse=True)
         self.rows = places % max(shape[0], 1)
         self.columns = places // max(shape[0], 1)
+        self.diagonal = self.rows == self.columns
         self._ends = np.searchsorted(places, np.arange(shape[1] + 1) * shape[0])
         self._shape = shape
 
@@ -269,7 +270,7 @@ class _Programme:
         answer = self._held_at_limits(terms, requests)
         if answer is None or self._step_too_large(answer, requests):
             within = self._within_limits
-            entries = within.pattern.stored([terms.dynamics, self._limits.tocoo().data])
+            entries = within.pattern.stored([terms.dynamics, self._limits.data])
             right = np.concatenate([terms.right, self.room(requests)])
             answer = within.solve(terms._replace(dynamics=entries, right=right))
         if not answer.solved:
@@ -319,7 +320,7 @@ class _Programme:
         slope[held] = -place[held]
         row_held, column_held = held[curvature.rows], held[curvature.columns]
         entries = np.where(row_held | column_held, 0.0, terms.curvature)
-        entries[row_held & (curvature.rows == curvature.columns)] = 1.0
+        entries[row_held & curvature.diagonal] = 1.0
         conditions = np.where(held[dynamics.columns], 0.0, terms.dynamics)
         right = terms.right - dynamics.times(terms.dynamics, place)
         return _Terms(slope, entries, conditions, right)
@@ -332,7 +333,7 @@ class _Programme:
     def _curvature_times(self, terms: _Terms, vector: Array) -> Array:
         """The curvature, of which the upper triangle is stored, times a vector."""
         pattern, entries = self._curvature, terms.curvature
-        below = np.where(pattern.rows == pattern.columns, 0.0, entries)
+        below = np.where(pattern.diagonal, 0.0, entries)
         return pattern.times(entries, vector) + pattern.transposed_times(below, vector)
 
     def _set_up_limits(self, max_step: Array, *, cyclic: bool) -> None:
