@@ -23,7 +23,7 @@ LARGE = 20
 """Tuples, lists and mappings of more entries are not looked into."""
 
 DEFINITION = (
-    "One warm call each, for the reference rotator. Functions and files of planner/ that are "
+    "One warm call each, for the reference rotator. Named functions and files of planner/ that are "
     "entered; those handed an array with an entry for every sample, as an argument or within "
     f"{DEPTH} steps (attributes, fields, items) from one; the paths by which they are handed it, "
     "such as problem.goal.angles, each counted once; and the same for the desired angles alone."
@@ -44,6 +44,7 @@ def table() -> Table:
     model, angles = instance.model, instance.desired
     calls: dict[str, Callable[[], object]] = {
         "invert_optimal": lambda: planner.invert_optimal(model, angles),
+        "the same, not smoothed": lambda: planner.invert_optimal(model, angles, smoothness=0.0),
         "invert_closed_form": lambda: planner.invert_closed_form(model, angles),
         "fit_pwl, 6 segments": lambda: planner.fit_pwl(
             angles, v_max=model.v_max, tick=model.period, segments=6
@@ -74,6 +75,8 @@ def traced(call: Callable[[], object], instance: Instance) -> Trace:
     def watch(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
         if event != "call" or not code.co_filename.startswith(ROOT):
+            return
+        if code.co_name.startswith("<"):  # a comprehension or a lambda is part of its function
             return
         trace.entered.add(code)
         for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]:
