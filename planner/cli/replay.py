@@ -15,8 +15,8 @@ from planner.cli.identify import log_options, to_log_options
 
 if TYPE_CHECKING:
     from planner.replaying import Replay
-    from planner.run.replay import ReplayTask
-    from planner.run.replay_many import Replayed
+    from planner.run.replay.many import Replayed
+    from planner.run.replay.replay import ReplayTask
     from planner.run.settings import Replay as ReplaySettings
     from planner.run.settings import Run
     from planner.run.tasks import Engine
@@ -98,9 +98,9 @@ def replay(
             --as lerobot -o planned_dataset
     """  # noqa: D301
     from planner.files.logs.recordings import recordings_in
-    from planner.run.replay import tasks_of
-    from planner.run.replay_files import check_writing
-    from planner.run.replay_many import replayed_before
+    from planner.run.replay.files import check_writing
+    from planner.run.replay.many import replayed_before
+    from planner.run.replay.replay import tasks_of
     from planner.run.tasks import engine_of
 
     options.check_parallel(workers, scheduler)
@@ -128,7 +128,7 @@ def replay(
 def _replay_one(task: ReplayTask, *, output: str, report: str | None, as_json: bool) -> None:
     """Plan one recording, and write it."""
     from planner.files.staging import staged
-    from planner.run.replay import document, fastest_document, missed, replay_report, summary
+    from planner.run.replay.replay import document, fastest_document, missed, replay_report, summary
 
     found = None
     with Progress() as progress:
@@ -156,8 +156,8 @@ def _replay_all(
     tasks: Sequence[ReplayTask], engine: Engine, *, output: str, resume: bool
 ) -> Replayed:
     """Plan every recording into one dataset; those that fail are left out."""
-    from planner.run.replay_files import left_out
-    from planner.run.replay_many import replay_many
+    from planner.run.replay.files import left_out
+    from planner.run.replay.many import replay_many
 
     with Progress(count=len(tasks)) as progress:
         made = replay_many(
@@ -173,7 +173,7 @@ def _say_all(
 ) -> None:
     """Say what the plans of many recordings promise, and list those that are left out last."""
     from planner.files.staging import staged
-    from planner.run.replay_many import episodes_report, episodes_text
+    from planner.run.replay.many import episodes_report, episodes_text
 
     said = made.document
     if made.nothing_missing:
@@ -199,7 +199,7 @@ def _say_all(
 def _write(output: str, task: ReplayTask, made: Replay) -> None:
     """Write one recording's requests."""
     from planner.files.exports.lerobot import lerobot_dataset
-    from planner.run.replay_files import lerobot_layout, lerobot_rows, write_replay
+    from planner.run.replay.files import lerobot_layout, lerobot_rows, write_replay
 
     if task.replay.write_as != "lerobot":
         write_replay(output, made, task.replay.write_as)
@@ -211,7 +211,7 @@ def _write(output: str, task: ReplayTask, made: Replay) -> None:
 def _check_output(replay: ReplaySettings, output: str) -> None:
     """Make sure that the output can be written, before anything is computed."""
     from planner.files.staging import check_folder, check_writable
-    from planner.run.replay_files import FOLDERS
+    from planner.run.replay.files import FOLDERS
 
     if replay.write_as in FOLDERS:
         check_folder(output)

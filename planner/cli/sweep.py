@@ -12,7 +12,7 @@ from planner.cli import options, types
 from planner.cli.console import Progress, print_json, remark, summarise
 
 if TYPE_CHECKING:
-    from planner.run.sweep_space import Space
+    from planner.run.sweep.space import Space
 
 HEADING = (
     "A sweep of request-planner: `request-planner sweep FILE` carries it out.",
@@ -61,7 +61,7 @@ def sweep(
     if template:
         from planner.files.text import STANDARD_STREAM, write_text
         from planner.run.schema_text import template as template_of
-        from planner.run.sweep_space import Sweep
+        from planner.run.sweep.space import Sweep
 
         write_text(STANDARD_STREAM, template_of(Sweep, HEADING))
         return
@@ -70,7 +70,7 @@ def sweep(
     options.check_parallel(workers, scheduler)
     if file == "-":
         raise click.UsageError("a sweep is read from a file: the commands that it shows name it.")
-    from planner.run.sweep_space import point_of, read_sweep
+    from planner.run.sweep.space import point_of, read_sweep
 
     space = read_sweep(file)
     named = out or (space.settings.out and str(Path(file).parent / space.settings.out))
@@ -99,9 +99,9 @@ def _carry_out(
     """Plan all points, and write the folder of the results."""
     from planner.files.staging import MANIFEST, check_folder, output_folder
     from planner.run.results import finished, results_beside
-    from planner.run.sweep import sweep
-    from planner.run.sweep_files import summary, write_sweep
-    from planner.run.sweep_space import identity, number_of_points, origin
+    from planner.run.sweep.files import summary, write_sweep
+    from planner.run.sweep.space import identity, number_of_points, origin
+    from planner.run.sweep.sweep import sweep
     from planner.run.tasks import engine_of
 
     check_folder(out)

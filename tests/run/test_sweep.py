@@ -16,8 +16,8 @@ from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
 from planner.run.results import Results
 from planner.run.settings import HalfEllipse
-from planner.run.sweep import evaluate, sweep, walking_speed
-from planner.run.sweep_space import number_of_points, read_sweep
+from planner.run.sweep.space import number_of_points, read_sweep
+from planner.run.sweep.sweep import evaluate, sweep, walking_speed
 from tests.run.work import InThisProcess
 
 GAIT = """
@@ -184,7 +184,7 @@ def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cl
     monkeypatch.chdir(tmp_path)
     (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
     first = cli_run("sweep", "gaits.toml", "--json", "--workers", "1")
-    monkeypatch.setattr("planner.run.sweep.sweep", None)
+    monkeypatch.setattr("planner.run.sweep.sweep.sweep", None)
     again = cli_run("sweep", "gaits.toml", "--json", "--resume")
     assert "nothing is missing: gaits holds all 2 points" in again.stderr
     assert (again.exit_code, again.stdout) == (0, first.stdout)

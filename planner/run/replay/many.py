@@ -24,8 +24,8 @@ from planner.replaying import Replay
 from planner.report.table import number, text_table
 from planner.run import settings
 from planner.run.desired import find_leg
-from planner.run.replay import UNITS, ReplayTask, known
-from planner.run.replay_files import lerobot_layout, lerobot_rows
+from planner.run.replay.files import lerobot_layout, lerobot_rows
+from planner.run.replay.replay import UNITS, ReplayTask, known
 from planner.run.results import Results, Task, finished, made_from, results_beside, results_folder
 from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array

@@ -23,7 +23,7 @@ from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key
 from planner.run.load import with_load
-from planner.run.replay_models import JointModels, joint_models
+from planner.run.replay.models import JointModels, joint_models
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -28,7 +28,7 @@ from planner.run.results import Results, Task
 from planner.run.run import Prepared, prepare
 from planner.run.schema import settings_of
 from planner.run.settings import HalfEllipse, Run
-from planner.run.sweep_space import Space
+from planner.run.sweep.space import Space
 from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array, index_of_largest
 

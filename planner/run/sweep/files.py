@@ -15,11 +15,11 @@ from planner.report.sweep import missed, points_table, sweep_page, verdict
 from planner.run.desired import leg_title
 from planner.run.results import made_from
 from planner.run.schema import flat
-from planner.run.sweep_space import origin
+from planner.run.sweep.space import origin
 
 if TYPE_CHECKING:
     from planner.evaluation.swept import Outcome, Swept
-    from planner.run.sweep_space import Space
+    from planner.run.sweep.space import Space
 
 MOST_SHOWN = 10
 """Reasons that are printed, of points without a plan."""

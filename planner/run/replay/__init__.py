@@ -1,0 +1,1 @@
+"""Recordings replayed: requests that make the joints follow what was recorded."""
