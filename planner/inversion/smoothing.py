@@ -215,4 +215,5 @@ def _allowed_rise(
     if error == 0.0:
         return 0.0
     cost = power_cost(problem.goal.errors(given.angles), power=power, unit=error, ridge=0.0)
-    return cost.value * float((most / error) ** power - 1.0)
+    growth = min(most / error, SEARCH_OPTIONS.largest_share)
+    return cost.value * float(growth**power - 1.0)

@@ -174,3 +174,12 @@ def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
     assert exact.rms < np.radians(0.05)
     assert plan.rms <= allowed_error(exact.rms, 0.005, noise=np.radians(0.25)) + ROUNDING
     assert rough(plan) < 0.3 * rough(exact)
+
+
+def test_a_largest_error_far_below_the_dead_band_is_smoothed_without_overflow():
+    model = JointModel(
+        v_max=9.7, theta_0=0.56, lag=0.019, acceleration_time=0.05, hold=4, dead_band=0.02
+    )
+    desired = 1e-4 * np.array([1.0, 2.1, 1.6, -0.6, 1.2, -2.8])
+    plan = invert_optimal(model, desired, norm="max", max_step=1.5e-3)
+    assert plan.max_error <= model.dead_band
