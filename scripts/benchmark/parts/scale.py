@@ -158,7 +158,7 @@ def dask() -> Iterator[Engine]:
     found = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
     match = next(filter(None, found), None)
     if match is None:
-        raise RuntimeError("no Dask scheduler could be started: install the extra cluster")
+        raise RuntimeError("no Dask scheduler could be started")
     with TemporaryDirectory() as folder:
         workers = subprocess.Popen(
             [*begun, "distributed.cli.dask_worker", match[1], "--nworkers", "2", "--nthreads", "1",
