@@ -55,11 +55,11 @@ def measure(options: Options) -> list[Table]:
 
 
 def bounds(samples: int) -> Table:
-    """What no requests within the limits can beat, one row for each leg and norm."""
+    """Lower bounds on the error of any requests within the limits, a row for each leg and norm."""
     table = Table(
         "The foot's bound",
-        ("plan, cm", "no requests below, cm", "gap, %", "time of the bound, s"),
-        note="The error in the plan's norm, and what is proved about all requests within limits.",
+        ("plan, cm", "lower bound, cm", "gap, %", "time of the bound, s"),
+        note="The error in the plan's norm, and its proved bound for all requests within limits.",
         stub="leg and norm",
     )
     for task in tasks(samples):

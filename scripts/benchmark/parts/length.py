@@ -35,7 +35,8 @@ def measure(options: Options) -> list[Table]:
             "over envelope, %",
             "peak memory, MB",
         ),
-        note="The reference rotator's cycle over and over, its stroke changing slowly.",
+        note="The reference rotator's cycle over and over, its stroke changing slowly. Smoothed "
+        "as by default.",
         stub="trajectory",
     )
     for name, cyclic in BOUNDARIES.items():

@@ -42,7 +42,7 @@ def gaps(
             "largest request step, deg",
             "beyond the desired range, deg",
         ),
-        note=f"{len(population)} random instances that cannot follow.{limited}",
+        note=f"{len(population)} random instances that cannot follow, without smoothing.{limited}",
         stub="instance",
     )
     rows = [gap_row(instance, norm, levels, exact) for instance in (*known, *population)]
@@ -76,7 +76,7 @@ def attained(population: Sequence[Instance]) -> Table:
     table = Table(
         "Trajectories that the joint can follow",
         ("rms error, deg", "largest request step, deg", "beyond the desired range, deg"),
-        note=f"{len(population)} random instances.",
+        note=f"{len(population)} random instances, smoothed as by default.",
         stub="instance",
     )
     plans = [planner.invert_optimal(instance.model, instance.desired) for instance in population]
