@@ -71,6 +71,12 @@ class Distance(NamedTuple):
     desired: Array
     scale: Array
 
+    def positions(self, angles: Array) -> Array:
+        """Scaled positions of the foot, (3, m)."""
+        foot = self.chain.foot(np.cos(angles.T), np.sin(angles.T))
+        scaled: Array = self.scale[:, np.newaxis] * foot
+        return scaled
+
     def by_axis(self, angles: Array) -> tuple[Array, Array]:
         """Scaled positions of the foot, (3, m), and their derivatives [1/rad], (k, 3, m)."""
         foot, columns = self.chain.foot_and_jacobian(np.cos(angles.T), np.sin(angles.T))
@@ -141,9 +147,11 @@ def _block(
     distance: Distance, weights: Array, slopes: Array, guesses: Array, tolerance: float
 ) -> Minima:
     target = (distance.desired * distance.scale).T
-    owner, half, centres = _first_cells(distance)
     angles = guesses.copy()
     least = weights * distance.squared(angles) + np.sum(slopes * angles, axis=1)
+    owner, half, centres = _first_cells(distance)
+    near = _near_enough(distance, weights, slopes, (owner, half, centres), tolerance, least, angles)
+    owner, centres = owner[near], centres[near]
     halves = np.array(list(product((-1.0, 1.0), repeat=guesses.shape[1])))
     for _ in range(OPTIONS.most_halvings):
         positions, jacobians = distance.by_axis(centres)
@@ -196,6 +204,37 @@ def _first_cells(distance: Distance) -> tuple[npt.NDArray[np.intp], Array, Array
     return owner, half, centres.reshape(-1, len(count))
 
 
+def _near_enough(
+    distance: Distance,
+    weights: Array,
+    slopes: Array,
+    cells: tuple[npt.NDArray[np.intp], Array, Array],
+    tolerance: float,
+    least: Array,
+    angles: Array,
+) -> npt.NDArray[np.bool_]:
+    """Which first cells the foot can come near enough in to go below the least values, (m,).
+
+    Positions alone tell it, and they are the same for all samples whose boxes are, as in most
+    cycles. The least values at the centres are written down.
+    """
+    owner, half, centres = cells
+    samples = len(half)
+    boxes = np.hstack([distance.lower, distance.upper])
+    if np.all(boxes == boxes[0]):
+        feet = np.tile(distance.positions(centres[: len(centres) // samples]), samples)
+    else:
+        feet = distance.positions(centres)
+    errors = feet - (distance.desired * distance.scale).T[:, owner]
+    squared, along = _dot(errors, errors), _dot(slopes.T[:, owner], centres.T)
+    _update_least(owner, weights[owner] * squared + along, centres, least, angles)
+    moved = half @ _reach(distance) * np.max(distance.scale)  # by the foot within a cell at most
+    nearest = np.maximum(np.sqrt(squared) - moved[owner], 0.0)
+    enough = least - tolerance + np.sum(np.abs(slopes) * half, axis=1)
+    near: npt.NDArray[np.bool_] = ~(weights[owner] * nearest**2 + along >= enough[owner])
+    return near
+
+
 def _update_least(
     owner: npt.NDArray[np.intp], values: Array, centres: Array, least: Array, angles: Array
 ) -> None:
@@ -210,13 +249,18 @@ def _update_least(
 
 def _linearisation_error(distance: Distance, half: Array) -> Array:
     """How far the foot can be, within a cell, from where its derivatives say, scaled: (n,)."""
-    beyond = np.linalg.norm(
-        np.vstack([distance.chain.translations[1:], distance.chain.tip]), axis=1
-    )
-    reach = np.cumsum(beyond[::-1])[::-1]  # of the foot from each joint
+    reach = _reach(distance)
     outer = np.minimum.outer(reach, reach)  # a pair's derivative turns about the outer one
     curved: Array = np.sum(half @ outer * half, axis=1) / 2.0 * np.max(distance.scale)
     return curved
+
+
+def _reach(distance: Distance) -> Array:
+    """How far the foot can be from each joint [m], shape (k,): it moves so far by a radian."""
+    beyond = np.linalg.norm(
+        np.vstack([distance.chain.translations[1:], distance.chain.tip]), axis=1
+    )
+    return np.cumsum(beyond[::-1])[::-1]
 
 
 def _dot(one: Array, other: Array) -> Array:

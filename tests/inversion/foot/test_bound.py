@@ -262,6 +262,19 @@ def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
         assert np.all(found.proved <= values(rng.uniform(lower, upper)) + ROUNDING)
 
 
+def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
+    whole = replace(OPTIONS, widest_cell=10.0)  # [rad]: the box is one cell
+    monkeypatch.setattr("planner.inversion.foot.configuration_minima.OPTIONS", whole)
+    leg = WALK.leg
+    lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
+    rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])
+    distance = Distance(leg.chain, lower, upper, leg.foot_positions(rim), np.full(3, 100.0))
+    guesses = np.clip(rim, lower + 0.05, upper - 0.05)
+    found = minima(distance, np.ones(3), np.zeros((3, 3)), guesses, tolerance=1e-3)
+    assert np.all(found.proved <= 0.0)
+    assert np.all(distance.squared(found.angles) <= 2e-3)
+
+
 def test_the_least_value_found_is_that_of_a_search_from_many_places():
     rng = np.random.default_rng(3)
     leg = WALK.leg
