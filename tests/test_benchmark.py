@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.trajectory import rms
 from tests.instances import REFERENCE_JOINTS
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
@@ -263,3 +264,21 @@ def test_many_episodes_are_measured_where_they_run():
     assert run["in a worker, ms"] > idle["in a worker, ms"] == 0.0
     assert run["memory"] > 1.0
     assert idle["beside, ms"] > 0.0
+
+
+def test_after_a_log_of_steps_a_plan_tells_the_error_of_a_servo_that_is_not_the_model():
+    """The integral of the servo's speed loop shortens the delay of requests that move."""
+    from benchmark.plants import random_servo
+
+    servo, random = random_servo(4), np.random.default_rng(4)
+    held = [np.full(random.integers(50, 125), random.uniform(-0.3, 1.9)) for _ in range(10)]
+    found = planner.identify(servo.log(np.concatenate(held)[:700]))
+    desired = 0.8 + 0.5 * np.sin(2.0 * np.pi * np.arange(100) / 100)
+    plan = planner.plan(found.model, desired).inversions[0]
+    servo.rest(float(plan.requests[0]))
+    true, _ = servo.play(plan.requests)
+    met = rms(true[0] - desired)
+    bare = found.tested._replace(delay_error=0.0)
+    assert bare.error_of(plan.predicted, period=0.02, cyclic=True) < met / 3.0
+    assert met < plan.expected.error < 2.0 * met
+    assert plan.expected.untested == ("tracking",)

@@ -31,6 +31,7 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
         (0, 2),
         "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
     ),
+    "delay_error": ((), "[s] uncertainty of the delay of moving requests, if none were logged"),
 }
 """Keys beside the parameters, for the first fields of Evidence: shapes, and what they hold."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -11,7 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log
-from planner.model.evidence import GAIN, Evidence, Run, errors_by_acceleration
+from planner.model.evidence import (
+    GAIN,
+    OPTIONS,
+    Evidence,
+    Run,
+    errors_by_acceleration,
+    under_moving_requests,
+)
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import freeze
@@ -172,12 +180,33 @@ class Identification:
             if len(angles)
             else (-math.inf, math.inf),
             errors_by_acceleration([run for fit in self.fits for run in _runs(fit)]),
-            {
-                GAIN if name == "theta_0" else name: (interval.lower, interval.upper)
-                for name, interval in (self.intervals | {"theta_0": self.gain_interval}).items()
-            },
+            self._delay_error() if _holds_steps_only(self.fits) else 0.0,
+            {name: (interval.lower, interval.upper) for name, interval in self._known().items()},
             self.correlations,
         )
+
+    def _known(self) -> dict[str, Interval]:
+        """The intervals, that of v_max / theta_0 in the place of theta_0's."""
+        known = self.intervals | {"theta_0": self.gain_interval}
+        return {GAIN if name == "theta_0" else name: each for name, each in known.items()}
+
+    def _delay_error(self) -> float:
+        """Half the width of the 95 % interval of the delay of requests that move [s].
+
+        It is lag + acceleration_time / 2 + theta_0 / v_max; the intervals of these are combined by
+        their correlations. One without an end counts as wide as the parameter is large.
+        """
+        known, model = self._known(), self.model
+        gain = known[GAIN]
+        longest = 1.0 / gain.lower if gain.lower > 0.0 else math.inf
+        shares = {
+            "lag": _reach(model.lag, known["lag"]),
+            "acceleration_time": _reach(model.acceleration_time, known["acceleration_time"]) / 2.0,
+            GAIN: -_reach(1.0 / self.gain, Interval(1.0 / gain.upper, longest)),  # more is sooner
+        }
+        moves = np.array([shares.get(name, 0.0) for name in known])
+        matrix = np.array(self.correlations) if self.correlations else np.eye(len(moves))
+        return math.sqrt(max(float(moves @ matrix @ moves), 0.0))
 
     @property
     def gain(self) -> float:
@@ -253,6 +282,23 @@ def _runs(fit: LogFit) -> list[Run]:
     period = float(np.median(np.diff(fit.log.times)))
     pieces = (slice(first, end) for first, end in edges.reshape(-1, 2).tolist())
     return [Run(fit.predicted[rows], fit.residuals[rows], period) for rows in pieces]
+
+
+def _holds_steps_only(fits: Sequence[LogFit]) -> bool:
+    """Whether requests move during too little of the joint's travel."""
+    travel = moved = 0.0
+    for fit in fits:
+        steps = np.abs(np.diff(fit.predicted, prepend=np.nan))
+        steps[np.isnan(steps)] = 0.0
+        travel += float(np.sum(steps))
+        moved += float(np.sum(steps[under_moving_requests(fit.log.requests, fit.log.period)]))
+    return moved < OPTIONS.least_travel * travel
+
+
+def _reach(value: float, interval: Interval) -> float:
+    """How far the interval reaches from the value; as far as the value is large without an end."""
+    reach = max(interval.upper - value, value - interval.lower)
+    return reach if math.isfinite(reach) else value
 
 
 def _ends(interval: Interval) -> list[float | None]:

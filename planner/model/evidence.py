@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array, rms
@@ -25,6 +26,16 @@ class EvidenceOptions:
         rounds: Reweightings of the fit, so that relative errors count.
         spare: A motion is outside where it exceeds what was tested by this factor.
         spare_angle: It is also where it leaves the tested angles by more than this share of them.
+        slot: Requests that move change in most slots of this time [s]: a robot is sent ten requests
+            a second and more.
+        span: That long around a row [s]: longer than most joints take for a step.
+        slots: Share of these slots in which they change. Random steps of 0.12 to 0.9 s change in a
+            quarter of them, and a hold between two ramps leaves a few out.
+        least_change: A change counts above this share of the largest one of the span: requests may
+            have noise.
+        least_travel: Logs whose requests move during less than this share of the joint's travel
+            hold steps only. (Of recordings it is 0 with steps, 0.26 and more with other motion,
+            0.05 and more in sets of both.)
     """
 
     window: float = 2.0
@@ -32,6 +43,11 @@ class EvidenceOptions:
     rounds: int = 6
     spare: float = 1.1
     spare_angle: float = 0.1
+    slot: float = 0.1
+    span: float = 1.0
+    slots: float = 0.75
+    least_change: float = 0.01
+    least_travel: float = 0.02
 
 
 OPTIONS = EvidenceOptions()
@@ -48,6 +64,9 @@ OPEN_TOP_SPEED = (
 )
 """Of a joint whose :attr:`Evidence.top_speed` is infinite."""
 
+TRACKING = "tracking"
+"""In :meth:`Evidence.exceeded`: what logs of steps do not show."""
+
 
 class Evidence(NamedTuple):
     """How far off a model was, on what it was tested, and where its parameters lie.
@@ -61,6 +80,8 @@ class Evidence(NamedTuple):
         by_acceleration: Pairs of a root mean square acceleration [rad/s^2], increasing, and the
             root mean square error of such motion [rad]; empty where that is not known. The last
             pair is that of the most accelerated part of the logs.
+        delay_error: Where the logs hold steps only, half the width of the 95 % interval of the time
+            by which the joint trails requests that move [s]; 0 where such requests were tested.
         intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
             names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
             stands in the place of theta_0.
@@ -73,6 +94,7 @@ class Evidence(NamedTuple):
     load: float = 0.0
     angles: tuple[float, float] = (-math.inf, math.inf)
     by_acceleration: tuple[tuple[float, float], ...] = ()
+    delay_error: float = 0.0
     intervals: Mapping[str, tuple[float, float]] = {}
     correlations: tuple[tuple[float, ...], ...] = ()
 
@@ -85,7 +107,8 @@ class Evidence(NamedTuple):
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
 
         What the model leaves out of a servo are forces, which accelerate: (19) of ``docs/math.md``.
-        Without ``by_acceleration`` it is ``error``, whatever the motion.
+        Without ``by_acceleration`` it is ``error``, whatever the motion. After a log of steps the
+        delay of requests that move is not tested, and its interval counts as well: (19a).
 
         Args:
             angles: Angles by the model [rad], shape (n,).
@@ -98,17 +121,25 @@ class Evidence(NamedTuple):
             >>> round(seen.error_of(0.2 * np.sin(phase), period=0.01, cyclic=True), 4)
             0.0038
         """
+        return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
+
+    def _errors_of(self, motion: _Motion) -> tuple[float, float]:
+        """What was tested, and what the interval of the delay adds [rad], rms."""
+        by_delay = self.delay_error * rms(motion.speeds)
         if not self.by_acceleration:
-            return self.error
-        size = rms(_motion(angles, period, cyclic=cyclic).accelerations)
+            return self.error, by_delay
+        size = rms(motion.accelerations)
         known, errors = np.transpose(self.by_acceleration)
         beyond = max(size / known[-1], 1.0) if known[-1] > 0.0 else 1.0
-        return float(np.interp(size, known, errors)) * beyond
+        return float(np.interp(size, known, errors)) * beyond, by_delay
 
     def exceeded(
         self, angles: Array, *, period: float, cyclic: bool, load: Array | float = 0.0
     ) -> tuple[str, ...]:
-        """In what a motion is outside of what was tested: "speed", "acceleration", "angle", "load".
+        """In what a motion is outside of what was tested.
+
+        That is in "speed", "acceleration", "angle", "load" or, where after a log of steps the
+        interval of the delay counts for more than what was tested, in "tracking".
 
         Args:
             angles: Angles of the joint [rad], shape (n,).
@@ -125,11 +156,13 @@ class Evidence(NamedTuple):
         low, high = self.angles
         spare = OPTIONS.spare_angle * (high - low) if math.isfinite(high - low) else 0.0
         size = self.by_acceleration[-1][0] if self.by_acceleration else math.inf
+        tested, by_delay = self._errors_of(motion)
         found = {
             "speed": np.max(np.abs(motion.speeds), initial=0.0) > OPTIONS.spare * self.speed,
             "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
+            TRACKING: by_delay > tested,
         }
         return tuple(name for name, outside in found.items() if outside)
 
@@ -147,6 +180,7 @@ class Evidence(NamedTuple):
             self.load,
             (factor * low, factor * high),
             pairs,
+            self.delay_error,
             intervals,
             self.correlations,
         )
@@ -217,8 +251,9 @@ def expectation(
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
     """Which joints move in another way than their models were tested on; empty for none."""
+    words = {TRACKING: "tracking: the logs hold steps only"}
     found = [
-        f"{name} ({', '.join(each.untested)})"
+        f"{name} ({', '.join(words.get(way, way) for way in each.untested)})"
         for name, each in zip(names, expected, strict=True)
         if each.untested
     ]
@@ -261,6 +296,24 @@ def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ..
         weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
     largest = float(np.max(sizes))
     return (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+
+
+def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:
+    """Around which rows of a log the requests move, rather than jump and rest, (n,).
+
+    Args:
+        requests: Requests of the rows [rad], (n,).
+        period: Time between rows [s].
+    """
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+    rows = max(1, round(OPTIONS.slot / period))
+    around = max(1, round(OPTIONS.span / (rows * period)))
+    steps = np.abs(np.diff(requests, prepend=requests[:1]))
+    ways = np.add.reduceat(steps, np.arange(0, len(steps), rows))
+    changed = ways > OPTIONS.least_change * maximum_filter1d(ways, around, mode="nearest")
+    shares = uniform_filter1d(changed.astype(np.float64), around, mode="nearest")
+    return np.repeat(shares >= OPTIONS.slots, rows)[: len(requests)]
 
 
 class _Motion(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from planner.identification.log import Log
 from planner.identification.result import LogFit, speed_against_error
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from tests.identification.made import identified_steps
 
 ON_THE_LINE = 1e-9
 """With a row every tick a dot is Equation 3 itself, up to rounding [share of the top speed]."""
@@ -76,3 +79,31 @@ def test_only_intervals_between_used_rows_have_a_dot():
 def test_the_clock_of_a_log_may_start_anywhere():
     now, later = (speed_against_error(MODEL, fit_of(MODEL, late=late)) for late in (0.0, 1000.0))
     np.testing.assert_allclose(later.errors, now.errors, atol=1e-8)
+
+
+def test_the_delay_after_steps_is_as_uncertain_as_the_covariance_of_its_parameters_says():
+    found, model = identified_steps(), identified_steps().model
+    ways = {
+        "v_max": -model.theta_0 / model.v_max**2,
+        "theta_0": 1.0 / model.v_max,
+        "lag": 1.0,
+        "acceleration_time": 0.5,
+    }
+    way = np.array([ways.get(name, 0.0) for name in found.intervals])
+    half = 1.96 * np.sqrt(way @ found.covariance @ way)
+    # Intervals follow the loss where it is no parabola, by a few percent here.
+    assert found.tested.delay_error == pytest.approx(half, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("share", "tested"), [(0.0, False), (0.01, False), (0.1, True), (1.0, True)]
+)
+def test_the_delay_is_tested_where_requests_move_during_enough_of_the_travel(share, tested):
+    found = identified_steps()
+    times = 0.008 * np.arange(5000)
+    angles = 0.4 * np.abs(np.mod(times, 4.0) - 2.0)
+    requests = np.where(times < share * 40.0, angles, 0.0)
+    log = Log(times=times, requests=requests, angles=angles)
+    used = np.ones(len(times), dtype=bool)
+    fit = replace(found.fits[0], log=log, used=used, predicted=angles)
+    assert (replace(found, fits=(fit,)).tested.delay_error == 0.0) is tested

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.model.evidence import Evidence, Run, errors_by_acceleration, expectation
+from planner.model.evidence import (
+    Evidence,
+    Run,
+    errors_by_acceleration,
+    expectation,
+    under_moving_requests,
+    untested_words,
+)
 from planner.model.joint import JointModel
 
 SEEN = Evidence(0.02, 2.0, 0.5, (-1.0, 1.0), ((0.0, 0.01), (4.0, 0.03)))
@@ -51,6 +58,54 @@ def test_without_pairs_the_error_is_that_of_all_rows():
 def test_motion_is_outside_where_it_exceeds_what_was_tested(amplitude, frequency, load, outside):
     angles, period = sine(amplitude, frequency)
     assert SEEN.exceeded(angles, period=period, cyclic=True, load=load) == outside
+
+
+def test_after_a_log_of_steps_the_error_of_the_delay_counts_with_the_speed():
+    """It is what a sine's angles miss if they come 20 ms late, and what was tested beside it."""
+    steps = SEEN._replace(delay_error=0.02)
+    amplitude, frequency = 0.05, 1.5
+    angles, period = sine(amplitude, frequency)
+    late, _ = sine(amplitude * 2.0 * np.pi * frequency * 0.02)
+    tested = SEEN.error_of(angles, period=period, cyclic=True)
+    told = steps.error_of(angles, period=period, cyclic=True)
+    assert told == pytest.approx(np.hypot(tested, np.sqrt(np.mean(late**2))), rel=1e-3)
+
+
+def test_a_plan_is_outside_of_a_log_of_steps_where_the_delay_counts_most():
+    angles, period = sine(0.2)  # 0.9 rad/s and 5.6 rad/s^2 rms, for which 42 mrad were tested
+    for delay_error, outside in ((0.0, False), (0.03, False), (0.06, True)):
+        seen = SEEN._replace(delay_error=delay_error, by_acceleration=((0.0, 0.01), (8.0, 0.055)))
+        assert ("tracking" in seen.exceeded(angles, period=period, cyclic=True)) is outside
+        told = expectation(seen, angles, angles, period=period, cyclic=True)
+        words = untested_words(["knee"], [told])
+        assert words.endswith(": knee (tracking: the logs hold steps only)") is outside
+
+
+def held(requests, rows):
+    """Each request for so many rows."""
+    return np.repeat(requests[::rows], rows)[: len(requests)]
+
+
+ROWS = 0.02 * np.arange(1000)
+
+LEVELS = np.random.default_rng(2).uniform(-1.0, 1.0, 1000)
+
+
+@pytest.mark.parametrize(
+    ("requests", "share"),
+    [
+        (np.sin(3.0 * ROWS), 1.0),
+        (held(np.sin(3.0 * ROWS), 5), 1.0),
+        (np.abs(np.mod(ROWS, 4.0) - 2.0), 1.0),
+        (held(LEVELS, 50), 0.0),
+        (held(LEVELS, 20), 0.0),
+        (held(LEVELS, 20) + 1e-3 * LEVELS, 0.0),
+        (np.zeros(1000), 0.0),
+    ],
+    ids=["sine", "ten a second", "triangle", "steps", "quick steps", "noisy steps", "rest"],
+)
+def test_requests_move_where_they_neither_jump_nor_rest(requests, share):
+    assert np.mean(under_moving_requests(requests, 0.02)) == pytest.approx(share, abs=0.05)
 
 
 def test_what_is_not_known_is_not_exceeded_but_for_a_load():
