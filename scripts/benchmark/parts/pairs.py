@@ -12,14 +12,16 @@ import numpy as np
 
 import planner
 from benchmark.parts import Options
+from benchmark.plants import random_path, random_servo
 from benchmark.table import Table
+from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid, resampled
 from planner.identification.result import Identification
 from planner.identification.simulation import respond
 from planner.identification.timestamps import timing_of
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")
 
@@ -32,6 +34,31 @@ BAD = 0.25
 
 SMOOTHED = 5
 """Rows that are averaged before their speeds and accelerations are held against those tested."""
+
+
+PERIOD = 0.02
+"""Time between requests of the virtual servos [s]."""
+
+LIMITS = (-0.3, 1.9)
+"""Of their requests [rad]."""
+
+MARGIN = 0.1
+"""Planned cycles stay so far within these [rad]."""
+
+FASTEST = 3.0
+"""Top speed of these cycles [rad/s]."""
+
+CYCLES = (2.0, 4.0, 8.0)
+"""Their lengths [s]."""
+
+SIGNALS: dict[str, tuple[str, ...]] = {
+    "levels held for 1 to 2.5 s": (),
+    "steps": ("steps",),
+    "random steps": ("random_steps",),
+    "multisine": ("multisine",),
+    "slow triangle, random steps, multisine": ("slow_triangle", "random_steps", "multisine"),
+}
+"""What is logged of them, by signals of :func:`planner.identification.excitation.excite`."""
 
 
 class Tested(NamedTuple):
@@ -51,18 +78,89 @@ class Tested(NamedTuple):
 
 
 def measure(options: Options) -> list[Table]:
-    """Every pair of recordings of a joint, and sets of three on the others.
+    """Virtual servos; every pair of recordings of a joint, and sets of three on the others.
 
     With few instances (``--quick``) only the arm is measured, without the humanoid's 26 joints.
     """
+    servos = promised(options.instances)
     folder = os.environ.get("REQUEST_PLANNER_RECORDINGS", "")
     if not folder or not Path(folder).is_dir():
-        return []
+        return [servos]
     arm = so101(Path(folder))
     every = {**arm, **pendulums(Path(folder))}
     if options.instances > 3:
         every |= humanoid(Path(folder))
-    return [unseen(arm), *pairs(every)]
+    return [servos, unseen(arm), *pairs(every)]
+
+
+def promised(servos: int) -> Table:
+    """The error to expect of plans for virtual servos over the one met, by what was logged."""
+    table = Table(
+        "The error to expect",
+        (
+            "plans",
+            "by acceleration",
+            "held out",
+            "told",
+            "10 %",
+            "90 %",
+            "met < told, %",
+            "said, %",
+        ),
+        note=f"Over the error met, medians. {servos} servos from physics with random constants and "
+        f"a log of 40 s each; cycles of {', '.join(f'{each:g}' for each in CYCLES)} s are planned "
+        "and executed. By acceleration: without the interval of the delay; held out: that times "
+        "the held-out over the fitted error; then what is told, with quantiles; how often that is "
+        "more; and how often the plan says that it is outside of what was tested.",
+        stub="log",
+    )
+    for name in SIGNALS:
+        found = np.array([each for seed in range(servos) for each in _promises(name, seed)])
+        told = found[:, 2]
+        table.add(
+            name,
+            float(len(found)),
+            *np.median(found[:, :2], axis=0).tolist(),
+            *np.quantile(told, (0.5, 0.1, 0.9)).tolist(),
+            100.0 * float(np.mean(told > 1.0)),
+            100.0 * float(np.mean(found[:, 3])),
+        )
+    return table
+
+
+def _promises(name: str, seed: int) -> list[tuple[float, ...]]:
+    """Of each plan the errors to expect over the one met, and whether it says to be outside."""
+    servo, found = random_servo(seed), []
+    known = planner.identify(servo.log(_log_requests(name, seed)))
+    bare = known.tested._replace(delay_error=0.0)
+    for length in CYCLES:
+        low, high = LIMITS[0] + MARGIN, LIMITS[1] - MARGIN
+        samples = round(length / PERIOD)
+        path = random_path(seed, samples, span=high - low, fastest=FASTEST * PERIOD)
+        desired = path - path.min() + low
+        plan = planner.plan(known.model, desired).inversions[0]
+        servo.rest(float(plan.requests[0]))
+        true, _ = servo.play(plan.requests, settle=3)
+        own, met = rms(plan.predicted - desired), rms(true[0] - desired)
+        error = bare.error_of(plan.predicted, period=PERIOD, cyclic=True)
+        scaled = error * known.expected_error / known.rms
+        told = math.hypot(own, error), math.hypot(own, scaled), plan.expected.error
+        found.append((*(each / met for each in told), bool(plan.expected.untested)))
+    return found
+
+
+def _log_requests(name: str, seed: int) -> Array:
+    """Requests of 40 s [rad]."""
+    kinds = SIGNALS[name]
+    if not kinds:
+        random = np.random.default_rng(seed)
+        held = [np.full(random.integers(50, 125), random.uniform(*LIMITS)) for _ in range(40)]
+        return np.concatenate(held)[: round(40.0 / PERIOD)]
+    parts = [
+        excite(kind, limits=LIMITS, period=PERIOD, duration=40.0 / len(kinds), seed=seed)
+        for kind in kinds
+    ]
+    return np.concatenate([part.requests for part in parts])
 
 
 def unseen(arm: dict[str, list[planner.Log]]) -> Table:
