@@ -13,7 +13,7 @@ import numpy as np
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.files.table import nearest
 from planner.identification.log import Log, as_logs, pieces_of, unwrapped
-from planner.identification.resampling import glitches
+from planner.identification.resampling import sound_rows
 from planner.identification.timestamps import timing_of
 from planner.inversion.arguments import range_of_each
 from planner.inversion.error_norm import error_norm
@@ -381,10 +381,13 @@ def _path(
     if jumps:
         remarks.append(f"{name}: the encoder started again {jumps} times; its angles go on")
     times, angles = log.times - origin, log.angles
-    off = glitches(angles)
-    if off.any() and not off.all():
-        remarks.append(f"{name}: {int(off.sum())} angles that no joint takes are bridged")
-        angles = np.interp(times, times[~off], angles[~off])
+    sound = sound_rows(log)
+    if not sound.all() and sound.any():
+        remarks.append(
+            f"{name}: {int((~sound).sum())} angles that are missing, or that no joint takes, are "
+            "bridged"
+        )
+        angles = np.interp(times, times[sound], angles[sound])
     freeze(times, angles)
     feels = model is not None and model.feels_load and log.load is not None
     return Path(

@@ -84,6 +84,8 @@ class Log:
         requests: Request in force from that time on [rad], shape (n,).
         angles: Actual angle at that time [rad], shape (n,).
         torque_on: Whether the servo was powered, shape (n,); by default always.
+        measured: Whether the angle was measured, shape (n,); by default always. Where it was not,
+            such as after a failed read, the request counts and the angle, any finite one, does not.
         name: What to call the log in messages: a file, or anything else.
         joint: Name of the joint, or empty.
         unit: "rad" for angles, "1" for shares of a range (grippers, hands): everything that is
@@ -105,6 +107,7 @@ class Log:
     joint: str = ""
     unit: str = "rad"
     load: Array | None = None
+    measured: npt.NDArray[np.bool_] = None  # type: ignore[assignment]  # always
     notes: tuple[str, ...] = ()
     written: Written | None = None
 
@@ -124,20 +127,23 @@ class Log:
         if self.load is not None:
             load = as_trajectory(self.load, name=f"{self.name}: load", minimum=FEWEST_ROWS)
             object.__setattr__(self, "load", load)
-        given = self.torque_on
-        try:
-            torque = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
-        except ValueError as error:
-            raise InvalidTrajectory(f"{self.name}: torque_on: {error}; expected flags") from error
-        torque.setflags(write=False)
-        object.__setattr__(self, "torque_on", torque)
+        for column in ("torque_on", "measured"):
+            given = getattr(self, column)
+            try:
+                flags = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
+            except ValueError as error:
+                raise InvalidTrajectory(
+                    f"{self.name}: {column}: {error}; expected flags"
+                ) from error
+            flags.setflags(write=False)
+            object.__setattr__(self, column, flags)
         if isinstance(self.notes, str) or not isinstance(self.notes, Sequence):
             raise InvalidTrajectory(
                 f"{self.name}: notes: got {shown(self.notes)}, expected a list of texts"
             )
         object.__setattr__(self, "notes", tuple(self.notes))
         optional = () if self.load is None else ("load",)
-        for column in ("requests", "angles", "torque_on", *optional):
+        for column in ("requests", "angles", "torque_on", "measured", *optional):
             shape = getattr(self, column).shape
             if shape != (rows,):
                 raise InvalidTrajectory(

@@ -233,6 +233,13 @@ def glitches(angles: Array) -> Rows:
     return np.asarray(off > allowed)
 
 
+def sound_rows(log: Log) -> Rows:
+    """Rows whose angle was measured, and is no glitch."""
+    sound = np.array(log.measured)
+    sound[log.measured] = ~glitches(log.angles[log.measured])
+    return sound
+
+
 def resampled(
     logs: Sequence[Log],
     *,
@@ -262,7 +269,7 @@ def resampled(
     loads: list[Array] = []
     number: list[npt.NDArray[np.int_]] = []
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
-    sound = [~glitches(log.angles) for log in logs]
+    sound = [sound_rows(log) for log in logs]
     firsts: list[Place] = []
     total = 0
     for run in runs_of(logs, burn_in, settled):

@@ -164,6 +164,15 @@ def test_single_glitches_do_not_move_the_answer():
     assert found.accepted
 
 
+def test_a_request_acts_at_its_own_time_where_the_reading_failed():
+    log = rich_log()
+    failed = np.diff(log.requests, prepend=log.requests[:1]) != 0.0
+    angles = np.where(failed, 1.0, log.angles)
+    found = planner.identify(replace(log, angles=angles, measured=~failed), hold_out=False)
+    assert not found.fits[0].used[failed].any()
+    assert_close(found.model, AIBO, EXACT)
+
+
 def test_dropped_rows_are_bridged():
     rng = np.random.default_rng(2)
     thinned = []

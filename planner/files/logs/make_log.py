@@ -86,13 +86,17 @@ class Columns:
 
 
 def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, ...] = ()) -> Log:
-    """Check the columns and make a log of them; rows in which a value is missing are left out.
+    """Check the columns and make a log of them.
+
+    A row whose time or request is missing is left out. Where only the angle or the load is missing,
+    as after a failed read, the request was sent: the row stays, as not measured.
 
     Raises:
         InvalidFile: A value cannot be true, times do not increase, or there are too few rows; the
             message says where.
     """
-    columns, source, left_out = _complete_rows(source, columns)
+    columns, source, left_out = _with_requests(source, columns)
+    columns, measured, unread = _filled(source, columns)
     if columns.request_scale.unit != columns.angle_scale.unit:
         raise InvalidFile(
             source.name,
@@ -102,7 +106,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
     _check_times(source, columns.times)
     requests = _checked(source, "requested angle", columns.requests, columns.request_scale)
     angles = _checked(source, "actual angle", columns.angles, columns.angle_scale)
-    if np.array_equal(requests, angles) and np.ptp(angles) > 0.0:
+    if np.array_equal(requests[measured], angles[measured]) and np.ptp(angles) > 0.0:
         raise InvalidFile(
             source.path,
             f"{joint}{': ' if joint else ''}the actual angles equal the requested ones in every "
@@ -122,7 +126,8 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             joint=joint,
             unit=columns.angle_scale.unit,
             load=load,
-            notes=(*notes, *left_out, *_doubts(columns)),
+            measured=measured,
+            notes=(*notes, *left_out, *unread, *_doubts(columns)),
             written=_written(source, columns),
         )
     except InvalidInput as error:
@@ -134,26 +139,59 @@ def _written(source: Source, columns: Columns) -> Written:
     return Written(str(source.path), source.episode, columns.requested, name, factor, shift)
 
 
-def _complete_rows(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
-    """The rows in which no angle, request or torque is missing (NaN), and a note on the others."""
-    names = ("times", "requests", "angles", "load", "torque_on")
-    arrays = {name: array for name in names if (array := getattr(columns, name)) is not None}
-    kept = np.flatnonzero(~np.any([np.isnan(array) for array in arrays.values()], axis=0))
-    count = len(columns.times)
-    if len(kept) == count:
-        return columns, source, ()
-    first = int(np.argmin(np.isin(np.arange(count), kept)))
-    if len(kept) < FEWEST_ROWS:
+def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
+    """The rows in which neither time nor request is missing (NaN), and a note on the others."""
+    lost = np.isnan(columns.times) | np.isnan(columns.requests)
+    count, whole = len(lost), int(np.sum(~(lost | _unread(columns))))
+    if whole < count and whole < FEWEST_ROWS:
         raise source.fault(
-            f"a value is missing in {count - len(kept)} of {count} rows, expected both angles in "
+            f"a value is missing in {count - whole} of {count} rows, expected both angles in "
             f"at least {FEWEST_ROWS}; are requested and actual angles in rows of their own?",
-            first,
+            int(np.argmax(lost | _unread(columns))),
         )
+    if not lost.any():
+        return columns, source, ()
+    names = ("times", "requests", "angles", "load", "torque_on")
+    rows = {name: array[~lost] for name in names if (array := getattr(columns, name)) is not None}
+    note = f"{_rows(source, lost)}: left out, as the time or the request is missing"
+    return replace(columns, **rows), replace(source, kept=np.flatnonzero(~lost)), (note,)
+
+
+def _unread(columns: Columns) -> Switch:
+    """Rows in which the angle or the load is missing (NaN)."""
+    missing = np.isnan(columns.angles)
+    return missing if columns.load is None else missing | np.isnan(columns.load)
+
+
+def _filled(source: Source, columns: Columns) -> tuple[Columns, Switch, tuple[str, ...]]:
+    """The columns with the value before, or the first one, for angles and loads that are missing.
+
+    Values between two readings would hide where an encoder starts again.
+
+    Returns:
+        The columns, whether each row was measured, and a note on those that were not.
+    """
+    missing = _unread(columns)
+    if not missing.any():
+        return columns, ~missing, ()
+    known = np.flatnonzero(~missing)
+    last = known[np.maximum(np.searchsorted(known, np.arange(len(missing)), side="right") - 1, 0)]
+    what = "angle" if np.isnan(columns.angles).any() else "load"
+    note = f"{_rows(source, missing)}: the {what} is missing, only the request counts"
+    angles = np.where(np.isnan(columns.angles), columns.angles[last], columns.angles)
+    load = columns.load
+    if load is not None:
+        load = np.where(np.isnan(load), load[last], load)
+    return replace(columns, angles=angles, load=load), ~missing, (note,)
+
+
+def _rows(source: Source, rows: Switch) -> str:
+    """How many rows these are, and which is the first, in words."""
+    first, count = int(np.argmax(rows)), int(np.sum(rows))
+    if source.kept is not None:
+        first = int(source.kept[first])
     place = f"line {source.line(first)}" if source.line else f"{source.row} {first + 1}"
-    lost = "1 row is" if count - len(kept) == 1 else f"{count - len(kept)} rows are"
-    note = f"{lost} left out, first {place}: a value is missing"
-    rows = {name: array[kept] for name, array in arrays.items()}
-    return replace(columns, **rows), replace(source, kept=kept), (note,)
+    return place if count == 1 else f"{count} rows, first {place}"
 
 
 def _check_times(source: Source, times: Array) -> None:

@@ -328,11 +328,11 @@ def test_what_a_bag_does_not_tell_or_tells_wrongly_is_said_with_its_place(tmp_pa
     snapshot.check("bags", "".join(said))
 
 
-def test_a_state_without_a_reading_is_left_out_with_a_note(tmp_path):
+def test_a_state_without_a_reading_is_not_measured_with_a_note(tmp_path):
     path = write(tmp_path / "bag", store(), _states(change=_missing_reading))
     (log,) = read_logs(path, options=LogOptions(joint="knee"))
-    assert len(log.times) == 3
-    assert "1 row is left out, first state 3: a value is missing" in log.notes
+    assert log.measured.tolist() == [True, True, False, True]
+    assert "state 3: the angle is missing, only the request counts" in log.notes
     (whole,) = read_logs(path, options=LogOptions(joint="hip"))
     assert len(whole.times) == 4
 

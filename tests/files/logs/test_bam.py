@@ -96,13 +96,16 @@ def test_what_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
     snapshot.check("bam", "".join(said))
 
 
-def test_an_entry_without_a_number_is_left_out_with_a_note(tmp_path):
+def test_an_entry_without_a_number_is_left_out_or_not_measured_with_a_note(tmp_path):
     whole = _entries()
-    for missing in ({"goal_position": math.nan}, {"position": None}):
+    for missing, rows, note in (
+        ({"goal_position": math.nan}, -1, "left out, as the time or the request is missing"),
+        ({"position": None}, 0, "the angle is missing, only the request counts"),
+    ):
         file = _file(tmp_path, {"entries": [*_entries(entry_1=missing), *_later(whole)]})
         (log,) = read_logs(file)
-        assert len(log.times) == 2 * len(whole) - 1
-        assert "1 row is left out, first entry 2: a value is missing" in log.notes
+        assert len(log.times) == 2 * len(whole) + rows
+        assert f"entry 2: {note}" in log.notes
 
 
 def _later(entries):

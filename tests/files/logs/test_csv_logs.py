@@ -278,8 +278,8 @@ def test_requests_in_radians_that_are_those_of_degrees_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])
-@pytest.mark.parametrize("column", [0, 1, 2])
-def test_a_row_with_an_empty_cell_is_left_out_with_a_note(tmp_path, cell, column):
+@pytest.mark.parametrize("column", [0, 1])
+def test_a_row_without_time_or_request_is_left_out_with_a_note(tmp_path, cell, column):
     cells = [[f"{k}", f"{10 * k}", f"{10 * k - 5}"] for k in range(6)]
     cells[0][column] = cells[3][column] = cell
     file = tmp_path / "run.csv"
@@ -287,7 +287,26 @@ def test_a_row_with_an_empty_cell_is_left_out_with_a_note(tmp_path, cell, column
     (log,) = read_logs(file)
     assert log.times.tolist() == [1.0, 2.0, 4.0, 5.0]
     assert np.allclose(np.degrees(log.requests), [10.0, 20.0, 40.0, 50.0])
-    assert "2 rows are left out, first line 2: a value is missing" in log.notes
+    note = "2 rows, first line 2: left out, as the time or the request is missing"
+    assert note in log.notes
+    assert log.measured.all()
+
+
+@pytest.mark.parametrize("missing", [[3], [0, 3]])
+@pytest.mark.parametrize("column", ["angle", "load"])
+def test_a_failed_read_leaves_time_and_request(tmp_path, column, missing):
+    cells = [[f"{k}", f"{10 * k}", f"{10 * k - 5}", f"{k / 10}"] for k in range(6)]
+    for k in missing:
+        cells[k][2 if column == "angle" else 3] = ""
+    file = tmp_path / "run.csv"
+    header = "t_s,req_deg,act_deg,load_Nm\n"
+    file.write_text(header + "".join(",".join(row) + "\n" for row in cells))
+    (log,) = read_logs(file)
+    assert log.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert np.allclose(np.degrees(log.requests), 10.0 * np.arange(6))
+    assert np.flatnonzero(~log.measured).tolist() == missing
+    rows = "line 5" if len(missing) == 1 else "2 rows, first line 2"
+    assert f"{rows}: the {column} is missing, only the request counts" in log.notes
 
 
 def test_a_fault_after_an_empty_cell_is_reported_on_its_own_line(tmp_path):

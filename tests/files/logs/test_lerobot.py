@@ -169,7 +169,7 @@ def test_a_row_with_an_empty_cell_is_left_out_with_a_note(tmp_path, last):
     root, _ = _with_table(tmp_path, lambda table: _set(table, "action", [*FOUR, last]))
     (log,) = read_logs(root, options=LogOptions(joint="gripper", unit="deg", episodes="0"))
     assert len(log.times) == 4
-    assert "1 row is left out, first row 5: a value is missing" in log.notes
+    assert "row 5: left out, as the time or the request is missing" in log.notes
 
 
 def test_a_table_that_cannot_be_read_is_reported_with_its_place(tmp_path, snapshot):
