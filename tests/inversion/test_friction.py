@@ -51,15 +51,18 @@ LOADS = {
 
 
 @cache
+def _planned(invert, path, load, *options):
+    return invert(SERVO, PATHS[path], load=LOADS[load], **dict(options))
+
+
 def optimal(path, load, *, cyclic=True):
     """The optimal plan of a path under a load, made once."""
-    return invert_optimal(SERVO, PATHS[path], cyclic=cyclic, load=LOADS[load])
+    return _planned(invert_optimal, path, load, ("cyclic", cyclic))
 
 
-@cache
-def closed_form(path, load, *, cyclic=True):
+def closed_form(path, load, *, cyclic=True, rule="paper"):
     """The closed form of a path under a load, made once."""
-    return invert_closed_form(SERVO, PATHS[path], cyclic=cyclic, load=LOADS[load])
+    return _planned(invert_closed_form, path, load, ("cyclic", cyclic), ("rule", rule))
 
 
 def rms(angles, desired):
@@ -84,11 +87,9 @@ def test_what_a_plan_predicts_is_what_another_simulation_finds(load, cyclic):
 @pytest.mark.parametrize("load", ["none", "gravity"])
 @pytest.mark.parametrize("path", PATHS)
 def test_a_plan_is_no_worse_than_the_closed_form_and_no_better_than_the_bound(path, load, cyclic):
-    desired, torque = PATHS[path], LOADS[load]
     made = optimal(path, load, cyclic=cyclic)
     for rule in RULES:
-        lines = invert_closed_form(SERVO, desired, cyclic=cyclic, load=torque, rule=rule)
-        assert made.rms <= lines.rms
+        assert made.rms <= closed_form(path, load, cyclic=cyclic, rule=rule).rms
     assert made.lower_bound <= made.rms
 
 
@@ -159,15 +160,15 @@ def test_a_mirrored_joint_has_the_mirrored_plan():
 
 
 def test_a_constant_load_is_an_offset():
-    torque = 0.5
+    torque = LOADS["constant"]
     shifted = replace(
         SERVO,
         offset=SERVO.compliance * torque,
         v_offset=SERVO.v_offset + SERVO.speed_per_torque * torque,
     )
     desired = PATHS["fast sine"]
-    for invert in (invert_optimal, invert_closed_form):
-        loaded, moved = invert(SERVO, desired, load=torque), invert(shifted, desired)
+    for invert, planned in ((invert_optimal, optimal), (invert_closed_form, closed_form)):
+        loaded, moved = planned("fast sine", "constant"), invert(shifted, desired)
         assert loaded.rms == pytest.approx(moved.rms, rel=2e-2)
 
 
@@ -283,7 +284,7 @@ def test_the_lines_of_a_closed_form_keep_the_speed_of_either_direction(refine, s
 def test_requests_of_known_lines_are_those_of_the_inversion_under_its_load():
     load = LOADS["gravity"]
     for rule in RULES:
-        made = invert_closed_form(SERVO, PATHS["holds"], rule=rule, load=load)
+        made = closed_form("holds", "gravity", rule=rule)
         again = closed_form_requests(SERVO, made.approximation, rule=rule, load=load)
         np.testing.assert_array_equal(again, made.requests)
     unloaded = closed_form_requests(SERVO, made.approximation, rule=rule)
