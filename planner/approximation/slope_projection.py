@@ -15,7 +15,6 @@ CLOSED = 1e-9
 LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
 
-
 PIN_WEIGHT = 1e5
 """Weight, in units of the mean, of a sample at which the curve's value is required."""
 
@@ -23,20 +22,22 @@ PIN_WEIGHT = 1e5
 def ideal_of(problem: Problem) -> Array:
     """The ideal of a problem [unit of the samples], shape (n,).
 
-    Pins on samples weigh so much that it nearly keeps them.
-
-    Its squared error is no more than that of any curve within the slopes that keeps the pins.
+    Its squared error is no more than that of any curve within the slopes that keeps the pins: pins
+    on samples are penalised by :data:`PIN_WEIGHT`, so the others are at least as close, and the
+    sequence is the pin's value there. Beside a pin it may exceed ``step`` slightly.
     """
     desired, weights = problem.desired, problem.weights
     pinned = np.isfinite(problem.pins) & (problem.required == np.floor(problem.required))
-    if np.any(pinned):
-        at = problem.required[pinned].astype(np.intp)
+    at = problem.required[pinned].astype(np.intp)
+    if at.size:
         desired, weights = desired.copy(), weights.copy()
         desired[at], weights[at] = problem.pins[pinned], PIN_WEIGHT
     even = bool(np.all(weights == weights[0]))
-    return slope_bounded(
+    ideal = slope_bounded(
         desired, problem.step, cyclic=problem.cyclic, weights=None if even else weights
     )
+    ideal[at] = problem.pins[pinned]
+    return ideal
 
 
 def slope_bounded(

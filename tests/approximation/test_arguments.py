@@ -222,6 +222,18 @@ def test_what_cannot_be_met_is_infeasible_and_names_the_pair(asked, named):
         fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
 
 
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_an_attainable_rms_error_with_a_required_angle_is_not_refused(cyclic):
+    desired = np.full(21, 0.7)
+    desired[10] = 0.0
+    asked = {"v_max": 0.1, "tick": 1.0, "cyclic": cyclic, "required": {10: 0.5}}
+    attainable = fit_pwl(desired, knots=np.arange(21), **asked).rms
+    fit = fit_pwl(desired, max_rms=attainable * (1.0 + 1e-9), **asked)
+    assert fit.rms <= attainable * (1.0 + 2e-9)
+    with pytest.raises(Infeasible, match="max_rms and v_max"):
+        fit_pwl(desired, max_rms=attainable * (1.0 - 1e-4), **asked)
+
+
 def test_an_rms_error_below_the_slope_bounded_ideal_is_infeasible():
     with pytest.raises(Infeasible, match="max_rms and v_max"):
         fit_pwl(SINE, v_max=0.01, tick=1.0, max_rms=0.01)
