@@ -94,6 +94,7 @@ def checked_arguments(
 ) -> Arguments:
     """All arguments, every one of :func:`planner.fit_pwl` checked on its own."""
     cyclic = as_flag("cyclic", cyclic)
+    on_samples, exact = as_flag("on_samples", on_samples), as_flag("exact", exact)
     places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
     return Arguments(
         desired=desired,
@@ -108,7 +109,7 @@ def checked_arguments(
         required=places,
         pins=pins,
         shortest=checked_shortest(shortest),
-        on_samples=as_flag("on_samples", on_samples) or as_flag("exact", exact),
+        on_samples=on_samples or exact,
         exact=exact,
     )
 

@@ -244,6 +244,7 @@ def test_an_rms_error_below_the_slope_bounded_ideal_is_infeasible():
     [
         ({"max_error": 1.0, "max_rms": 1.0}, "max_error, max_rms: got both"),
         ({"knots": [1, 2], "segments": 2}, "knots, segments: got both"),
+        ({"exact": "no", "on_samples": True, "segments": 2}, "exact: got 'no', expected True or"),
         ({"exact": True}, "exact: expected segments or max_rms"),
         ({"exact": True, "segments": 2, "max_error": 1.0}, "exact: got max_error"),
         ({"shortest": 0.5}, r"shortest: got 0\.5, expected 1 or more"),
