@@ -46,24 +46,13 @@ class PiecewiseLinear:
 
     def __post_init__(self) -> None:
         """Copy, freeze and check."""
-        for name in ("knots", "values"):
-            array = _reals(name, getattr(self, name))
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        fewest = 1 if as_flag("cyclic", self.cyclic) else 2
+        for name, value in checked_fields(vars(self)).items():
+            object.__setattr__(self, name, value)
+        fewest = 1 if self.cyclic else 2
         if self.knots.ndim != 1 or self.knots.size < fewest:
             raise InvalidInput(f"knots: got shape {self.knots.shape}, expected ({fewest} or more,)")
         if self.values.shape != self.knots.shape:
             raise InvalidInput(f"values: got {self.values.size} for {self.knots.size} knots")
-        if not np.all(np.abs(self.values) <= LARGEST):
-            raise InvalidInput("values: expected finite angles [rad]")
-        if not np.all(np.abs(self.knots) <= LARGEST):
-            raise InvalidInput("knots: expected finite sample indices that increase")
-        if not 0 < (as_whole(self.samples) or 0) <= MOST_SAMPLES:
-            raise InvalidInput(
-                f"samples: got {shown(self.samples)}, expected a whole number, 1 to {MOST_SAMPLES}"
-            )
-        as_positive("tick", self.tick, "a finite number above 0 [s]")
         if not np.all(self.lengths > 0.0):
             raise InvalidInput("knots: they must increase, and a cyclic curve's fit into one cycle")
 
@@ -210,12 +199,47 @@ def lines_in_force(
     return np.asarray((line - 1 + earlier) % size)
 
 
+def checked_fields(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of one curve or of several over the same samples, each in its own type.
+
+    Args:
+        given: ``knots``, ``values``, ``samples``, ``tick`` and ``cyclic``; others do not count.
+
+    Returns:
+        The same; the arrays are read-only copies, whose shapes are not yet checked.
+
+    Raises:
+        InvalidInput: One of them is of no use.
+    """
+    knots, values = _reals("knots", given["knots"]), _reals("values", given["values"])
+    if not np.all(np.abs(values) <= LARGEST):
+        curve = ""
+        if values.ndim == 2:
+            row = int(np.argmin(np.all(np.abs(values) <= LARGEST, axis=1)))
+            curve = f", curve {row} has others"
+        raise InvalidInput(f"values: expected finite angles [rad]{curve}")
+    if not np.all(np.abs(knots) <= LARGEST):
+        raise InvalidInput("knots: expected finite sample indices that increase")
+    samples = as_whole(given["samples"]) or 0
+    if not 0 < samples <= MOST_SAMPLES:
+        raise InvalidInput(
+            f"samples: got {shown(given['samples'])}, expected a whole number, 1 to {MOST_SAMPLES}"
+        )
+    return {
+        "knots": _frozen(knots),
+        "values": _frozen(values),
+        "samples": samples,
+        "tick": as_positive("tick", given["tick"], "a finite number above 0 [s]"),
+        "cyclic": as_flag("cyclic", given["cyclic"]),
+    }
+
+
 def _reals(name: str, values: Any) -> Array:
     """The values as a new array, or an error."""
     try:
         return as_reals(values)
     except ValueError as error:
-        raise InvalidInput(f"{name}: {error}; expected numbers, shape (k,)") from error
+        raise InvalidInput(f"{name}: {error}; expected an array of numbers") from error
 
 
 def _places(index: npt.ArrayLike) -> Array:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from planner.approximation.curve import PiecewiseLinear
+from planner.approximation.curve import PiecewiseLinear, checked_fields
 from planner.exceptions import InvalidInput
 from planner.trajectory import Array
 
@@ -38,24 +37,19 @@ class CurveStack:
 
     def __post_init__(self) -> None:
         """Copy, freeze and check."""
-        values = np.array(self.values, dtype=np.float64)
-        knots = np.array(self.knots, dtype=np.float64)
+        for name, value in checked_fields(vars(self)).items():
+            object.__setattr__(self, name, value)
         fewest = 1 if self.cyclic else 2
-        if values.ndim != 2 or values.shape[1] < fewest:
-            raise InvalidInput(f"values: got shape {values.shape}, expected (m, {fewest} or more)")
-        if knots.shape not in (values.shape, values.shape[1:]):
+        if self.values.ndim != 2 or self.values.shape[1] < fewest:
             raise InvalidInput(
-                f"knots: got shape {knots.shape} for values of shape {values.shape}, expected the "
-                "same, or one row for all curves"
+                f"values: got shape {self.values.shape}, expected (m, {fewest} or more)"
             )
-        for name, array in (("knots", np.broadcast_to(knots, values.shape)), ("values", values)):
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        if not np.all(np.isfinite(values)):
-            row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
-            raise InvalidInput(f"values: expected finite angles [rad], curve {row} has others")
-        if not (math.isfinite(self.tick) and self.tick > 0.0):
-            raise InvalidInput(f"tick: got {self.tick!r}, expected a finite number above 0 [s]")
+        if self.knots.shape not in (self.values.shape, self.values.shape[1:]):
+            raise InvalidInput(
+                f"knots: got shape {self.knots.shape} for values of shape {self.values.shape}, "
+                "expected the same, or one row for all curves"
+            )
+        object.__setattr__(self, "knots", np.broadcast_to(self.knots, self.values.shape))
         increasing = np.all(self.lengths > 0.0, axis=1)
         if not np.all(increasing):
             raise InvalidInput(

@@ -17,7 +17,7 @@ import planner
 from kinematics import Leg
 
 ANSWERS = {
-    *("Certificate", "CurveStack", "FootInversion", "Identification", "Inversion", "Plan"),
+    *("Certificate", "FootInversion", "Identification", "Inversion", "Plan"),
     *("Playback", "Replay", "Fastest", "TimedRequest", "InverseSolution", "Limits"),
     *("Learning", "SensorDelay", "Trial"),
 }
@@ -136,6 +136,7 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
     ),
     "PiecewiseLinear.scaled": (lambda factor: curve().scaled(factor), lambda: {"factor": 2.0}),
     "PiecewiseLinear.mirrored": (lambda about: curve().mirrored(about), lambda: {"about": 0.1}),
+    "CurveStack": (planner.CurveStack, lambda: CURVE | {"values": np.array([CURVE["values"]] * 2)}),
     "CurveStack.of": (planner.CurveStack.of, lambda: {"curves": [curve()]}),
     "Log": (
         planner.Log,
