@@ -135,6 +135,13 @@ def test_plain_data_gives_the_curve_back_to_the_last_digit(curve):
     assert np.array_equal(again(INDEX), curve.shifted(1 / 3)(INDEX))
 
 
+def test_the_data_of_a_curve_with_numbers_of_numpy_is_plain():
+    numbers = {"samples": np.int64(10), "tick": np.float32(0.5), "cyclic": np.bool_(True)}
+    curve = PiecewiseLinear(knots=[0.0, 4.0], values=[0.0, 1.0], **numbers)
+    data = json.loads(json.dumps(curve.to_dict()))
+    assert (data["samples"], data["tick"], data["cyclic"]) == (10, 0.5, True)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
