@@ -120,12 +120,13 @@ def fit_pwl(
         tick: Time between samples [s].
         cyclic: Whether the first sample follows the last.
         segments: Number of segments; with ``max_error`` or ``max_rms``, the most.
-        max_error: Largest error at any sample [rad]: the fewest segments that keep it, the true
-            minimum (docs/math.md, section 4), and of curves with so many segments one of small
-            squared error. With required knots in a cycle it is one more at most; with ``shortest``
-            above 1, required knots between samples, or a cycle with ``on_samples``, the fewest
-            found. ``fewest_segments`` of the answer is a lower bound. O(n); with knots on samples,
-            O(n times the longest segment) up to about 5 s, and an upper bound beyond.
+        max_error: Largest error at any sample [rad], kept up to one part in 1e9: the fewest
+            segments that keep it, the true minimum (docs/math.md, section 4), and of curves with so
+            many segments one of small squared error. With required knots in a cycle it is one more
+            at most; with ``shortest`` above 1, required knots between samples, or a cycle with
+            ``on_samples``, the fewest found. ``fewest_segments`` of the answer is a lower bound.
+            O(n); with knots on samples, O(n times the longest segment) up to about 5 s, and an
+            upper bound beyond.
         max_rms: Largest rms error [rad], likewise. With none of the three, the fewest segments
             whose rms error is within 2 % of the slope-bounded ideal's, 1 % of the range of
             ``desired``, or 1.1 times its noise; an exact curve within the slopes is recovered.
