@@ -18,7 +18,8 @@ Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]
 
 SMALLEST = 1e-30
-"""Smallest speed, time or error that is accepted: no measurement is as exact."""
+"""Smallest speed, time or error that is accepted, and half range of samples that are not constant:
+no measurement is as exact."""
 
 ARGUMENT_ROUNDING = 1e-13
 """Relative excess of a slope between two pins over v_max that is left to rounding."""

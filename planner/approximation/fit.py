@@ -32,6 +32,7 @@ import numpy.typing as npt
 
 from planner.approximation.arguments import (
     KNOT_UNIT,
+    SMALLEST,
     Arguments,
     Ends,
     Required,
@@ -51,6 +52,10 @@ from planner.trajectory import Array, as_trajectory
 
 SLOPE_TOLERANCE = 1e-12
 """Relative excess over v_max that rounding may leave on a returned slope."""
+
+STEEPEST = 1e6
+"""Largest change per sample in the search, where samples span 2: no line is as steep, and beyond
+about 1e12 rounding is all that is left of the samples."""
 
 ERROR_ROUNDING = 1e-14
 """Error, relative to the largest sample, that rounding may leave between a curve and its bound."""
@@ -224,12 +229,12 @@ def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
         pins=arguments.pins,
         on_samples=arguments.on_samples,
     )
-    if half_range == 0.0:
-        return *_constant(in_rad, arguments), None if arguments.max_error is None else 1
+    if half_range <= SMALLEST:
+        return *_constant(in_rad, arguments, middle), None if arguments.max_error is None else 1
     problem = replace(
         in_rad,
         desired=(in_rad.desired - middle) / half_range,
-        step=in_rad.step / half_range,
+        step=min(in_rad.step / half_range, STEEPEST),
         pins=(in_rad.pins - middle) / half_range,
     )
     fewest = None
@@ -332,8 +337,8 @@ def _check_given(problem: Problem, knots: Array) -> None:
         raise InvalidInput(f"knots: got {between:g} with on_samples, expected whole numbers")
 
 
-def _constant(problem: Problem, arguments: Arguments) -> tuple[Array, Array]:
-    """Samples and pins that are all the same."""
+def _constant(problem: Problem, arguments: Arguments, value: float) -> tuple[Array, Array]:
+    """The constant of this value, through samples and pins that are all the same."""
     if arguments.knots is not None:
         knots = np.union1d(arguments.knots, arguments.required)
         if not arguments.cyclic:
@@ -342,7 +347,7 @@ def _constant(problem: Problem, arguments: Arguments) -> tuple[Array, Array]:
     else:
         segments = arguments.segments if arguments.max_error is None else None
         knots = even_knots(problem, 1 if segments is None else segments)
-    return knots, np.full(knots.size, problem.desired[0])
+    return knots, np.full(knots.size, value)
 
 
 def _snapped(problem: Problem, knots: Array) -> Array:

@@ -110,6 +110,26 @@ def test_a_constant_is_one_segment(cyclic):
     assert (fit.segments, fit.max_error) == (1, 0.0)
 
 
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e-31])
+def test_samples_smaller_than_any_measurement_are_a_constant(size, cyclic):
+    asked = {"v_max": 1.0, "tick": 1.0, "cyclic": cyclic, "max_error": 1e-30}
+    fit = fit_pwl(size * np.sin(np.arange(30.0)), **asked)
+    assert fit.segments == 1
+    assert fit.max_error <= 1e-30
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("scale", [1e-13, 1e-28])
+def test_tiny_samples_have_the_fit_of_large_ones_that_slopes_do_not_bound(scale, cyclic):
+    desired = samples_of("sines", 60, np.random.default_rng(7))
+    large, tiny = (
+        fit_pwl(size * desired, v_max=1e3, tick=1.0, cyclic=cyclic, segments=5)
+        for size in (1.0, scale)
+    )
+    assert tiny.rms / scale == pytest.approx(large.rms, rel=SAME)
+
+
 def test_a_ramp_is_one_segment():
     fit = fit_pwl(0.01 * np.arange(50), v_max=1.0, tick=0.1, cyclic=False)
     assert fit.segments == 1
