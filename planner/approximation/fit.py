@@ -382,10 +382,11 @@ class Choices(NamedTuple):
 
 
 def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
-    """The errors of curves through the samples of ``fit``, for 2 to ``most`` segments.
+    """The errors of curves through the samples of ``fit``, for up to ``most`` segments or more.
 
-    Required knots and ends are not used. Time:
-    that of ``most`` fits.
+    Required knots and ends are not used. Numbers begin at 1 for a path and at 2 for a cycle, and
+    include those of ``fit`` and of the automatic choice up to twice ``most``. Time: that of as many
+    fits.
     """
     n = fit.desired.size
     weights = np.ones(n) if fit.weights is None else fit.weights
@@ -399,7 +400,7 @@ def choices(fit: PiecewiseLinearFit, *, most: int = 12) -> Choices:
     )
     chosen = plain()
     last = min(n if fit.cyclic else n - 1, max(most, chosen.segments, fit.segments))
-    counts = tuple(range(2, min(last, 2 * most) + 1))
+    counts = tuple(range(2 if fit.cyclic else 1, min(last, 2 * most) + 1))
     # A curve with a segment less is one of so many, if it was found to be better.
     rms = np.minimum.accumulate([plain(segments=count).rms for count in counts])
     rms.setflags(write=False)

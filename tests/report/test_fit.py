@@ -35,6 +35,14 @@ def test_the_lines_go_through_the_curve_and_those_at_the_top_speed_stand_out(cyc
     assert len(curves["knots"].x) == len(fit.knots)
 
 
+def test_the_choices_of_a_straight_path_include_its_one_line():
+    fit = fit_pwl(0.01 * np.arange(30), v_max=V_MAX, tick=1.0, cyclic=False)
+    found = choices(fit, most=3)
+    assert found.automatic == 1
+    assert found.segments == (1, 2, 3)
+    check_same(choices_figure(found, fit))
+
+
 def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():
     fit = fit_of("sines")
     found = choices(fit, most=8)
