@@ -74,7 +74,7 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     than the best curve known are struck out; the rest is halved.
 
     Args:
-        problem: What to approximate; ``whole``, required knots on samples.
+        problem: What to approximate; ``on_samples``, required knots on samples.
         start: A curve with whole knots.
 
     Returns:

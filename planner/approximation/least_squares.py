@@ -189,8 +189,8 @@ def moments(
     Args:
         desired: Samples, shape (..., n); their sums have the same leading axes.
         weights: Their weights, shape (n,).
-        start: npt.NDArray[np.intp], of any shape that broadcasts with ``end``.
-        end: npt.NDArray[np.intp].
+        start: Sample before each stretch, of any shape that broadcasts with ``end``.
+        end: Last sample of each.
 
     Returns:
         The sums, each of the common shape. Cost O(n) and a few operations per stretch.

@@ -125,9 +125,6 @@ def _together(
         curve: The curve.
         bound: Largest error at any sample.
         after: Which knots, where they are on a sample, move in the gap after it; see `_lines_of`.
-        lines: Lines in all rounds together from which on there is none after the first, so that the
-            time is in proportion to the samples. All rounds for 2,500 segments: 9 % smaller errors
-            at best, 2.7 times the time.
         margin: Share of the bounds that is left to OSQP's tolerance.
     """
     lines = _lines_of(problem, curve, after)
