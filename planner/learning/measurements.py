@@ -83,6 +83,31 @@ def check_motion(cycles: Array, requests: Array, modelled: Array) -> None:
             )
 
 
+def check_same_motion(cycles: Array, modelled: Array) -> None:
+    """Refuse angles farther from the modelled ones than those of a joint that does not move.
+
+    Learning from them could not converge: a correction by the model would be off by more than the
+    whole of it.
+
+    Args:
+        cycles: Measured angles [rad], (cycles, n, k), the sensors' delays taken off.
+        modelled: Angles of the models under the executed requests [rad], (n, k).
+
+    Raises:
+        InvalidTrajectory: They are of another motion.
+    """
+    away = np.std(cycles.mean(axis=0) - modelled, axis=0)
+    resting = np.std(modelled, axis=0)
+    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
+    for j in np.flatnonzero(should_move & (away > resting + OPTIONS.still)).tolist():
+        of = "the joint" if modelled.shape[1] == 1 else f"joint {j + 1}"
+        raise InvalidTrajectory(
+            f"measured: the angles of {of} are {_text(away[j])} rms from those of the model under "
+            f"these requests, farther than a joint that does not move ({_text(resting[j])}): give "
+            "what was measured while these requests were executed, of this joint and with its sign"
+        )
+
+
 def check_new(
     cycles: Array, modelled: Array, trials: Sequence[Trial], before: Sequence[Array]
 ) -> None:

@@ -23,7 +23,7 @@ from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
 from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
-from planner.learning.measurements import check_motion, check_new
+from planner.learning.measurements import check_motion, check_new, check_same_motion
 from planner.learning.planned_joints import PlannedJoints
 from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
@@ -130,7 +130,7 @@ def refine(
         InvalidInput: ``plan`` is none, or the delay is no time.
         InvalidTrajectory: ``measured`` has another shape or values that are not finite, or cannot
             belong to the requests: another unit, a joint that does not move, the requests
-            themselves, or a cycle that was already measured under others.
+            themselves, another motion, or a cycle that was already measured under others.
         SolverFailed: No requests were found that lead to a steady cycle.
 
     Example:
@@ -228,6 +228,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     before = plan.learning
     removed = delays_to_remove(joints, cycles, modelled, given=sensor_delay, before=before)
     cycles = earlier(cycles, removed, joints)
+    check_same_motion(cycles, modelled)
     if before is not None:
         old = [joints.respond(trial.requests) for trial in before.trials]
         check_new(cycles, modelled, before.trials, old)

@@ -74,8 +74,8 @@ CASES = {
     "--no-reidentify -o out.csv",
     "refine-json": "refine path.csv measured.csv --desired path.csv --model joint.toml "
     "--no-reidentify --joint knee --sensor-delay-ms 0 --history learning.json -o out.csv --json",
-    "refine-page": "refine path.csv measured.csv --desired path.csv --no-cyclic --model joint.toml "
-    "--cycles 2 --no-reidentify --report page.html -o out.csv",
+    "refine-page": "refine path.csv measured_from_rest.csv --desired path.csv --no-cyclic "
+    "--model joint.toml --cycles 2 --no-reidentify --report page.html -o out.csv",
     "replay": "replay demo.csv --model joint.toml --speed 1.5 --start 0.1 --end 0.8",
     "replay-joints": "replay demo.csv --model joint.toml --track action --end 0.5 --as joints "
     "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
