@@ -113,6 +113,7 @@ def _as_json(learning: Learning) -> dict[str, Any]:
         "delays": [asdict(delay) for delay in learning.delays],
         "best": learning.best,
         "floor": [None if math.isnan(part) else part for part in learning.floor],
+        "next_error": None if math.isnan(learning.next_error) else learning.next_error,
         "stopped": learning.stopped,
         "remarks": list(learning.remarks),
         "replaced": [None if model is None else asdict(model) for model in learning.replaced],
@@ -120,7 +121,7 @@ def _as_json(learning: Learning) -> dict[str, Any]:
 
 
 def _learning(content: Mapping[str, Any]) -> Learning:
-    speed, noise = (math.nan if part is None else float(part) for part in content["floor"])
+    speed, noise = map(_number, content["floor"])
     return Learning(
         trials=tuple(
             Trial(
@@ -136,9 +137,14 @@ def _learning(content: Mapping[str, Any]) -> Learning:
         delays=tuple(SensorDelay(**each) for each in content["delays"]),
         best=int(content["best"]),
         floor=(speed, noise),
+        next_error=_number(content.get("next_error")),
         stopped=str(content["stopped"]),
         remarks=tuple(content["remarks"]),
         replaced=tuple(
             None if model is None else JointModel(**model) for model in content.get("replaced", ())
         ),
     )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,9 @@ class Learning:
         best: The trial from which the requests were made.
         floor: What of the error of the best trial cannot be learnt: ``speed``, from the lower bound
             of the model, and ``noise``, in the unit of the trials' errors; ``nan`` where unknown.
+        next_error: Error to expect of the next requests, in the unit of the trials' errors: that of
+            the models with the disturbance as it was measured in the best trial, its noise and what
+            was not learnt included; ``nan`` where unknown.
         stopped: Why there is nothing more to learn; empty while there is.
         remarks: What was done with the measurements, in words.
         replaced: The model of each joint before it was identified anew, until the new one has been
@@ -84,6 +88,7 @@ class Learning:
     delays: tuple[SensorDelay, ...]
     best: int
     floor: tuple[float, float]
+    next_error: float = math.nan
     stopped: str = ""
     remarks: tuple[str, ...] = ()
     replaced: tuple[JointModel | None, ...] = ()

@@ -250,8 +250,9 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     found = _estimated(joints, trials, max(models.since), noise)
     made = joints.planned(found.disturbance)
     base = trials[found.base]
-    whole = joints.respond(made.requests.reshape(requests.shape)) + found.measured
-    saved = base.error - joints.error(whole)
+    answer = joints.respond(made.requests.reshape(requests.shape))
+    next_error = joints.error(answer + found.measured)
+    saved = base.error - next_error
     stopped = ""
     if found.gain < OPTIONS.least_gain:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
@@ -267,7 +268,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     if stopped:
         sent = base.requests.reshape(plan.requests.shape).copy()
         freeze(sent)
-        made = replace(made, requests=sent)
+        made, next_error = replace(made, requests=sent), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
     spread = noise.deviation
     freeze(spread)
@@ -280,6 +281,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         delays=delays,
         best=found.base,
         floor=floor,
+        next_error=next_error,
         stopped=stopped,
         remarks=tuple(remarks),
     )

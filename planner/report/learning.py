@@ -48,7 +48,7 @@ class Progress:
         unit: Of the errors: deg, percent or cm.
         errors: Error of the mean cycle of each trial, shape (trials,).
         cycles: Measured cycles of each trial.
-        predicted: Error that the model predicts of the next requests.
+        predicted: Error to expect of the next requests.
         bound: Lower bound of the model on the error; NaN where there is none.
         noise: Standard deviation of one cycle about the mean of many.
         gain: Share of the disturbance last found that the next requests compensate for.
@@ -158,12 +158,12 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     if not math.isnan(progress.predicted) and not progress.stopped:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
-    top = 1.1 * max(float(np.max(progress.errors)), progress.noise)
+    top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     return Figure(
         name,
         f"{heading(progress.name)}: the error of each trial",
-        "No requests have less error than the lower bound of the model. A ring is what the model "
-        "predicts of the next requests.",
+        "No requests have less error than the lower bound of the model. A ring is the error "
+        "predicted of the next requests.",
         Axis(
             "trial",
             names={float(number): str(number) for number in range(1, count + 2)},

@@ -358,7 +358,7 @@ def progress_of(answer: Refined) -> list[Progress]:
                 unit=unit,
                 errors=factor * learning.errors,
                 cycles=tuple(trial.cycles for trial in learning.trials),
-                predicted=factor * plan.error,
+                predicted=factor * learning.next_error,
                 bound=factor * bound,
                 noise=factor * noise,
                 gain=learning.gain,
