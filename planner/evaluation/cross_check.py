@@ -18,9 +18,9 @@ from planner.evaluation.joint_comparison import JointComparison, compare_joint, 
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.inversion.arguments import Norm, check_norm, load_of_each, model_of_each, range_of_each
 from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
-from planner.inversion.closed_form import invert_closed_form
+from planner.inversion.closed_form import closed_forms
 from planner.inversion.foot.arguments import checked_leg
-from planner.inversion.line_inverse import RULES
+from planner.inversion.line_inverse import RULES, check_rule
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
@@ -247,14 +247,12 @@ def _plans(
     norm: Norm,
     load: Array | None,
 ) -> dict[str, Inversion]:
+    for rule in RULES:
+        check_rule(rule, model)
+    by_rule = closed_forms(model, desired, RULES, cyclic=cyclic, segments=segments, load=load)
     plans = {
-        f"closed_form_{rule}": replace(
-            invert_closed_form(
-                model, desired, cyclic=cyclic, segments=segments, rule=rule, load=load
-            ),
-            norm=norm,
-        )
-        for rule in RULES
+        f"closed_form_{rule}": replace(plan, norm=norm)
+        for rule, plan in zip(RULES, by_rule, strict=True)
     }
     plans["optimal"] = invert_optimal(
         model, desired, cyclic=cyclic, limits=limits, norm=norm, load=load

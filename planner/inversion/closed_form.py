@@ -111,25 +111,56 @@ def invert_closed_form(
     """
     model = checked_model(model)
     check_rule(rule, model)
+    (made,) = closed_forms(
+        model,
+        desired,
+        (rule,),
+        cyclic=cyclic,
+        segments=segments,
+        refine=refine,
+        load=load,
+    )
+    return made
+
+
+def closed_forms(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    rules: Sequence[Rule],
+    *,
+    cyclic: bool = True,
+    segments: int | None = None,
+    refine: bool = True,
+    load: npt.ArrayLike | None = None,
+) -> list[Inversion]:
+    """The plans of :func:`invert_closed_form` by several rules, from the same approximations.
+
+    The callers have checked the model and the rules.
+    """
     desired = as_trajectory(desired, name="desired", minimum=3)
     cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
     torques = checked_load(load, model, len(desired))
     start = None if cyclic else float(desired[0])
     problem = track(model, desired, cyclic=cyclic, start=start, load=torques)
     curves = approximations(problem, segments=segments, refine=refine)
-    curve, column = inverted(problem, curves, rule=rule, refine=refine)
-    requests = column[:, 0].copy()
-    requests.setflags(write=False)
-    return Inversion(
-        model=model,
-        desired=desired,
-        requests=requests,
-        method="closed_form",
-        cyclic=cyclic,
-        start=start,
-        approximation=curve,
-        load=torques,
-    )
+    plans = []
+    for rule in rules:
+        curve, column = inverted(problem, curves, rule=rule, refine=refine)
+        requests = column[:, 0].copy()
+        requests.setflags(write=False)
+        plans.append(
+            Inversion(
+                model=model,
+                desired=desired,
+                requests=requests,
+                method="closed_form",
+                cyclic=cyclic,
+                start=start,
+                approximation=curve,
+                load=torques,
+            )
+        )
+    return plans
 
 
 def best_closed_form(problem: TrackingProblem) -> Array:
