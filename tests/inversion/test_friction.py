@@ -16,7 +16,7 @@ from planner.evaluation.cross_check import cross_check
 from planner.exceptions import Infeasible, InvalidInput
 from planner.gait import reference_walk
 from planner.inversion.arguments import NORMS
-from planner.inversion.closed_form import closed_form_requests, invert_closed_form
+from planner.inversion.closed_form import closed_form_requests, closed_forms, invert_closed_form
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.line_inverse import RULES
 from planner.inversion.optimal import invert_optimal
@@ -51,18 +51,24 @@ LOADS = {
 
 
 @cache
-def _planned(invert, path, load, *options):
-    return invert(SERVO, PATHS[path], load=LOADS[load], **dict(options))
+def _optimal(path, load, cyclic):
+    return invert_optimal(SERVO, PATHS[path], cyclic=cyclic, load=LOADS[load])
+
+
+@cache
+def _closed_forms(path, load, cyclic):
+    made = closed_forms(SERVO, PATHS[path], RULES, cyclic=cyclic, load=LOADS[load])
+    return dict(zip(RULES, made, strict=True))
 
 
 def optimal(path, load, *, cyclic=True):
     """The optimal plan of a path under a load, made once."""
-    return _planned(invert_optimal, path, load, ("cyclic", cyclic))
+    return _optimal(path, load, cyclic)
 
 
 def closed_form(path, load, *, cyclic=True, rule="paper"):
     """The closed form of a path under a load, made once."""
-    return _planned(invert_closed_form, path, load, ("cyclic", cyclic), ("rule", rule))
+    return _closed_forms(path, load, cyclic)[rule]
 
 
 def rms(angles, desired):
