@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from datetime import datetime
 from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 DELIMITERS = ",;\t"
 """What may stand between cells."""
+
+MISSING = ("", "nan", "nat")
+"""What stands for a date that is missing."""
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """What a column of the torque may hold."""
@@ -226,6 +230,16 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
         InvalidFile: No column is clearly the time, its unit is not said, or a cell is no number.
     """
     column, unit = _time_column(table, options)
+    dates = _dates(table, column)
+    if dates is not None:
+        return dates, f"time from the dates in column '{column}', shifted to start at 0"
+    if unit is None:
+        raise InvalidFile(
+            table.path,
+            f"column '{column}' has no unit; give --time {column}:s (or one of "
+            f"{', '.join(SECONDS)}), or rename it {column}_s",
+            line=1,
+        )
     seconds = SECONDS[unit]
     numbers = table.numbers([column], missing=True)[:, 0]
     note = f"time from column '{column}'"
@@ -243,7 +257,43 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
     return since * seconds, f"{note}, shifted to start at 0"
 
 
-def _time_column(table: Table, options: LogOptions) -> tuple[str, str]:
+def _dates(table: Table, column: str) -> Array | None:
+    """Times [s] since the first of a column of dates and times (ISO 8601), shape (n,), else None.
+
+    Raises:
+        InvalidFile: The first cell is a date and another one is none.
+    """
+    place = table.place(column)
+    cells = [row[place].strip() for row in table.rows]
+    first = _date(next((cell for cell in cells if cell.lower() not in MISSING), ""))
+    if first is None:
+        return None
+    times = np.full(len(cells), np.nan)
+    for k, cell in enumerate(cells):
+        if cell.lower() in MISSING:
+            continue
+        date = _date(cell)
+        if date is None or (date.tzinfo is None) != (first.tzinfo is None):
+            raise InvalidFile(
+                table.path,
+                f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
+                f"before, such as {first.isoformat()}",
+                line=table.lines[k],
+            )
+        times[k] = (date - first).total_seconds()
+    return times
+
+
+def _date(cell: str) -> datetime | None:
+    """The date and time that a cell holds; None for numbers and other text."""
+    try:
+        return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
+    except ValueError:
+        return None
+
+
+def _time_column(table: Table, options: LogOptions) -> tuple[str, str | None]:
+    """The column of times, and its unit where that is said."""
     units = ", ".join(SECONDS)
     name, unit = options.time, None
     if name is not None and name not in table.names:
@@ -257,15 +307,7 @@ def _time_column(table: Table, options: LogOptions) -> tuple[str, str]:
         table.place(name)
     if name is None:
         name = _guessed_time(table)
-    unit = unit or split_name(name, TIME_NAMES)[1]
-    if unit is None:
-        raise InvalidFile(
-            table.path,
-            f"column '{name}' has no unit; give --time {name}:s (or one of {units}), or rename it "
-            f"{name}_s",
-            line=1,
-        )
-    return name, unit
+    return name, unit or split_name(name, TIME_NAMES)[1]
 
 
 def _guessed_time(table: Table) -> str:

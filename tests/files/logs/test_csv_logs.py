@@ -277,6 +277,16 @@ def test_requests_in_radians_that_are_those_of_degrees_are_refused(tmp_path):
         _read(file)
 
 
+@pytest.mark.parametrize("form", ["2026-11-23T23:59:59.{}", "2026-11-23 23:59:59.{}+01:00"])
+@pytest.mark.parametrize("options", [{}, {"time": "time:s"}])
+def test_dates_are_times_since_the_first(tmp_path, form, options):
+    cells = [form.format(f"{960 + 20 * k:03}") for k in range(2)]
+    cells += ["NaT", cells[0].replace("23T", "24T").replace("23 ", "24 ")]
+    log = _read(_csv(tmp_path, "time,req_deg,act_deg", times=cells), **options)
+    assert np.allclose(log.times, [0.0, 0.02, 86400.0], rtol=0.0, atol=1e-9)
+    assert "time from the dates in column 'time', shifted to start at 0" in log.notes[0]
+
+
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN"])
 @pytest.mark.parametrize("column", [0, 1])
 def test_a_row_without_time_or_request_is_left_out_with_a_note(tmp_path, cell, column):
@@ -327,6 +337,9 @@ BAD = {
     "not a number": "t_s,req_rad,act_rad\n0,0,0\n1,inf,0\n2,0,0\n",
     "angles in rows of their own": "t_s,req_rad,act_rad\n0,0,\n1,,0\n2,0,\n3,,0\n",
     "unsorted": "t_s,req_rad,act_rad\n0,0,0\n2,0,0\n1,0,0\n",
+    "a date in one row": "time_s,req_rad,act_rad\n2026-11-23T00:00:00,0,0\n1,0,0\n2,0,0\n",
+    "dates with and without a zone": "time_s,req_rad,act_rad\n"
+    "2026-11-23T00:00:00,0,0\n2026-11-23T00:00:01Z,0,0\n2026-11-23T00:00:02,0,0\n",
     "repeated": "t_s,req_rad,act_rad\n0,0,0\n\n1,0,0\n1,0,0\n",
     "no unit": "t_s,req,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of one column": "t_s,req_rad,act\n0,0,0\n1,0,0\n2,0,0\n",
