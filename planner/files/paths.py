@@ -3,7 +3,8 @@
 A joint path has one ``<joint>_deg`` or ``<joint>_rad`` column per joint, or ``<joint>_percent`` or
 ``<joint>_range`` (0 to 1) where the joint is known by the share of its range. Its columns
 ``<joint>_load_Nm`` are torques on these joints in the direction of positive angles. A foot path has
-the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have ``t_s``.
+the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have ``t_s`` (or
+``_ms``, ``_us``, ``_ns``).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.column_names import pairs
+from planner.files.logs.units import SECONDS
 from planner.files.table import Table, nearest, read_table, write_table
 from planner.files.text import write_text
 from planner.files.units import (
@@ -43,6 +45,9 @@ LOAD = "_load_Nm"
 
 TIME = "t_s"
 """The column that holds the time [s]."""
+
+TIMES = {f"t_{unit}": seconds for unit, seconds in SECONDS.items()}
+"""The columns that may hold it, and what one of their units is in seconds."""
 
 COUNTERS = ("index", "sample")
 """Columns that only number the rows, and are not read."""
@@ -129,7 +134,7 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPat
     Args:
         path: The file.
         joints: Joints to read, in this order; the file's other columns are then left alone. By
-            default every column is a joint, but for ``t_s``, ``index`` and ``sample``.
+            default every column is a joint, but for times, ``index`` and ``sample``.
 
     Raises:
         InvalidFile: The file is no joint path; the message says where and why.
@@ -152,7 +157,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = pick(table, joints, JOINT_UNITS)
     else:
         _check_no_log(table)
-        others = (TIME, *COUNTERS)
+        others = (*TIMES, *COUNTERS)
         columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
     if not columns:
         raise InvalidFile(
@@ -304,20 +309,28 @@ def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
 
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:
-    """Times of the samples [s], shape (n,); None where the file has no column ``t_s``.
+    """Times of the samples [s], shape (n,); None where the file has none of :data:`TIMES`.
 
     Raises:
-        InvalidFile: Times that do not increase, or that are not ``even``.
+        InvalidFile: Times in two units, that do not increase, or that are not ``even``.
     """
-    if TIME not in table.names:
+    columns = [name for name in table.names if name in TIMES]
+    if not columns:
         return None
-    times = table.numbers([TIME])[:, 0]
+    if len(columns) > 1:
+        raise InvalidFile(
+            table.path,
+            f"times in {', '.join(columns)}, expected one column; remove the others",
+            line=1,
+        )
+    column = columns[0]
+    times = TIMES[column] * table.numbers(columns)[:, 0]
     steps = np.diff(times)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1
         raise InvalidFile(
             table.path,
-            f"{TIME} is {times[k]:g} after {times[k - 1]:g}, expected times that increase; "
+            f"{column}: got {times[k]:g} s after {times[k - 1]:g} s, expected times that increase; "
             "sort the rows and remove doubles",
             line=table.lines[k],
         )
@@ -327,7 +340,7 @@ def read_times(table: Table, *, even: bool = True) -> Array | None:
         k = int(np.argmax(uneven)) + 1
         raise InvalidFile(
             table.path,
-            f"{TIME} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
+            f"{column} advances by {steps[k - 1]:g} s where most steps are {period:g} s, expected "
             "even steps; plan with --rate-hz to resample the path",
             line=table.lines[k],
         )

@@ -6,6 +6,7 @@ import csv
 import difflib
 import io
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,24 +21,27 @@ from planner.trajectory import Array
 DECIMALS = 12
 """Decimals that are written: beyond any sensor, and short for numbers that were short before."""
 
+DELIMITERS = ",;\t"
+"""What may stand between cells."""
+
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
+
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file, not yet read as numbers.
+    """The cells of a CSV file, not yet read as numbers; decimal commas are points.
 
     Attributes:
         path: Where it came from; ``-`` is standard input.
         names: The columns' names, in the file's order.
         rows: One tuple of cells per sample, as long as ``names``.
         lines: Line of the file that each row stands on, counted from 1.
-        delimiter: What stands between the cells.
     """
 
     path: str
     names: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    delimiter: str = ","
 
     def numbers(self, names: Sequence[str], *, missing: bool = False) -> Array:
         """The named columns as finite numbers, shape (n, len(names)), read-only.
@@ -88,19 +92,18 @@ class Table:
         return number
 
 
-def read_table(path: Path | str, *, delimiters: str = ",") -> Table:
+def read_table(path: Path | str) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    Args:
-        path: The file.
-        delimiters: Characters that may stand between cells; the first line's commonest is taken.
+    The commonest of :data:`DELIMITERS` in the first line stands between the cells. Where that is no
+    comma, numbers may have decimal commas.
 
     Raises:
         InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
     """
     text = read_text(path)
     first = text.lstrip().partition("\n")[0]
-    delimiter = max(delimiters, key=first.count)
+    delimiter = max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     names: tuple[str, ...] = ()
     rows: list[tuple[str, ...]] = []
@@ -112,7 +115,7 @@ def read_table(path: Path | str, *, delimiters: str = ",") -> Table:
             if not names:
                 names = _checked_names(path, [cell.strip() for cell in cells], reader.line_num)
                 continue
-            rows.append(tuple(cells))
+            rows.append(tuple(cells) if delimiter == "," else tuple(map(_with_point, cells)))
             lines.append(reader.line_num)
     except csv.Error as error:
         raise InvalidFile(
@@ -120,7 +123,7 @@ def read_table(path: Path | str, *, delimiters: str = ",") -> Table:
         ) from error
     if not names:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
-    table = Table(str(path), names, tuple(rows), tuple(lines), delimiter)
+    table = Table(str(path), names, tuple(rows), tuple(lines))
     _check_rows(table)
     return table
 
@@ -147,13 +150,6 @@ def nearest(name: str, names: Sequence[str]) -> str:
 
 
 def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, ...]:
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        raise InvalidFile(
-            path,
-            f"one column named '{_shortened(names[0])}', expected names separated by commas; "
-            "save the file with commas between columns and points in numbers",
-            line=line,
-        )
     if "" in names:
         raise InvalidFile(
             path, f"column {names.index('') + 1} has no name; name or remove it", line=line
@@ -188,6 +184,10 @@ def _check_rows(table: Table) -> None:
         raise InvalidFile(
             table.path, f"rows of samples: got {len(table.rows)}, expected at least 2"
         )
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
 def _is_number(cell: str) -> bool:

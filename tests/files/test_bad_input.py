@@ -27,7 +27,7 @@ JOINT_PATHS = {
     "no names": b"1.0,2.0\n3.0,4.0\n",
     "a column without a name": b"knee_deg,\n1,2\n3,4\n",
     "a name twice": b"knee_deg,knee_deg\n1,2\n3,4\n",
-    "semicolons": b"knee_deg;hip_deg\n1;2\n3;4\n",
+    "decimal commas between commas": b"knee_deg,hip_deg\n1,5,2,5\n3,5,4,5\n",
     "an open quote": b'knee_deg\n"1\n2\n',
     "no unit": b"knee\n1\n2\n",
     "a strange unit": b"knee_degrees\n1\n2\n",
@@ -37,6 +37,7 @@ JOINT_PATHS = {
     "time backwards": b"t_s,knee_deg\n0,1\n0.02,2\n0.01,3\n",
     "time stands still": b"t_s,knee_deg\n0,1\n0,2\n0.01,3\n",
     "uneven time": b"t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n0.05,4\n",
+    "times twice": b"t_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }
 

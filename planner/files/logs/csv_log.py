@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
 from datetime import datetime
 from decimal import Decimal, localcontext
 from pathlib import Path
@@ -24,16 +22,11 @@ from planner.trajectory import Array
 if TYPE_CHECKING:
     from planner.identification.log import Log
 
-DELIMITERS = ",;\t"
-"""What may stand between cells."""
-
 MISSING = ("", "nan", "nat")
 """What stands for a date that is missing."""
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """What a column of the torque may hold."""
-
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
 def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
@@ -42,7 +35,7 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     Raises:
         InvalidFile: The file is no log; the message says where and why.
     """
-    table = _read(path)
+    table = read_table(path)
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
     logs = []
@@ -78,19 +71,7 @@ def _load(table: Table, joint: str) -> Array | None:
 
 def csv_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:  # noqa: ARG001
     """Names of the joints of a CSV log, in the file's order; "" where columns name none."""
-    return tuple(pair.joint for pair in _complete(pairs(_read(path).names)))
-
-
-def _read(path: Path | str) -> Table:
-    """The table, with points for the decimal commas that go with semicolons."""
-    table = read_table(path, delimiters=DELIMITERS)
-    if table.delimiter == ",":
-        return table
-    rows = tuple(
-        tuple(cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row)
-        for row in table.rows
-    )
-    return dataclasses.replace(table, rows=rows)
+    return tuple(pair.joint for pair in _complete(pairs(read_table(path).names)))
 
 
 def _complete(found: tuple[Pair, ...]) -> tuple[Pair, ...]:
