@@ -24,6 +24,9 @@ DECIMALS = 12
 DELIMITERS = ",;\t"
 """What may stand between cells."""
 
+_NAMED_DELIMITER = re.compile(r"sep=([,;\t])\r?\n")
+"""A first line by which spreadsheets say what stands between the cells."""
+
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
@@ -95,15 +98,16 @@ class Table:
 def read_table(path: Path | str) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    The commonest of :data:`DELIMITERS` in the first line stands between the cells. Where that is no
-    comma, numbers may have decimal commas.
+    A first line ``sep=;``, or else the commonest of :data:`DELIMITERS` in the first line, says what
+    stands between the cells. Where that is no comma, numbers may have decimal commas.
 
     Raises:
         InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
     """
     text = read_text(path)
     first = text.lstrip().partition("\n")[0]
-    delimiter = max(DELIMITERS, key=first.count)
+    named = _NAMED_DELIMITER.match(text)
+    delimiter = named[1] if named else max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     names: tuple[str, ...] = ()
     rows: list[tuple[str, ...]] = []
@@ -112,6 +116,8 @@ def read_table(path: Path | str) -> Table:
         for cells in reader:
             if not any(cell.strip() for cell in cells) and len(cells) <= 1:
                 continue  # a blank line
+            if named and reader.line_num == 1:
+                continue
             if not names:
                 names = _checked_names(path, [cell.strip() for cell in cells], reader.line_num)
                 continue

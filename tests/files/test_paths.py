@@ -51,10 +51,11 @@ def test_a_joint_that_winds_may_pass_many_turns_and_any_joint_two(tmp_path, radi
     np.testing.assert_allclose(angles[:, 0], radians, rtol=0.0, atol=1e-12)  # 12 decimals
 
 
+@pytest.mark.parametrize("first", ["", "sep=;\n", "sep=;\r\n"])
 @pytest.mark.parametrize("cut", [";", "\t"])
-def test_a_path_of_a_spreadsheet_has_semicolons_or_tabs_and_decimal_commas(tmp_path, cut):
+def test_a_path_of_a_spreadsheet_has_semicolons_or_tabs_and_decimal_commas(tmp_path, cut, first):
     file = tmp_path / "path.csv"
-    file.write_text("t_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n".replace(";", cut))
+    file.write_text((first + "t_ms;knee_deg\n0;1,5\n20,5;-2,5e1\n").replace(";", cut))
     read = read_joint_path(file)
     np.testing.assert_allclose(np.degrees(read.angles[:, 0]), [1.5, -25.0], atol=1e-12)
     np.testing.assert_allclose(read.times, [0.0, 0.0205])
