@@ -151,8 +151,10 @@ def _recognised(path: Path | str) -> Format:
         return LEROBOT
     if is_bag_folder(place):
         return BAG
+    endings = {file.suffix.lower() for file in place.iterdir()} & {*BY_SUFFIX, ".csv"}
+    files = " or ".join(str(place / f"*{ending}") for ending in sorted(endings))
     raise InvalidFile(
         path,
         "a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
-        "(metadata.yaml), or a file",
+        "(metadata.yaml), or " + (f"its files: {files}" if files else "a file"),
     )

@@ -73,6 +73,13 @@ def test_a_folder_that_is_no_log_says_what_would_be_one(tmp_path):
         f"{tmp_path}: a folder that is no log; expected a LeRobot dataset (meta/info.json), a bag "
         "(metadata.yaml), or a file"
     )
+    for name in ("1.json", "2.json", "3.csv"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(InvalidFile) as caught:
+        read_logs(tmp_path)
+    assert str(caught.value).endswith(
+        f"or its files: {tmp_path / '*.csv'} or {tmp_path / '*.json'}"
+    )
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "json", "mcap", "bag", "db3"])
