@@ -39,7 +39,8 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
     times, clock = _read_clock(table, options)
     torque, switch = _read_torque(table, options)
     logs = []
-    for pair in _chosen(table, options):
+    chosen = _chosen(table, options)
+    for pair in chosen:
         requested, actual = pair.requested[0], pair.actual[0]
         numbers = table.numbers([requested, actual], missing=True)
         log_columns = Columns(
@@ -56,7 +57,7 @@ def read_csv_log(path: Path | str, options: LogOptions) -> tuple[Log, ...]:
             _check_radians(table, requested, log_columns.requests)
         source = Source(path=path, line=lambda k: table.lines[k])
         notes = (
-            f"{clock}, requested from '{requested}', actual from '{actual}'{torque}",
+            f"{clock}, {_columns_note(pair, several=len(chosen) > 1)}{torque}",
             _unit_note(log_columns, options.unit_of(pair.joint)),
         )
         logs.append(make_log(source, log_columns, joint=pair.joint, notes=notes))
@@ -196,6 +197,14 @@ def _check_radians(table: Table, column: str, requests: Array) -> None:
         "--unit deg; a joint that turns further is read in degrees or turns",
         line=table.lines[k],
     )
+
+
+def _columns_note(pair: Pair, *, several: bool) -> str:
+    """The columns of a joint in words, which are the same for joints whose columns are alike."""
+    shown = "<joint>" if several and pair.joint else pair.joint
+    requested = pair.requested[0].replace(pair.joint, shown, 1)
+    actual = pair.actual[0].replace(pair.joint, shown, 1)
+    return f"requested from '{requested}', actual from '{actual}'"
 
 
 def _unit_note(columns: Columns, given: str | None) -> str:

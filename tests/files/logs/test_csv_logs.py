@@ -103,6 +103,17 @@ def test_the_two_columns_may_have_two_units(tmp_path):
     assert "angles in deg and rad, as the columns said" in log.notes
 
 
+def test_joints_whose_columns_are_alike_have_the_same_note(tmp_path):
+    file = tmp_path / "run.csv"
+    rows = "".join(f"{k},0,{k},0,{k}\n" for k in range(3))
+    file.write_text(f"t_s,req_knee_deg,act_knee_deg,req_hip_deg,act_hip_deg\n{rows}")
+    notes = {log.notes[0] for log in read_logs(file, options=LogOptions(joint="all"))}
+    columns = "requested from 'req_<joint>_deg', actual from 'act_<joint>_deg'"
+    assert notes == {f"time from column 't_s', {columns}"}
+    (hip,) = read_logs(file, options=LogOptions(joint="hip"))
+    assert "requested from 'req_hip_deg', actual from 'act_hip_deg'" in hip.notes[0]
+
+
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 @pytest.mark.parametrize("said", ["column", "option"])
 def test_times_may_be_in_any_unit(tmp_path, unit, said):
