@@ -54,6 +54,9 @@ KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS)
 SLOWEST = 10.0
 """No servo takes so long to answer a request [s]: the times of such a file are in other units."""
 
+FASTEST = 60.0
+"""No servo is so fast [rad/s]: hobby servos reach about 20 without a load, direct drives 40."""
+
 ROUNDING = 1e-9
 """By this share of its size a parameter may be beyond its interval."""
 
@@ -252,12 +255,29 @@ def _model(
             f"{place}lag + acceleration_time: got {model.lag + model.acceleration_time:g} s, "
             f"expected at most {SLOWEST:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
         )
+    if not any(key in INTERVALS for key in known):  # identify writes intervals, and radians
+        _check_radians(model, path, place)
     try:
         found = _tested(known) if "expected_error" in known else {}
         found |= _intervals(known, model)
         return model.with_evidence(Evidence(**found)) if found else model
     except InvalidInput as error:
         raise InvalidFile(path, f"{place}{error}") from error
+
+
+def _check_radians(model: JointModel, path: Path | str, place: str) -> None:
+    """Raise InvalidFile where parameters look like degrees."""
+    doubtful = [
+        f"{name} = {value:g} {unit}: is it in degrees? expected at most {most:.4g} {unit}; "
+        f"{value:g} {unit.replace('rad', 'deg')} are {name} = {math.radians(value):.4g}"
+        for name, value, unit, most in (
+            ("v_max", model.v_max, "rad/s", FASTEST),
+            ("theta_0", model.theta_0, "rad", math.pi),
+        )
+        if value > most
+    ]
+    if doubtful:
+        raise InvalidFile(path, place + "; ".join(doubtful))
 
 
 def _tested(keys: Mapping[str, Any]) -> dict[str, Any]:

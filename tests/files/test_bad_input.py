@@ -61,6 +61,8 @@ MODELS = {
     "an impossible joint": MODEL.replace("5.0", "-1"),
     "a key twice": MODEL + "lag = 1\n",
     "times in ms": "v_max = 5.0\ntheta_0 = 0.1\nlag = 32\nacceleration_time = 48\n",
+    "in degrees": MODEL.replace("5.0", "301.9").replace("0.1\n", "18.25\n"),
+    "theta_0 in degrees": "[knee]\n" + MODEL.replace("0.1\n", "18.25\n"),
 }
 
 
@@ -78,6 +80,14 @@ def test_every_bad_file_says_what_is_wrong(tmp_path, snapshot):
                 read(file)
             said.append(f"{kind}, {name}: {caught.value}\n".replace(str(file), "FILE"))
     snapshot.check("bad_input", "".join(said))
+
+
+def test_a_soft_joint_whose_logs_leave_its_top_speed_open_is_no_model_in_degrees(tmp_path):
+    file = tmp_path / "model.toml"
+    file.write_text(
+        MODEL.replace("5.0", "80.0").replace("0.1\n", "4.0\nv_max_interval = [2, inf]\n")
+    )
+    assert read_model_file(file).one().theta_0 == 4.0
 
 
 def test_a_joint_that_is_not_in_the_file_is_named_with_the_nearest(tmp_path):
