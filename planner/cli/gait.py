@@ -94,7 +94,7 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
-    from planner.model.evidence import OPEN_TOP_SPEED
+    from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
     from planner.run.models import models_of
     from planner.shortest_cycle import in_samples, shortest_cycle
 
@@ -110,13 +110,19 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
             progress=progress,
         )
     proof, count = found.too_short, found.samples
+    fewer = in_samples(path, count)
     seen = [model.evidence for model in models]
     unknown = any(each and each.leaves_top_speed_open for each in seen)
+    columns = zip(seen, leg.joint_angles(fewer).T, found.plan.predicted.T, strict=True)
+    expected = [expectation(*each, period=period, cyclic=True) for each in columns]
     document = {
         "tolerance_cm": run.tolerance.cm,
         "samples": count,
         "cycle_s": found.period,
         "max_cm": 100.0 * found.plan.max_error,
+        "untested": {
+            name: list(each.untested) for name, each in zip(leg.joint_names, expected, strict=True)
+        },
         "too_short": proof
         and {
             "samples": proof.samples,
@@ -127,7 +133,7 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     }
     words = (
         f"a cycle of {count} samples, {count * period:.4g} s, is the shortest at which the planned "
-        f"foot stays within {run.tolerance.cm:g} cm"
+        f"foot stays within {run.tolerance.cm:g} cm by the model"
     )
     words += (
         "; no shorter one is proved impossible"
@@ -136,7 +142,13 @@ def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, di
     )
     if proof is not None and unknown:
         words += f", which holds for the models only: {OPEN_TOP_SPEED}"
-    return in_samples(path, count), document, words
+    words += (
+        "\nplan it with --method foot-optimal --norm max: the default, rms, lets the largest error "
+        "be more"
+    )
+    if untested := untested_words(leg.joint_names, expected):
+        words += f"\n{untested}"
+    return fewer, document, words
 
 
 def about(leg: Leg, made: Stride, period: float) -> dict[str, Any]:
