@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -111,21 +111,12 @@ class PlanOutcome:
 
     @cached_property
     def expected_foot(self) -> float | None:
-        """Root mean square distance of the foot to expect on the robot [m]; None where unknown.
-
-        The models' errors, as independent ones, move the foot from where the plan has it.
-        """
-        if self.leg is None or not all(math.isfinite(each.error) for each in self.expected):
+        """Root mean square distance of the foot to expect on the robot [m]; None where unknown."""
+        if self.leg is None:
             return None
-        squares = float(np.mean(self.distances["planned"] ** 2))
-        planned = self.leg.foot_positions(self.predicted)
-        own = np.mean(self.errors["planned"] ** 2, axis=0)
-        for j, each in enumerate(self.expected):
-            moved = self.predicted.copy()
-            moved[:, j] += math.sqrt(max(each.error**2 - own[j], 0.0))
-            away = self.leg.foot_positions(moved) - planned
-            squares += float(np.mean(np.sum(away**2, axis=1)))
-        return math.sqrt(squares)
+        return expected_foot(
+            self.leg, self.feet["desired"], self.desired, self.predicted, self.expected
+        )
 
     @property
     def distances_given(self) -> Array:
@@ -170,3 +161,30 @@ class PlanOutcome:
         """Steps from sample to sample, that from the last to the first included in a cycle."""
         following = np.roll(angles, -1, axis=0) - angles
         return following if self.cyclic else following[:-1]
+
+
+def expected_foot(
+    leg: Leg, foot: Array, desired: Array, predicted: Array, expected: Sequence[Expectation]
+) -> float | None:
+    """Root mean square distance of the foot to expect on the robot [m]; None where unknown.
+
+    The models' errors, as independent ones, move the foot from where the plan has it.
+
+    Args:
+        leg: The leg.
+        foot: Where its foot should be [m], shape (n, 3).
+        desired: The angles of its joints [rad], shape (n, k).
+        predicted: What the joints do by the plan [rad], shape (n, k).
+        expected: What to expect of each joint.
+    """
+    if not all(math.isfinite(each.error) for each in expected):
+        return None
+    planned = leg.foot_positions(predicted)
+    squares = float(np.mean(np.sum((planned - foot) ** 2, axis=1)))
+    own = np.mean((predicted - desired) ** 2, axis=0)
+    for j, each in enumerate(expected):
+        moved = predicted.copy()
+        moved[:, j] += math.sqrt(max(each.error**2 - own[j], 0.0))
+        away = leg.foot_positions(moved) - planned
+        squares += float(np.mean(np.sum(away**2, axis=1)))
+    return math.sqrt(squares)

@@ -176,7 +176,7 @@ def verdict(outcome: PlanOutcome) -> tuple[str, str]:
     if outcome.feet:
         planned, direct = (size(outcome.distances[kind], 100.0) for kind in ("planned", "direct"))
         unit = "cm"
-        head = f"The foot stays within {_at_most(planned.largest)} cm of its path"
+        head = f"By the model the foot stays within {_at_most(planned.largest)} cm of its path"
     else:
         planned, direct = (
             size(outcome.errors[kind], math.degrees(1.0)) for kind in ("planned", "direct")
@@ -184,7 +184,7 @@ def verdict(outcome: PlanOutcome) -> tuple[str, str]:
         unit = "degrees"
         subject = "joint stays" if len(outcome.names) == 1 else "joints stay"
         whose = "its path" if len(outcome.names) == 1 else "their paths"
-        head = f"The {subject} within {_at_most(planned.largest)} degrees of {whose}"
+        head = f"By the model the {subject} within {_at_most(planned.largest)} degrees of {whose}"
     tail = (
         f"{_two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
         f"requests, the error is up to {_at_most(direct.largest)} {unit}, "

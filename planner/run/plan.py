@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.evaluation.metrics import RequestMotion, foot_distances, request_motion
+from planner.evaluation.plan_outcome import expected_foot
 from planner.exceptions import ANGLE_UNIT
 from planner.inversion.error_norm import error_norm
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
@@ -125,6 +126,16 @@ class Answer:
         """Distances of the foot from its desired positions [m], shape (n,)."""
         assert self.desired.foot is not None, "only a foot path has desired positions"
         return foot_distances(self.foot_positions, self.desired.foot)
+
+    @cached_property
+    def expected_foot(self) -> float | None:
+        """Root mean square distance of the foot to expect on the robot [m]; None where unknown."""
+        desired = self.desired
+        if desired.leg is None or desired.foot is None:
+            return None
+        return expected_foot(
+            desired.leg, desired.foot, desired.angles, self.predicted, self.expected
+        )
 
 
 def check_settings(run: settings.Run, desired: Desired) -> None:

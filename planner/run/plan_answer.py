@@ -49,6 +49,7 @@ def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, 
         bound = answer.foot_bound
         foot = {
             **_errors(100.0 * answer.foot_distances, "cm"),
+            "expected_rms_cm": answer.expected_foot and 100.0 * answer.expected_foot,
             "norm": together and together.norm,
             "lower_bound_cm": None if bound is None else 100.0 * bound,
             "gap": None if bound is None else together and together.gap,
@@ -108,6 +109,8 @@ def summary(run: settings.Run, answer: Answer) -> str:
     if desired.foot is not None:
         rms, largest = _errors(100.0 * answer.foot_distances, "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
+        if answer.expected_foot is not None:
+            text += f"; on the robot {100.0 * answer.expected_foot:.3f} cm rms to expect"
         text += _bounded_foot(answer)
     if known:
         text += "\non the robot: rms error to expect, by what the models were tested on"

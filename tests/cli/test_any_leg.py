@@ -68,7 +68,7 @@ def test_a_public_robot_gets_from_urdf_to_report(console, tmp_path, name):
     requests = read_joint_path(tmp_path / f"{name}_requests.csv")
     assert requests.angles.shape == (len(read_foot_path(tmp_path / f"{name}.csv").positions), 3)
     page = (tmp_path / f"{name}.html").read_text()
-    assert "The foot stays within" in page
+    assert "By the model the foot stays within" in page
     assert all(joint in page for joint in requests.names)
     assert ("the rest of their models is assumed" in page) == (name != "solo")
 
@@ -145,7 +145,7 @@ def test_the_report_of_a_joint_path_has_no_foot(run, desired, tmp_path):
     result = run("plan", desired, "--report", "plan.html", "-o", "requests.csv")
     assert result.exit_code == 0, result.stderr
     page = (tmp_path / "plan.html").read_text()
-    assert "The joints stay within" in page
+    assert "By the model the joints stay within" in page
     assert "The foot from the side" not in page
     assert "lower bound" in page
 

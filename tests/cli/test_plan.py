@@ -86,6 +86,23 @@ def test_the_stated_path_of_the_foot_follows_from_the_written_requests(walk, pla
     assert document["foot"]["max_cm"] == pytest.approx(np.max(errors), abs=1e-7)
 
 
+def test_the_error_of_the_foot_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, tmp_path):
+    """Three independent joints that are 0.02 rad off move the foot by a few millimetres."""
+    file = tmp_path / "joint.toml"
+    tested = JOINT.with_evidence(Evidence(0.02, 4.0, 0.0, (-3.0, 3.0), ((0.0, 0.02),)))
+    asked = ("plan", "-", "--leg", "reference", "--unreachable", "clamp", "--model", file)
+    path = run("gait").stdout
+    expected = {}
+    for name, model in (("known", tested), ("untested", JOINT)):
+        model.to_toml(file)
+        foot = json.loads(run(*asked, "--json", stdin=path).stdout)["foot"]
+        expected[name] = foot["expected_rms_cm"]
+        said = run(*asked, "-o", tmp_path / "requests.csv", stdin=path).stderr
+        assert ("cm rms to expect" in said) == (name == "known")
+    assert expected["untested"] is None
+    assert foot["rms_cm"] + 0.01 < expected["known"] < foot["rms_cm"] + 0.5
+
+
 def test_an_axis_that_counts_more_is_followed_more_closely(run, unbounded):
     text, wanted = unbounded
     heights = []

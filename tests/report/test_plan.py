@@ -64,14 +64,14 @@ def test_the_outcome_is_what_simulation_and_leg_say(outcome):
 
 def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
     head, tail = verdict(outcome)
-    said = re.fullmatch(r"The foot stays within ([\d.]+) cm of its path", head)
+    said = re.fullmatch(r"By the model the foot stays within ([\d.]+) cm of its path", head)
     largest = 100.0 * outcome.distances["planned"].max()
     assert largest <= float(said[1]) <= DIGITS * largest
     said = re.search(r"up to ([\d.]+) cm", tail)
     largest = 100.0 * outcome.distances["direct"].max()
     assert largest <= float(said[1]) <= DIGITS * largest
     head, _ = verdict(replace(outcome, leg=None, foot=None))
-    assert re.fullmatch(r"The joints stay within [\d.]+ degrees of their paths", head)
+    assert re.fullmatch(r"By the model the joints stay within [\d.]+ degrees of their paths", head)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, e
         leg=None, foot=None,
     )  # fmt: skip
     head, _ = verdict(one)
-    assert head == f"The joint stays within {told} degrees of its path"
+    assert head == f"By the model the joint stays within {told} degrees of its path"
 
 
 def test_a_path_that_is_too_fast_is_remarked(outcome):
