@@ -43,7 +43,7 @@ from planner.approximation.branch_and_bound import BRANCHES, proved_best
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.knot_search import KnotSearch
 from planner.approximation.minimum_link.largest_error import within_largest_error
-from planner.approximation.problem import BARELY, Problem, even_knots, with_pins
+from planner.approximation.problem import BARELY, Problem, candidate, even_knots, with_pins
 from planner.approximation.qp import values_within, within_slopes
 from planner.approximation.segment_count import automatic, within_rms
 from planner.approximation.slope_projection import ideal_of
@@ -307,14 +307,7 @@ def _at_given_knots(problem: Problem, arguments: Arguments, unit: float) -> tupl
     bound = None if arguments.max_error is None else arguments.max_error / unit
     values = values_within(problem, knots, bound, unit)
     if arguments.max_rms is not None:
-        residual = np.interp(
-            np.arange(problem.samples),
-            knots,
-            values,
-            period=problem.samples if problem.cyclic else None,
-        )
-        square = np.average((residual - problem.desired) ** 2, weights=problem.weights)
-        least = float(np.sqrt(square)) * unit
+        least = math.sqrt(candidate(problem, knots, values).error / problem.samples) * unit
         if least > arguments.max_rms * (1.0 + BARELY):
             raise Infeasible(
                 f"knots and max_rms: got {angle_text(arguments.max_rms)}, but with these knots the "

@@ -40,6 +40,7 @@ from planner.approximation.problem import (
     least_count,
     most_segments,
     required_knots,
+    residuals,
 )
 from planner.approximation.qp import solve_values, within_slopes
 from planner.approximation.slope_projection import ideal_of
@@ -343,13 +344,12 @@ def knots_at_kinks(problem: Problem, curve: Candidate) -> tuple[Candidate, npt.N
     local minimum is at the sample itself, which Newton's method jumps over back and forth, while
     damping holds all other knots back too.
     """
-    knots, n = curve.knots, problem.samples
+    knots = curve.knots
     whole = np.floor(knots + 0.5)
     values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
     slopes = np.diff(values) / np.diff(problem.ends(knots))
     bend = slopes - np.roll(slopes, 1) if problem.cyclic else np.diff(slopes, prepend=0, append=0)
-    residual = np.interp(whole, knots, curve.values, period=n if problem.cyclic else None)
-    residual = residual - problem.desired[whole.astype(np.intp) % n]
+    residual = residuals(problem, knots, curve.values)[whole.astype(np.intp) % problem.samples]
     hold = (np.abs(knots - whole) <= SEARCH.kink) & (residual * bend > 0.0)
     hold &= ~fixed_variables(problem, knots)[0]
     knots = np.where(hold, whole, knots)

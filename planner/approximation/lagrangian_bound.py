@@ -21,6 +21,7 @@ from planner.approximation.problem import (
     Candidate,
     Problem,
     nearest_samples,
+    residuals,
     segment_allowed,
 )
 from planner.trajectory import Array
@@ -205,10 +206,7 @@ def first_multipliers(
     A segment is optimal if twice the sum of its residuals, w (P - d), equals the multiplier at its
     start less that at its end; the first one follows from a segment whose slope is free.
     """
-    n = problem.samples
-    index = np.arange(n, dtype=np.float64)
-    fitted = np.interp(index, curve.knots, curve.values, period=n if problem.cyclic else None)
-    residual = problem.weights * (fitted - problem.desired)
+    residual = problem.weights * residuals(problem, curve.knots, curve.values)
     along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
     if problem.cyclic:
         along += _first_of_cycle(problem, curve, residual, along)
