@@ -37,7 +37,7 @@ class MergedKnots:
             )
         last = n if problem.cyclic else n - 1
         self._first = int(every[0])
-        self._grid = np.append(every, every[0] + n) if problem.cyclic else every
+        self._grid = problem.ends(every)
         self._grid = (self._grid - self._first).astype(np.intp)
         turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
         weights = np.resize(np.roll(problem.weights, -self._first), last + 1)

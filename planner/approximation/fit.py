@@ -43,7 +43,14 @@ from planner.approximation.branch_and_bound import BRANCHES, proved_best
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.knot_search import KnotSearch
 from planner.approximation.minimum_link.largest_error import within_largest_error
-from planner.approximation.problem import BARELY, Problem, candidate, even_knots, with_pins
+from planner.approximation.problem import (
+    BARELY,
+    BARELY_SHORT,
+    Problem,
+    candidate,
+    even_knots,
+    with_pins,
+)
 from planner.approximation.qp import values_within, within_slopes
 from planner.approximation.segment_count import automatic, within_rms
 from planner.approximation.slope_projection import ideal_of
@@ -246,10 +253,9 @@ def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
         curve, fewest = within_largest_error(search.given, bound, arguments.segments, half_range)
         knots, values = search.form.restore(curve)
     knots = _snapped(in_rad, knots)
-    lengths = np.diff(np.append(knots, knots[0] + in_rad.samples) if arguments.cyclic else knots)
     values = within_slopes(
         with_pins(in_rad, knots, middle + half_range * values),
-        arguments.v_max * (lengths * arguments.tick),
+        arguments.v_max * (np.diff(in_rad.ends(knots)) * arguments.tick),
         cyclic=arguments.cyclic,
         towards=_pinned_course(in_rad, knots) if pins.size else None,
     )
@@ -299,11 +305,7 @@ def _exact(search: KnotSearch, arguments: Arguments, unit: float) -> tuple[Array
 
 
 def _at_given_knots(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, Array]:
-    assert arguments.knots is not None, "asked for given knots"
-    knots = np.union1d(arguments.knots, arguments.required)
-    if not arguments.cyclic:
-        knots = np.union1d(knots, [0.0, problem.samples - 1.0])
-    _check_given(problem, knots)
+    knots = _given_knots(problem, arguments)
     bound = None if arguments.max_error is None else arguments.max_error / unit
     values = values_within(problem, knots, bound, unit)
     if arguments.max_rms is not None:
@@ -316,10 +318,15 @@ def _at_given_knots(problem: Problem, arguments: Arguments, unit: float) -> tupl
     return knots, values
 
 
-def _check_given(problem: Problem, knots: Array) -> None:
-    ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
+def _given_knots(problem: Problem, arguments: Arguments) -> Array:
+    """The knots that were given, required ones and a path's ends, if a curve may have all."""
+    assert arguments.knots is not None, "asked for given knots"
+    knots = np.union1d(arguments.knots, arguments.required)
+    if not problem.cyclic:
+        knots = np.union1d(knots, [0.0, problem.samples - 1.0])
+    ends = problem.ends(knots)
     k = int(np.argmin(np.diff(ends)))
-    if ends[k + 1] - ends[k] < problem.shortest - 1e-9:
+    if ends[k + 1] - ends[k] < problem.shortest - BARELY_SHORT:
         raise Infeasible(
             f"knots at samples {ends[k]:g} and {ends[k + 1] % problem.samples:g}: "
             f"{ends[k + 1] - ends[k]:g} samples apart, expected at least shortest = "
@@ -328,15 +335,13 @@ def _check_given(problem: Problem, knots: Array) -> None:
     if problem.on_samples and np.any(knots != np.floor(knots)):
         between = knots[knots != np.floor(knots)][0]
         raise InvalidInput(f"knots: got {between:g} with on_samples, expected whole numbers")
+    return knots
 
 
 def _constant(problem: Problem, arguments: Arguments, value: float) -> tuple[Array, Array]:
     """The constant of this value, through samples and pins that are all the same."""
     if arguments.knots is not None:
-        knots = np.union1d(arguments.knots, arguments.required)
-        if not arguments.cyclic:
-            knots = np.union1d(knots, [0.0, problem.samples - 1.0])
-        _check_given(problem, knots)
+        knots = _given_knots(problem, arguments)
     else:
         segments = arguments.segments if arguments.max_error is None else None
         knots = even_knots(problem, 1 if segments is None else segments)

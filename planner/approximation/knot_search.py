@@ -428,9 +428,8 @@ def _meeting(d: Array, k: int) -> tuple[float, float] | None:
 def _within_problem(problem: Problem, knots: Array, values: Array) -> Candidate | None:
     """The curve, if it is one within the slopes that the samples lie on."""
     curve = candidate(problem, knots, values)
-    ends = np.append(knots, knots[0] + problem.samples) if problem.cyclic else knots
     rises = np.diff(np.append(values, values[0]) if problem.cyclic else values)
-    lengths = np.diff(ends)
+    lengths = np.diff(problem.ends(knots))
     steep = np.abs(rises) > problem.step * lengths * (1.0 + 1e-9)
     off = curve.error > problem.samples * (100.0 * STRAIGHT) ** 2
     return None if np.any(steep) or np.any(lengths < problem.shortest) or off else curve
