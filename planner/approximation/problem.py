@@ -117,17 +117,13 @@ def fixed_variables(
     problem: Problem, knots: Array
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """Which knots may not move, and which of their values, each shape (K,)."""
-    fixed = np.full(knots.size, problem.on_samples)
-    moving, pinned = required_knots(problem, knots)
-    return fixed | moving, pinned
+    required, pins = required_knots(problem, knots)
+    return required | problem.on_samples, np.isfinite(pins)
 
 
-def required_knots(
-    problem: Problem, knots: Array
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Which knots are required or the ends of a path, and at which the value is, each (K,)."""
-    required = np.zeros(knots.size, dtype=bool)
-    pinned = np.zeros(knots.size, dtype=bool)
+def required_knots(problem: Problem, knots: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Which knots are required or the ends of a path, and their pins, NaN where free, each (K,)."""
+    required, pins = np.zeros(knots.size, dtype=bool), np.full(knots.size, np.nan)
     if not problem.cyclic:
         required[[0, -1]] = True
     if problem.required.size:
@@ -135,8 +131,8 @@ def required_knots(
         which = np.argmin(away, axis=1)
         there = away[np.arange(knots.size), which] <= SAME_PLACE
         required |= there
-        pinned = there & np.isfinite(problem.pins[which])
-    return required, pinned
+        pins[there] = problem.pins[which[there]]
+    return required, pins
 
 
 def distances(problem: Problem, places: Array) -> Array:
@@ -178,13 +174,8 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
 
 def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
     """Values at knots [unit of the samples], shape (k,), those of pins exactly as required."""
-    if not problem.required.size:
-        return values
-    away = distances(problem, knots)
-    which = np.argmin(away, axis=1)
-    pins = problem.pins[which]
-    there = (away[np.arange(knots.size), which] <= SAME_PLACE) & np.isfinite(pins)
-    return np.where(there, pins, values)
+    pins = required_knots(problem, knots)[1]
+    return np.where(np.isfinite(pins), pins, values)
 
 
 def nearest_samples(required: Array) -> npt.NDArray[np.intp]:

@@ -23,10 +23,9 @@ from planner.approximation.problem import (
     Problem,
     candidate,
     feasible_values,
-    fixed_variables,
+    required_knots,
     residuals,
     segment_ends,
-    with_pins,
 )
 from planner.exceptions import Infeasible, SolverFailed, angle_text
 from planner.trajectory import Array
@@ -159,13 +158,13 @@ def build_values_qp(
     entries, rows, columns = [-ones, ones], [row, row], [start, end]
     upper = problem.step * np.diff(ends)
     lower = -upper
-    pinned = np.flatnonzero(fixed_variables(problem, knots)[1])
+    pins = required_knots(problem, knots)[1]
+    pinned = np.flatnonzero(np.isfinite(pins))
     if pinned.size:
         entries.append(np.ones(pinned.size))
         rows.append(upper.size + np.arange(pinned.size))
         columns.append(pinned)
-        pins = with_pins(problem, knots, near)[pinned]
-        lower, upper = np.append(lower, pins), np.append(upper, pins)
+        lower, upper = np.append(lower, pins[pinned]), np.append(upper, pins[pinned])
     if tube is not None:
         sample = upper.size + np.arange(problem.samples)
         entries += [rest, share]

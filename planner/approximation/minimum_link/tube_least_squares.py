@@ -289,7 +289,7 @@ def _one_by_one(problem: Problem, curve: Candidate, bound: float) -> Candidate:
     """
     knots, values = curve.knots.copy(), curve.values.copy()
     steepest, room = problem.step * (1.0 - TUBE.margin), bound * (1.0 - TUBE.margin)
-    for k in np.flatnonzero(~np.logical_or(*required_knots(problem, knots))):
+    for k in np.flatnonzero(~required_knots(problem, knots)[0]):
         number = np.arange(k - 1, k + 2)
         x = knots[number % knots.size] + problem.samples * (number // knots.size)
         y = values[number % knots.size]
