@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.problem import BARELY_SHORT
+from planner.approximation.problem import BARELY, BARELY_SHORT, round_knots
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, angle_text
 from planner.trajectory import LARGEST, Array, as_trajectory
 from planner.validation import as_flag, as_number, as_positive, as_whole, freeze, shown
@@ -23,9 +23,6 @@ no measurement is as exact."""
 
 ARGUMENT_ROUNDING = 1e-13
 """Relative excess of a slope between two pins over v_max that is left to rounding."""
-
-KNOT_UNIT = 2.0**32
-"""Required knots are rounded to multiples of its inverse [samples], whose sums are exact."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +140,8 @@ def checked_knots(
     found: dict[float, float] = {}
     for place, angle in pairs:
         given = _number(f"{name} knots", place)
-        knot = round(given * KNOT_UNIT) / KNOT_UNIT if abs(given) < 2.0 * n else given
+        # The sum is 0.0 where a place is rounded to -0.0.
+        knot = float(round_knots(given)) + 0.0 if abs(given) < 2.0 * n else given
         inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
         if not inside:
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
@@ -327,7 +325,7 @@ def _check_errors(arguments: Arguments, bound: float) -> None:
             away = np.minimum(away, n - away)
         least = np.abs(arguments.desired - angle) - step * away
         k = int(np.argmax(least))
-        if least[k] > bound * (1.0 + 1e-9):
+        if least[k] > bound * (1.0 + BARELY):
             raise Infeasible(
                 f"required angle {angle_text(angle)} at sample {place:g} and max_error: with "
                 f"slopes within ±v_max the error at sample {k} is at least {angle_text(least[k])}, "

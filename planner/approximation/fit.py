@@ -31,7 +31,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.arguments import (
-    KNOT_UNIT,
     SMALLEST,
     Arguments,
     Ends,
@@ -46,6 +45,7 @@ from planner.approximation.minimum_link.largest_error import within_largest_erro
 from planner.approximation.problem import (
     BARELY,
     BARELY_SHORT,
+    KNOT_UNIT,
     Problem,
     candidate,
     even_knots,
@@ -352,7 +352,7 @@ def _snapped(problem: Problem, knots: Array) -> Array:
     """The knots, required ones to the last digit."""
     snapped = np.array(knots)
     for place in problem.required:
-        snapped[np.abs(snapped - place) < 8.0 / KNOT_UNIT] = place
+        snapped[np.abs(snapped - place) < 8.0 * KNOT_UNIT] = place
     return snapped
 
 

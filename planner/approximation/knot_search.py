@@ -41,14 +41,12 @@ from planner.approximation.problem import (
     most_segments,
     required_knots,
     residuals,
+    round_knots,
 )
 from planner.approximation.qp import solve_values, within_slopes
 from planner.approximation.slope_projection import ideal_of
 from planner.approximation.sqp import SQP, best_values, descend, descend_by_windows
 from planner.trajectory import Array
-
-EXACT_KNOTS = 2.0**32
-"""Knots are multiples of its inverse [samples], so that their sums and differences are exact."""
 
 STRAIGHT = 1e-10
 """Second difference, relative to the size of the samples, that counts as none."""
@@ -171,7 +169,7 @@ class KnotSearch:
 
     def settled(self, curve: Candidate) -> tuple[Array, Array]:
         """Knots and values for the samples as given, by the last QP in the values."""
-        knots = np.round(curve.knots * EXACT_KNOTS) / EXACT_KNOTS
+        knots = round_knots(curve.knots)
         values = solve_values(self.given, knots, near=curve.values)
         return self.form.restore(Candidate(knots, values, curve.error))
 

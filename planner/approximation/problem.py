@@ -23,6 +23,8 @@ SAME_PLACE = 1e-6
 BARELY_SHORT = 1e-9
 """By how much a segment may be shorter than the shortest one [samples]: rounding."""
 
+KNOT_UNIT = 2.0**-32
+"""Knots are rounded to multiples of this [samples], so that their sums are exact."""
 
 BARELY = 1e-9
 """Relative distance from a bound on the error that rounding cannot cross."""
@@ -176,6 +178,11 @@ def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
     """Values at knots [unit of the samples], shape (k,), those of pins exactly as required."""
     pins = required_knots(problem, knots)[1]
     return np.where(np.isfinite(pins), pins, values)
+
+
+def round_knots(knots: npt.ArrayLike) -> Array:
+    """The nearest multiples of :data:`KNOT_UNIT` [samples], an array like ``knots``."""
+    return np.asarray(np.round(np.asarray(knots) / KNOT_UNIT) * KNOT_UNIT)
 
 
 def nearest_samples(required: Array) -> npt.NDArray[np.intp]:
