@@ -253,11 +253,16 @@ def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
         curve, fewest = within_largest_error(search.given, bound, arguments.segments, half_range)
         knots, values = search.form.restore(curve)
     knots = _snapped(in_rad, knots)
+    straight = None  # from pin to pin
+    if pins.size:
+        places = in_rad.required[np.isfinite(in_rad.pins)]
+        period = in_rad.samples if in_rad.cyclic else None
+        straight = np.interp(knots, places, pins, period=period)
     values = within_slopes(
         with_pins(in_rad, knots, middle + half_range * values),
         arguments.v_max * (np.diff(in_rad.ends(knots)) * arguments.tick),
         cyclic=arguments.cyclic,
-        towards=_pinned_course(in_rad, knots) if pins.size else None,
+        towards=straight,
     )
     return knots, values, fewest
 
@@ -354,13 +359,6 @@ def _snapped(problem: Problem, knots: Array) -> Array:
     for place in problem.required:
         snapped[np.abs(snapped - place) < 8.0 * KNOT_UNIT] = place
     return snapped
-
-
-def _pinned_course(problem: Problem, knots: Array) -> Array:
-    """Straight from pin to pin."""
-    pinned = np.isfinite(problem.pins)
-    places, pins = problem.required[pinned], problem.pins[pinned]
-    return np.interp(knots, places, pins, period=problem.samples if problem.cyclic else None)
 
 
 class Choices(NamedTuple):

@@ -172,7 +172,8 @@ def fewest_links(gates: Gates, breaks: Sequence[int] = ()) -> Course:
             values.append(final.at(knots[0]))
         lines_of = [link.line for link in links] + [final]
         for link, line in zip(links[::-1], lines_of[:0:-1], strict=True):
-            place = _crossing(gates, link, line)
+            touched, missed = gates.places[link.touched], gates.places[link.end + 1]
+            place = meeting(link.line, line, touched, missed)
             knots.append(place)
             values.append(link.line.at(place))
         knots.append(gates.places[first])
@@ -231,12 +232,6 @@ def line_between(lines: LastLines, place: float, share: float) -> Line:
     top, bottom = lines
     value = (1.0 - share) * bottom.at(place) + share * top.at(place)
     return Line(place, value, (1.0 - share) * bottom.slope + share * top.slope)
-
-
-def _crossing(gates: Gates, link: Link, line: Line) -> float:
-    """Where a line takes over from the one of ``link``."""
-    least, most = gates.places[link.touched], gates.places[link.end + 1]
-    return meeting(link.line, line, least, most)
 
 
 def meeting(first: Line, second: Line, least: float, most: float) -> float:
