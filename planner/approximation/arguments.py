@@ -12,7 +12,7 @@ import numpy.typing as npt
 from planner.approximation.problem import BARELY, BARELY_SHORT, round_knots
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, angle_text
 from planner.trajectory import LARGEST, Array, as_trajectory
-from planner.validation import as_flag, as_number, as_positive, as_whole, freeze, shown
+from planner.validation import as_number, as_positive, as_whole, freeze, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
 Ends = tuple[float | None, float | None]
@@ -27,7 +27,7 @@ ARGUMENT_ROUNDING = 1e-13
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arguments:
-    """A fit's arguments.
+    """The arguments of :func:`planner.fit_pwl`, each checked on its own.
 
     Attributes:
         desired: Samples [rad], shape (n,).
@@ -71,45 +71,8 @@ class Arguments:
             raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
         if self.exact and self.max_error is not None:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
-
-
-def checked_arguments(
-    desired: Array,
-    *,
-    v_max: float,
-    tick: float,
-    cyclic: bool,
-    segments: int | None,
-    max_error: float | None,
-    max_rms: float | None,
-    knots: npt.ArrayLike | None,
-    required: Required,
-    shortest: float,
-    weights: npt.ArrayLike | None,
-    ends: Ends,
-    on_samples: bool,
-    exact: bool,
-) -> Arguments:
-    """All arguments, every one of :func:`planner.fit_pwl` checked on its own."""
-    cyclic = as_flag("cyclic", cyclic)
-    on_samples, exact = as_flag("on_samples", on_samples), as_flag("exact", exact)
-    places, pins = checked_knots(required, ends, desired.size, cyclic=cyclic)
-    return Arguments(
-        desired=desired,
-        weights=checked_weights(weights, desired.size),
-        v_max=positive("v_max", v_max, "rad/s"),
-        tick=positive("tick", tick, "s"),
-        cyclic=cyclic,
-        segments=checked_segments(segments, desired, cyclic=cyclic),
-        max_error=None if max_error is None else positive("max_error", max_error, "rad"),
-        max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
-        knots=checked_all_knots(knots, desired.size, cyclic=cyclic),
-        required=places,
-        pins=pins,
-        shortest=checked_shortest(shortest),
-        on_samples=on_samples or exact,
-        exact=exact,
-    )
+        if self.shortest < 1.0:
+            raise InvalidInput(f"shortest: got {self.shortest:g}, expected 1 or more [samples]")
 
 
 def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
@@ -176,14 +139,6 @@ def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> A
         return None
     given = as_trajectory(knots, name="knots", minimum=1)
     return checked_knots(given.tolist(), (None, None), n, cyclic=cyclic, name="knots")[0]
-
-
-def checked_shortest(shortest: float) -> float:
-    """Least length of a segment [samples]; raise InvalidInput where it is below 1."""
-    length = positive("shortest", shortest, "samples")
-    if length < 1.0:
-        raise InvalidInput(f"shortest: got {shortest:g}, expected 1 or more [samples]")
-    return length
 
 
 def positive(name: str, value: float, unit: str) -> float:

@@ -36,7 +36,11 @@ from planner.approximation.arguments import (
     Ends,
     Required,
     check_feasible,
-    checked_arguments,
+    checked_all_knots,
+    checked_knots,
+    checked_segments,
+    checked_weights,
+    positive,
 )
 from planner.approximation.branch_and_bound import BRANCHES, proved_best
 from planner.approximation.curve import PiecewiseLinear
@@ -56,6 +60,7 @@ from planner.approximation.segment_count import automatic, within_rms
 from planner.approximation.slope_projection import ideal_of
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory
+from planner.validation import as_flag
 
 SLOPE_TOLERANCE = 1e-12
 """Relative excess over v_max that rounding may leave on a returned slope."""
@@ -164,19 +169,23 @@ def fit_pwl(
         >>> len(lines.slopes), f"{np.degrees(lines.rms):.2f} deg rms"
         (6, '0.93 deg rms')
     """
-    arguments = checked_arguments(
-        as_trajectory(desired, name="desired", minimum=3),
-        v_max=v_max,
-        tick=tick,
+    samples = as_trajectory(desired, name="desired", minimum=3)
+    cyclic, exact = as_flag("cyclic", cyclic), as_flag("exact", exact)
+    on_samples = as_flag("on_samples", on_samples) or exact
+    places, pins = checked_knots(required, ends, samples.size, cyclic=cyclic)
+    arguments = Arguments(
+        desired=samples,
+        weights=checked_weights(weights, samples.size),
+        v_max=positive("v_max", v_max, "rad/s"),
+        tick=positive("tick", tick, "s"),
         cyclic=cyclic,
-        segments=segments,
-        max_error=max_error,
-        max_rms=max_rms,
-        knots=knots,
-        required=required,
-        shortest=shortest,
-        weights=weights,
-        ends=ends,
+        segments=checked_segments(segments, samples, cyclic=cyclic),
+        max_error=None if max_error is None else positive("max_error", max_error, "rad"),
+        max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
+        knots=checked_all_knots(knots, samples.size, cyclic=cyclic),
+        required=places,
+        pins=pins,
+        shortest=positive("shortest", shortest, "samples"),
         on_samples=on_samples,
         exact=exact,
     )
