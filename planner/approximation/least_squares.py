@@ -201,12 +201,15 @@ def moments(
     return between(start, begun, ended)
 
 
-def running(desired: Array, weights: Array) -> list[Array]:
-    """Sums over the samples up to each, in the order of :class:`Moments`, with k = 0 at first."""
+def running(desired: Array, weights: Array) -> tuple[Array, Array]:
+    """Sums over the samples up to each, with k = 0 at the first.
+
+    Those of w, w k and w k², shape (3, n), and of w d, w k d and w d², shape (3, ..., n).
+    """
     k = np.arange(desired.shape[-1], dtype=np.float64)
     wk, wd = weights * k, weights * desired
-    products = (weights, wk, wk * k, wd, wk * desired, wd * desired)
-    return [np.cumsum(each, axis=-1) for each in products]
+    of_weights, of_samples = [weights, wk, wk * k], [wd, wk * desired, wd * desired]
+    return np.cumsum(of_weights, axis=-1), np.cumsum(of_samples, axis=-1)
 
 
 def between(
@@ -214,7 +217,7 @@ def between(
 ) -> Moments:
     """Sums about ``start``, whole or not, from those of :func:`running` there and at the ends."""
     # In C order, as sliding views would otherwise leave theirs to all that is made of them.
-    w0, w1, w2, d0, d1, d2 = (
+    (w0, w1, w2), (d0, d1, d2) = (
         np.subtract(after, before, order="C") for before, after in zip(begun, ended, strict=True)
     )
     since = start.astype(np.float64)
