@@ -79,15 +79,15 @@ def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
     """The weights of n samples with mean 1, shape (n,), or None where all are the same."""
     if weights is None:
         return None
-    given = as_trajectory(weights, name="weights", minimum=1)
-    if given.size != n:
-        raise InvalidTrajectory(f"weights: got {given.size}, expected {n}, one per sample")
-    if not np.all(given > 0.0):
-        k = int(np.argmin(given))
-        raise InvalidInput(f"weights: got {given[k]:g} at sample {k}, expected more than 0")
-    if np.all(given == given[0]):
+    values = as_trajectory(weights, name="weights", minimum=1)
+    if values.size != n:
+        raise InvalidTrajectory(f"weights: got {values.size}, expected {n}, one per sample")
+    if not np.all(values > 0.0):
+        k = int(np.argmin(values))
+        raise InvalidInput(f"weights: got {values[k]:g} at sample {k}, expected more than 0")
+    if np.all(values == values[0]):
         return None
-    weights = given / np.mean(given)
+    weights = values / np.mean(values)
     freeze(weights)
     return weights
 
@@ -100,16 +100,16 @@ def checked_knots(
         raise InvalidInput(f"{name}: got {shown(required)}, expected sample indices")
     pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
     last = n - 1.0
-    found: dict[float, float] = {}
+    angles: dict[float, float] = {}
     for place, angle in pairs:
-        given = _number(f"{name} knots", place)
+        index = _number(f"{name} knots", place)
         # The sum is 0.0 where a place is rounded to -0.0.
-        knot = float(round_knots(given)) + 0.0 if abs(given) < 2.0 * n else given
+        knot = float(round_knots(index)) + 0.0 if abs(index) < 2.0 * n else index
         inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
         if not inside:
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
-        found[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
+        angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
     try:
         start, end = ends
     except (TypeError, ValueError):
@@ -122,23 +122,23 @@ def checked_knots(
         if cyclic:
             raise InvalidInput("ends: a cycle has none; leave them out, or give cyclic=False")
         pin = _number("ends", angle)
-        other = found.get(place, math.nan)
+        other = angles.get(place, math.nan)
         if not math.isnan(other) and other != pin:
             raise Infeasible(
                 f"required and ends: got {angle_text(other)} and {angle_text(pin)} at sample "
                 f"{place:g}; leave one of them out"
             )
-        found[place] = pin
-    places = np.array(sorted(found))
-    return places, np.array([found[place] for place in places.tolist()])
+        angles[place] = pin
+    places = np.array(sorted(angles))
+    return places, np.array([angles[place] for place in places.tolist()])
 
 
 def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
     """All knots [samples], increasing, shape (k,); None where they are not given."""
     if knots is None:
         return None
-    given = as_trajectory(knots, name="knots", minimum=1)
-    return checked_knots(given.tolist(), (None, None), n, cyclic=cyclic, name="knots")[0]
+    values = as_trajectory(knots, name="knots", minimum=1)
+    return checked_knots(values.tolist(), (None, None), n, cyclic=cyclic, name="knots")[0]
 
 
 def positive(name: str, value: float, unit: str) -> float:

@@ -148,25 +148,25 @@ class _BranchAndBound:
         trial = best = Multipliers(branch.multipliers.into.copy(), branch.multipliers.out.copy())
         highest, pace, stalled = -math.inf, 1.0, 0
         for step in range(steps):
-            found = self._relaxation.bound(levels, trial)
-            if not math.isfinite(found.error):
+            cheapest = self._relaxation.bound(levels, trial)
+            if not math.isfinite(cheapest.error):
                 return None
-            self._try(found.chain)
-            if found.error >= self._enough:
+            self._try(cheapest.chain)
+            if cheapest.error >= self._enough:
                 return None
-            stalled += found.error - highest < 1e-4 * (self.best.error - highest)
-            if found.error > highest:
-                highest = found.error
+            stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
+            if cheapest.error > highest:
+                highest = cheapest.error
                 best = Multipliers(trial.into.copy(), trial.out.copy())
             if stalled > 3:
                 pace, stalled = 0.5 * pace, 0
             levels = [
                 level[cost < self._enough]
-                for level, cost in zip(levels, found.through, strict=True)
+                for level, cost in zip(levels, cheapest.through, strict=True)
             ]
-            reach = pace * (self.best.error - found.error)
+            reach = pace * (self.best.error - cheapest.error)
             width = 1 + int(BRANCHES.widest / (1.0 + step / 6.0))
-            if pace < 0.05 or not climb(self._relaxation, trial, found, reach, width):
+            if pace < 0.05 or not climb(self._relaxation, trial, cheapest, reach, width):
                 break
         return Branch(highest, 0, levels, best)
 
@@ -209,8 +209,8 @@ class KnotsOnSamples:
         """The curves of best values at as many knots each."""
         keys = [tuple(np.asarray(knots, dtype=np.float64).tolist()) for knots in several]
         new = [key for key in dict.fromkeys(keys) if key not in self._solved]
-        found = best_values(self._problem, [np.array(key) for key in new])
-        self._solved.update(zip(new, found, strict=True))
+        solved = best_values(self._problem, [np.array(key) for key in new])
+        self._solved.update(zip(new, solved, strict=True))
         return [self._solved[key] for key in keys]
 
     def moved(self, knots: Array) -> Candidate:

@@ -25,12 +25,12 @@ MEANS = 1024
 """Means that stand for very many samples."""
 
 
-def at_resolution(given: Problem) -> Problem:
+def at_resolution(problem: Problem) -> Problem:
     """The problem with samples and slope as multiples of :data:`RESOLUTION`."""
-    mantissa, exponent = math.frexp(given.step)
+    mantissa, exponent = math.frexp(problem.step)
     return replace(
-        given,
-        desired=to_resolution(given.desired),
+        problem,
+        desired=to_resolution(problem.desired),
         step=math.ldexp(math.floor(mantissa / RESOLUTION) * RESOLUTION, exponent),
     )
 
@@ -75,28 +75,28 @@ class CanonicalForm:
         extreme = samples[np.argmax(np.abs(samples) > (1.0 - EQUAL) * np.max(np.abs(samples)))]
         return replace(form, sign=-1.0 if extreme < 0.0 else 1.0)
 
-    def apply(self, given: Array) -> Array:
+    def apply(self, samples: Array) -> Array:
         """Samples, shape (n,), in this form."""
-        return self.sign * self.in_order(given)
+        return self.sign * self.in_order(samples)
 
-    def in_order(self, given: Array) -> Array:
+    def in_order(self, values: Array) -> Array:
         """What belongs to samples, shape (n,), in the order of this form."""
-        ordered = np.roll(given, -self.first)
+        ordered = np.roll(values, -self.first)
         if self.backwards:
             ordered = np.roll(ordered[::-1], 1) if self.cyclic else ordered[::-1]
         return np.ascontiguousarray(ordered)
 
-    def of_problem(self, given: Problem) -> Problem:
+    def of_problem(self, problem: Problem) -> Problem:
         """A problem in this form."""
-        places, pins = given.required - self.first, self.sign * given.pins
+        places, pins = problem.required - self.first, self.sign * problem.pins
         if self.backwards:
             places = (0.0 if self.cyclic else self.samples - 1.0) - places
         places = np.mod(places, self.samples) if self.cyclic else places
         order = np.argsort(places)
         return replace(
-            given,
-            desired=self.apply(given.desired),
-            weights=self.in_order(given.weights),
+            problem,
+            desired=self.apply(problem.desired),
+            weights=self.in_order(problem.weights),
             required=places[order],
             pins=pins[order],
         )

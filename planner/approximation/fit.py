@@ -232,9 +232,9 @@ def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
     """
     check_feasible(arguments)
     pins = arguments.pins[np.isfinite(arguments.pins)]
-    given = np.concatenate([arguments.desired, pins])
-    middle = 0.5 * (float(given.max()) + float(given.min()))
-    half_range = float(np.max(np.abs(given - middle)))
+    angles = np.concatenate([arguments.desired, pins])
+    middle = 0.5 * (float(angles.max()) + float(angles.min()))
+    half_range = float(np.max(np.abs(angles - middle)))
     in_rad = Problem(
         desired=arguments.desired,
         step=arguments.v_max * arguments.tick,
@@ -259,7 +259,9 @@ def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
     else:
         search = KnotSearch(problem)
         bound = arguments.max_error / half_range
-        curve, fewest = within_largest_error(search.given, bound, arguments.segments, half_range)
+        curve, fewest = within_largest_error(
+            search.unrounded, bound, arguments.segments, half_range
+        )
         knots, values = search.form.restore(curve)
     knots = _snapped(in_rad, knots)
     straight = None  # from pin to pin
@@ -289,7 +291,7 @@ def _found(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, 
         curve = automatic(search)
     else:
         curve = search.curve(arguments.segments)
-    return search.settled(curve)
+    return search.final_curve(curve)
 
 
 def _exact(search: KnotSearch, arguments: Arguments, unit: float) -> tuple[Array, Array]:
@@ -303,14 +305,14 @@ def _exact(search: KnotSearch, arguments: Arguments, unit: float) -> tuple[Array
     if arguments.max_rms is None:
         assert arguments.segments is not None, "exact says one of the two"
         best = proved_best(search.problem, search.curve(arguments.segments))
-        return search.settled(best)
+        return search.final_curve(best)
     last = search.most if arguments.segments is None else min(arguments.segments, search.most)
     least = math.inf
     for segments in range(search.fewest, last + 1):
         best = proved_best(search.problem, search.curve(segments))
         least = math.sqrt(best.error / n) * unit
         if least <= arguments.max_rms * (1.0 + BARELY):
-            return search.settled(best)
+            return search.final_curve(best)
     raise Infeasible(
         f"max_rms and the number of segments: got {angle_text(arguments.max_rms)}, but {last} "
         f"segments with knots on samples reach {angle_text(least)} at best; allow more error or "

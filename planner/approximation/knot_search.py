@@ -113,18 +113,18 @@ class KnotSearch:
     mirrored, reversed and scaled ones give the same curve in spite of rounding.
     """
 
-    def __init__(self, given: Problem) -> None:
+    def __init__(self, problem: Problem) -> None:
         """Find the ideal and the canonical form.
 
         Args:
-            given: What to approximate, samples of size one.
+            problem: What to approximate, samples of size one.
         """
-        coarse = at_resolution(given)
+        coarse = at_resolution(problem)
         ideal = ideal_of(coarse)
-        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=given.cyclic)
+        self.form = CanonicalForm.of(coarse.desired, ideal, cyclic=problem.cyclic)
         self.problem = self.form.of_problem(coarse)
         self.ideal = to_resolution(self.form.apply(ideal))
-        self.given = self.form.of_problem(given)
+        self.unrounded = self.form.of_problem(problem)
         self.fewest = least_count(self.problem)
         self.most = most_segments(self.problem)
         self.ideal_error = float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
@@ -167,16 +167,16 @@ class KnotSearch:
         )
         return candidate(problem, knots, values)
 
-    def settled(self, curve: Candidate) -> tuple[Array, Array]:
+    def final_curve(self, curve: Candidate) -> tuple[Array, Array]:
         """Knots and values for the samples as given, by the last QP in the values."""
         knots = round_knots(curve.knots)
-        values = solve_values(self.given, knots, near=curve.values)
+        values = solve_values(self.unrounded, knots, near=curve.values)
         return self.form.restore(Candidate(knots, values, curve.error))
 
     @cached_property
     def exact(self) -> Candidate | None:
         """The curve on which the samples lie, if there is one."""
-        return exact_curve(self.given)
+        return exact_curve(self.unrounded)
 
     @cached_property
     def _of_means(self) -> KnotSearch | None:
@@ -213,7 +213,7 @@ class KnotSearch:
             return best
         if self._of_means is None and best.error > SEARCH.close * self.ideal_error:
             best = improved(problem, self.ideal, starts)
-        return settled_at_kinks(problem, best)
+        return descended_from_kinks(problem, best)
 
     def _starts(self, segments: int) -> list[Candidate]:
         """Curves a few evaluations from what is proposed, the best first; found once."""
@@ -297,11 +297,11 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
     best, begun = min(curves, key=by_error), curves
     for _ in range(SEARCH.turns):
         starts = [each for curve in begun for each in (curve, *moved(problem, curve))]
-        found = min(descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept), key=by_error)
-        gained = best.error - found.error
+        other = min(descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept), key=by_error)
+        gained = best.error - other.error
         if gained <= 0.0:
             break
-        best, begun = found, [found]
+        best, begun = other, [other]
         if gained <= SEARCH.helps * best.error:
             break
     return best
@@ -325,7 +325,7 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     ]
 
 
-def settled_at_kinks(problem: Problem, curve: Candidate) -> Candidate:
+def descended_from_kinks(problem: Problem, curve: Candidate) -> Candidate:
     """A curve downhill of ``curve``, also where knots at kinks held the others back."""
     best = descend(problem, [curve], rounds=SEARCH.many)[0]
     here, hold = knots_at_kinks(problem, best)

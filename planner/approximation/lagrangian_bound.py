@@ -217,26 +217,26 @@ def first_multipliers(
 
 
 def climb(
-    relaxation: Relaxation, multipliers: Multipliers, found: Bound, reach: float, width: int
+    relaxation: Relaxation, multipliers: Multipliers, cheapest: Bound, reach: float, width: int
 ) -> bool:
     """Move the multipliers up by a step of Polyak's, in place.
 
     Args:
         relaxation: What they are for.
         multipliers: What to move.
-        found: The cheapest chain under them.
+        cheapest: The cheapest chain under them.
         reach: How much higher the bound should become.
         width: Neighbours of a knot that take part of its step [nodes].
 
     Returns:
         False if the chain's segments meet: the bound is as high as can be.
     """
-    by_into, by_out = relaxation.differences(found.chain, multipliers)
+    by_into, by_out = relaxation.differences(cheapest.chain, multipliers)
     square = float(by_into @ by_into + by_out @ by_out)
     if square < 1e-20:
         return False
     step = 2.0 * reach / square
-    for t, knot in enumerate(found.chain):
+    for t, knot in enumerate(cheapest.chain):
         near = relaxation.around(knot, width)
         multipliers.into[t] += step * by_into[t] * near
         multipliers.out[t] += step * by_out[t] * near
@@ -248,7 +248,7 @@ def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: 
     n = problem.samples
     ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
     values = np.append(curve.values, curve.values[0])
-    found = []
+    estimates = []
     for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
         if j == i:  # knots between samples, a hair less than one apart
             continue
@@ -260,6 +260,6 @@ def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: 
         start = along[i % n]
         end = start - float(share @ residual[inside % n])
         # d/dm about the start: turn + end (j - i) = 0 at the optimum, both raised by the answer.
-        found.append((free, -(turn + end * (j - i)) / (j - i)))
-    any_free = any(free for free, _ in found)
-    return float(np.mean([first for free, first in found if free or not any_free] or [0.0]))
+        estimates.append((free, -(turn + end * (j - i)) / (j - i)))
+    any_free = any(free for free, _ in estimates)
+    return float(np.mean([first for free, first in estimates if free or not any_free] or [0.0]))

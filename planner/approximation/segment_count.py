@@ -74,8 +74,8 @@ def automatic(search: KnotSearch) -> Candidate:
         curve = search.curve(segments)
         return curve if curve.error <= enough else None
 
-    found = _fewest(search, enough, close_enough, search.most)
-    return search.curve(search.most) if found is None else found
+    fewest = _fewest(search, enough, close_enough, search.most)
+    return search.curve(search.most) if fewest is None else fewest
 
 
 def noise(desired: Array) -> float:
@@ -115,21 +115,21 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
             curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
-    found = _fewest(search, enough, close_enough, last)
-    if found is None:
+    fewest = _fewest(search, enough, close_enough, last)
+    if fewest is None:
         least = math.sqrt(search.curve(last).error / n)
         raise Infeasible(
             f"max_rms and the number of segments: got {angle_text(bound * unit)}, but with at most "
             f"{last} segments the smallest found is {angle_text(least * unit)}; allow more error "
             "or more segments"
         )
-    return found
+    return fewest
 
 
 def _fewest(
     search: KnotSearch,
     enough: float,
-    found_with: Callable[[int], Candidate | None],
+    close_enough: Callable[[int], Candidate | None],
     most: int,
 ) -> Candidate | None:
     """The curve of fewest segments whose error is small enough; few numbers are searched in full.
@@ -141,7 +141,7 @@ def _fewest(
     Args:
         search: Curves through the samples.
         enough: Squared error that is small enough.
-        found_with: The curve of a number of segments, if it is good enough.
+        close_enough: The curve of a number of segments, if it is good enough.
         most: The largest number.
     """
     one_by_one = COUNT.one_by_one if search.problem.samples <= SEARCH.many_samples else 0
@@ -149,29 +149,29 @@ def _fewest(
     def rough(segments: int) -> float:
         return search.rough_error(segments, COUNT.hopeless_chords * enough)
 
-    found = None
+    fewest = None
     count = search.fewest
     failed = without = count - 1  # the number before; the last searched in full and without any
     while True:
         if count == most or rough(count) <= COUNT.likely * enough:
-            found = found_with(count)
-            without = without if found else count
-        if found is not None or count == most:
+            fewest = close_enough(count)
+            without = without if fewest else count
+        if fewest is not None or count == most:
             break
         failed = count
         count = min(most, count + 1 if count < one_by_one else math.ceil(COUNT.wider * count))
-    if found is not None and count <= one_by_one:
+    if fewest is not None and count <= one_by_one:
         while count - 1 > without and rough(count - 1) <= COUNT.hopeless * enough:
-            fewer = found_with(count - 1)
+            fewer = close_enough(count - 1)
             if fewer is None:
                 break
-            found, count = fewer, count - 1
-        return found
-    while found is not None and count - failed > 1 + math.floor(COUNT.coarse * count):
+            fewest, count = fewer, count - 1
+        return fewest
+    while fewest is not None and count - failed > 1 + math.floor(COUNT.coarse * count):
         middle = (failed + count) // 2
-        better = found_with(middle)
+        better = close_enough(middle)
         if better is None:
             failed = middle
         else:
-            found, count = better, middle
-    return found
+            fewest, count = better, middle
+    return fewest

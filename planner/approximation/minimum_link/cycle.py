@@ -44,24 +44,24 @@ def fewest_links_around(gates: Gates) -> Course | None:
         [float(k) for k in range(5 * n)], list(gates.lower) * 5, list(gates.upper) * 5, gates.slope
     )
     end = 5 * n - 1
-    found: list[Course] = []
+    cycles: list[Course] = []
     before: Link | None = None
     link = next_link(around, 0, end)
     turn = 0
-    while isinstance(link, Link) and turn < 3 and len(found) < 3 * LINKS.eaves:
+    while isinstance(link, Link) and turn < 3 and len(cycles) < 3 * LINKS.eaves:
         link = _later(link, n * turn)
         if before is not None and link.rising != before.rising:
             eave = _later(link, n * (1 - link.before // n))
             lines, joints, last = _closed(around, n, eave)
             for line in (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5)):
                 cycle = _around([*lines, line, _later(eave, n).line], joints, n)
-                found.append(_turned(cycle, n))
-                if found[-1].shortest(n) >= 1.0 - BARELY_SHORT:
-                    return found[-1]
+                cycles.append(_turned(cycle, n))
+                if cycles[-1].shortest(n) >= 1.0 - BARELY_SHORT:
+                    return cycles[-1]
         turn, before = link.touched // n, link
         own = _later(link, -n * turn)
         link = next_link(around, own.touched, end, half=own.end, rising=own.rising)
-    return max(found, key=lambda cycle: cycle.shortest(n), default=None)
+    return max(cycles, key=lambda cycle: cycle.shortest(n), default=None)
 
 
 def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], LastLines]:

@@ -139,18 +139,18 @@ def fewest_segment_curve(problem: Problem, bound: float) -> Course | None:
         return fewest_links_on(gates, breaks, problem.shortest, may_be)
 
     if not problem.cyclic:
-        found = path(*gates_of(problem, bound))
+        best = path(*gates_of(problem, bound))
     else:
         required = [float(place) for place in problem.required[:1]]
         cuts = (
             required or (np.unique(np.rint(course.knots)) % problem.samples).tolist()[: LINKS.cuts]
         )
         cycles = [_cut(problem, bound, place, path) for place in cuts]
-        found = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
-    if found is None:
+        best = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
+    if best is None:
         return None
     exact = problem.on_samples and not problem.cyclic and apart == 1
-    return found if exact else found._replace(fewest=fewest)
+    return best if exact else best._replace(fewest=fewest)
 
 
 def _cycle_on_samples(

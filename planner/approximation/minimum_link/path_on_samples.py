@@ -62,11 +62,11 @@ def fewest_links_on(
         little more than the fewest segments of any path will do: a first search that leaves out
         second thoughts bounds the number, and those that cannot be better are left out of another.
     """
-    found = _searched(gates, breaks, shortest, may_be, None)
-    if found is None:
+    path = _searched(gates, breaks, shortest, may_be, None)
+    if path is None:
         return _searched(gates, breaks, shortest, may_be, [len(gates.places)] * len(gates.places))
-    limits = [found.fewest - 1 - left for left in links_left(gates)]
-    return _searched(gates, breaks, shortest, may_be, limits) or found
+    limits = [path.fewest - 1 - left for left in links_left(gates)]
+    return _searched(gates, breaks, shortest, may_be, limits) or path
 
 
 def _searched(
@@ -86,9 +86,9 @@ def _searched(
         limits: Most segments up to each gate; None for one more than the first path to it has.
     """
     last = len(gates.places) - 1
-    for segments, found in _by_segments(gates, breaks, shortest, may_be, limits):
-        if last in found:
-            widest = max(found[last], key=lambda piece: piece.most - piece.least)
+    for segments, pieces in _by_segments(gates, breaks, shortest, may_be, limits):
+        if last in pieces:
+            widest = max(pieces[last], key=lambda piece: piece.most - piece.least)
             end = _Reached(last, widest.least, widest.most, [widest])
             return _back(gates, end, segments)
     return None
@@ -110,17 +110,17 @@ def _by_segments(
     segments = 0
     while frontier:
         segments += 1
-        found: dict[int, list[_Piece]] = {}
+        pieces: dict[int, list[_Piece]] = {}
         for start in frontier:
             for gate, low, high in _onward(gates, start, shortest, must, may_be):
                 if segments <= most[gate]:
-                    found.setdefault(gate, []).append(_Piece(low, high, start))
-        yield segments, found
+                    pieces.setdefault(gate, []).append(_Piece(low, high, start))
+        yield segments, pieces
         frontier = []
-        for gate in sorted(found):
+        for gate in sorted(pieces):
             if limits is None:
                 most[gate] = min(most[gate], segments + 1)
-            for reached in _intervals(gate, found[gate]):
+            for reached in _intervals(gate, pieces[gate]):
                 if _adds(covered[gate], reached.least, reached.most):
                     frontier.append(reached)
 
@@ -145,8 +145,8 @@ def links_left_on(gates: Gates, breaks: Sequence[int]) -> list[int]:
     size = len(gates.places)
     behind, must = _reversed(gates), [size - 1 - k for k in breaks]
     first: dict[int, int] = {0: 0}
-    for segments, found in _by_segments(behind, must, 0.0, [True] * size, [size] * size):
-        for gate in found:
+    for segments, pieces in _by_segments(behind, must, 0.0, [True] * size, [size] * size):
+        for gate in pieces:
             first.setdefault(gate, segments)
         if len(first) == size:
             break
@@ -172,16 +172,16 @@ def _reversed(gates: Gates) -> Gates:
 
 def _intervals(gate: int, pieces: list[_Piece]) -> list[_Reached]:
     """The intervals that pieces make up."""
-    made: list[_Reached] = []
+    intervals: list[_Reached] = []
     for piece in sorted(pieces, key=lambda piece: piece.least):
-        if made and piece.least <= made[-1].most + INTERVAL_ROUNDING:
-            own = made[-1]
+        if intervals and piece.least <= intervals[-1].most + INTERVAL_ROUNDING:
+            own = intervals[-1]
             own.pieces.append(piece)
             most = max(own.most, piece.most)
-            made[-1] = _Reached(gate, own.least, most, own.pieces)
+            intervals[-1] = _Reached(gate, own.least, most, own.pieces)
         else:
-            made.append(_Reached(gate, piece.least, piece.most, [piece]))
-    return made
+            intervals.append(_Reached(gate, piece.least, piece.most, [piece]))
+    return intervals
 
 
 def stride(gates: int, longest: float) -> int:
@@ -200,7 +200,7 @@ def _onward(
     lowest.tighten(begin, origin, -start.least)
     highest.add(begin, origin, start.least)
     lowest.add(begin, origin, -start.most)
-    found = []
+    reached = []
     for k in range(begin + 1, len(places)):
         place, lower, upper = places[k], lowers[k], uppers[k]
         top, bottom = highest.line.at(place), -lowest.line.at(place)
@@ -213,14 +213,14 @@ def _onward(
             lowest.tighten(k, place, -lower)
             bottom = lower
         if may_be[k] and place - origin >= shortest - BARELY_SHORT:
-            found.append((k, bottom, top))
+            reached.append((k, bottom, top))
         if k in must:
             break
         if lower > -math.inf:
             highest.add(k, place, lower)
         if upper < math.inf:
             lowest.add(k, place, -upper)
-    return found
+    return reached
 
 
 def _adds(covered: list[tuple[float, float]], least: float, most: float) -> bool:
