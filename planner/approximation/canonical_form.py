@@ -66,7 +66,7 @@ class CanonicalForm:
         rolled = np.roll(desired, -first)
         k = np.arange(n)
         # Odd under reversal: sample k goes to -k in a cycle, to n - 1 - k otherwise. A sine instead
-        # would be blind to samples whose second half is the first one mirrored.
+        # gives zero for samples whose second half is the first one mirrored.
         side = np.where(k > 0, 0.5 * n - k, 0.0) if cyclic else 0.5 * (n - 1) - k
         power = (rolled - np.mean(rolled)) ** 2
         backwards = bool(side @ power > EQUAL * (np.abs(side) @ power))

@@ -6,9 +6,9 @@ segments using dynamic programming, 1961; (5a) of docs/math.md). Three costs are
 fail on different data:
 
 - `chord`: the segment joins two points of the ideal sequence; within the slopes and continuous at
-  once, but at the mercy of noise at the two points;
+  once, but sensitive to noise at the two points;
 - `line`: the segment is the best line with a slope within the bounds through its own samples of the
-  ideal; indifferent to noise, but the lines need not meet;
+  ideal; insensitive to noise, but the lines need not meet;
 - of a lattice, :func:`lattice_chain`: at each node a few angles around the ideal may be taken, and
   a segment between two of these states has its exact squared error as its cost, infinite if it is
   too steep. So the cheapest chain is continuous, within the slopes, and best of all on the lattice.

@@ -37,9 +37,9 @@ class LinkOptions:
             time and segments; none: cycles of 1,000 samples and few segments take two to four times
             as long.
         cuts: Knots of a cycle at which it is cut where the exact search would take too long.
-        halvings: Times that the error is halved in search of the least one that so many segments
-            keep, as the curve in the middle of its bounds is where least squares begin. 48 paths
-            and cycles: 6: 1 % larger rms errors in the mean; 24: no change for a quarter more time.
+        halvings: Bisections for the smallest error that so many segments keep, as the curve in the
+            middle of its bounds is where least squares begin. 48 paths and cycles: 6: 1 % larger
+            rms errors in the mean; 24: no change for a quarter more time.
         few_halvings: The same for more than ``many_samples``.
         many_samples: Samples for which twelve halvings take too long.
     """

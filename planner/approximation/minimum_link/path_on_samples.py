@@ -59,8 +59,9 @@ def fewest_links_on(
 
     Returns:
         The path, exact; None if no path has segments so long. O(gates · longest segment) where
-        little more than the fewest segments of any path will do: a first search that leaves out
-        second thoughts bounds the number, and those that cannot be better are left out of another.
+        little more than the fewest segments of any path will do: a first search, which keeps for
+        every gate only paths with at most one segment more than the first to reach it, bounds the
+        number, and a second one leaves out paths that cannot have fewer.
     """
     path = _searched(gates, breaks, shortest, may_be, None)
     if path is None:
