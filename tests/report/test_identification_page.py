@@ -105,6 +105,16 @@ def test_what_is_not_determined_is_said_in_words_and_marked(several):
     assert "The model holds for 2 of 3 joints" in several
 
 
+@pytest.mark.usefixtures("undrawn_pages")
+def test_where_the_top_speed_is_open_it_is_not_said_to_be_reached():
+    right = made_up()
+    found = made_up(intervals={**right.intervals, "v_max": Interval(2.0, math.inf)})
+    for identification, told in ((found, False), (right, True)):
+        page = identification_page({"": identification})
+        assert ("reached in" in page) == told
+        assert ("was at its top speed in" in page) == told
+
+
 def test_names_from_logs_are_text_and_nothing_else(several):
     assert "<gripper>" not in several
     assert "&lt;gripper&gt; &amp; co" in several

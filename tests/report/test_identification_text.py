@@ -10,7 +10,7 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import models_text, read_model_file
-from planner.identification.result import Interval
+from planner.identification.result import Alternative, Interval
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.report.identification.text import identification_text, model_comments, remarks
@@ -81,6 +81,36 @@ def test_the_verdict_says_whether_the_model_holds_and_on_which_rows():
     assert verdict(unheld).startswith("THE MODEL DOES NOT FIT: 0.199 deg rms on the rows it was")
 
 
+def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
+    late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
+    found = made_up(alternatives=(late,))
+    assert verdict(found).startswith("a pure delay serves better, do not plan with this model: ")
+    assert "1.3 times farther off than the best pure delay" in verdict(found)
+    text = identification_text({"hip": made_up(), "knee": found})
+    assert text.startswith("the model holds for 1 of 2 joints\n")
+    assert "worse than a delay" in text
+
+
+def test_an_interval_that_says_nothing_is_not_known():
+    right = made_up()
+    nothing = {"theta_0": Interval(0.0, math.inf), "lag": Interval(-math.inf, math.inf)}
+    found = made_up(intervals={**right.intervals, **nothing})
+    for name in nothing:
+        told = row(found, name)
+        assert (told.interval, told.short) == ("not known", "not known")
+        assert told.judgement == "not determined"
+    assert "at least 0" not in identification_text({"hip": found, "knee": right})
+    assert "at least 0" not in str(model_comments({"hip": found}))
+    assert row(never_saturated(), "v_max").short == "≥ 172 deg/s"
+
+
+def test_parameters_that_not_every_joint_has_are_explained_below_the_table():
+    right = made_up()
+    uneven = made_up(intervals={**right.intervals, "v_offset": Interval(-1.0, 1.0)})
+    text = identification_text({"hip": right, "knee": uneven})
+    assert text.endswith("v offset: top speed up, less v_max")
+
+
 def test_what_is_not_determined_is_named():
     assert known(made_up()) == "The logs determine every parameter."
     assert "neither of the two alone" in known(never_saturated())
@@ -108,7 +138,7 @@ def test_several_joints_stand_in_one_table():
     lines = identification_text({"hip": made_up(), "knee": refused}).splitlines()
     assert lines[0] == "the model holds for 1 of 2 joints"
     assert lines[2].split()[:2] == ["hip", "holds"]
-    assert lines[3].split()[:7] == ["knee", "DOES", "NOT", "FIT", "at", "least", "172"]
+    assert lines[3].split()[:7] == ["knee", "DOES", "NOT", "FIT", "≥", "172", "deg/s"]
     assert lines[4].startswith("knee: warning: the joint never")
 
 

@@ -44,7 +44,7 @@ UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4, dashes="-")
 BAR = 9.0
 """Width of a bar [pt]."""
 
-SHORT = {"theta_0": "θ₀", "gain": "v_max / θ₀"}
+SHORT = {"theta_0": "θ₀", "gain": "v_max / θ₀", "dead_band": "dead band"}
 """What long names are beside a strip."""
 
 SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
@@ -99,9 +99,10 @@ def cloud_figure(found: Identification, prefix: str = "") -> Figure:
     words: tuple[Words, ...] = ()
     if found.saturates and corners[-1] <= reach:
         corner, top = factor * float(corners[-1]), factor * float(model.speed(corners[-1]))
-        curves.append(line((corner, corner), (0.0, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
-        words = (
-            Words("θ₀ + dead band" if model.dead_band else "θ₀", corner, 0.0, upward="top"),
+        low = -factor * highest
+        curves.append(line((corner, corner), (low, top), MUTED._replace(dashes=(0, (1.0, 1.5)))))
+        words = (  # at the lower edge, where a joint has no dots: they lie about f
+            Words("θ₀ + dead band" if model.dead_band else "θ₀", corner, low, upward="bottom"),
             Words("v_max", -factor * reach, factor * model.v_max, across="left"),
         )
     curves.append(Curve(replace_width(CLOSED_FORM, 2.4), factor * ends, speeds, "f, identified"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
@@ -21,6 +22,7 @@ from planner.report.identification.words import (
     NAMES,
     errors,
     errors_table,
+    explained,
     known,
     of_several,
     parameters,
@@ -28,6 +30,7 @@ from planner.report.identification.words import (
     telling_error,
     units_of,
     verdict,
+    word_on,
 )
 from planner.report.page import (
     Card,
@@ -110,6 +113,7 @@ def identification_page(
             cards=(),
             sections=[
                 Section("", OVERVIEW, {"joints": joints, "table": joints_table(joints),
+                                       "rare": explained(_names(joints)),
                                        "where": telling_error(first.found)[1]}),
                 *(section for joint in joints for section in (_head(joint), *_sections(joint))),
             ],
@@ -119,7 +123,7 @@ def identification_page(
 
 OVERVIEW = """
 {{ table }}
-<p class="note">The error is that {{ where }}. In detail:
+<p class="note">The error is that {{ where }}{% if rare %}; {{ rare }}{% endif %}. In detail:
 {% for joint in joints %}
 <a href="#{{ joint.anchor }}">{{ joint.name or "unnamed" }}</a>{{ ", " if not loop.last else "." }}
 {% endfor %}</p>
@@ -145,8 +149,9 @@ KNOWN = """
 <div>
 {{ table }}
 <p class="note">The intervals hold if the model does; its residuals are below.
-{% if share == 0.0 %}The joint never was at its top speed for a whole window: of v<sub>max</sub> and
-  θ<sub>0</sub> this log shows little more than the ratio.
+{% if open %}Of v<sub>max</sub> and θ<sub>0</sub> the logs show little more than the ratio.
+{% elif share == 0.0 %}The joint never was at its top speed for a whole window: of v<sub>max</sub>
+  and θ<sub>0</sub> this log shows little more than the ratio.
 {% else %}The joint was at its top speed in {{ share | percent(1) }} of the measured intervals,
   their whole window
   through: there v<sub>max</sub> is read off, and below it the ratio to θ<sub>0</sub>.
@@ -213,6 +218,7 @@ def _sections(joint: Joint) -> list[Section]:
         Section("What is known, and how well", KNOWN, {
             "table": parameters_table(found, NAMES, notes=True),
             "share": saturated(found),
+            "open": _leaves_top_speed_open(found),
             "intervals": intervals_figure(found, prefix),
         }),
         Section("What the model adds", ADDS, {
@@ -250,15 +256,23 @@ def cards(found: Identification) -> list[Card]:
     error, where = telling_error(found)
     number, _, unit = _angle(found, error).partition(" ")
     short = {row.name: row.short for row in parameters(found)}
+    share = percent(saturated(found), 1)
+    reached = (
+        "" if _leaves_top_speed_open(found) else f"; reached in {share} of the measured intervals"
+    )
     return [
         Card(number, unit, f"rms error {where}; noise: {_angle(found, found.noise)}"),
-        Card(short["v_max"], "",
-             f"top speed; reached in {percent(saturated(found), 1)} of the measured intervals"),
+        Card(short["v_max"], "", f"top speed{reached}"),
         Card(short["lag"], "",
-             f"lag, and then an acceleration time of {short['acceleration_time']}"),
+             f"lag; acceleration time: {short['acceleration_time']}"),
         Card(short["theta_0"], "",
-             f"error that calls for top speed; below, {short['gain']} of speed per error"),
+             f"error that calls for top speed; speed per error below it: {short['gain']}"),
     ]  # fmt: skip
+
+
+def _leaves_top_speed_open(found: Identification) -> bool:
+    """Whether the joint may be faster than anything in the logs."""
+    return math.isinf(found.intervals["v_max"].upper)
 
 
 def saturated(found: Identification) -> float:
@@ -271,18 +285,24 @@ def saturated(found: Identification) -> float:
 def joints_table(joints: Sequence[Joint]) -> Table:
     """Every joint in a row; a column for each parameter that some joint has, except the sag."""
     found = [{row.name: row.short for row in parameters(joint.found)} for joint in joints]
-    names = [name for name in TITLES if any(name in each for each in found)]
+    names = _names(joints)
     rows = []
     for joint, values in zip(joints, found, strict=True):
         delay = [error.telling for error in errors(joint.found) if error.name == "delay"]
         shown = (telling_error(joint.found)[0], delay[0] if delay else None)
-        cells = (joint.found.verdict if joint.found.accepted else "does not fit",
-                 *(values.get(name, NOTHING) for name in names),
-                 *(_angle(joint.found, error) for error in shown))  # fmt: skip
+        cells = (word_on(joint.found) if joint.found.accepted else "does not fit",
+                 *(_angle(joint.found, error) for error in shown),
+                 *(values.get(name, NOTHING) for name in names))  # fmt: skip
         kind = "" if joint.found.accepted else "broken"
         rows.append(Row(joint.name or "unnamed", cells, kind=kind))
-    titles = ("model", *(TITLES[name] for name in names), "rms error", "best delay")
+    titles = ("model", "rms error", "best delay", *(TITLES[name] for name in names))
     return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
+
+
+def _names(joints: Sequence[Joint]) -> list[str]:
+    """The parameters that some joint has, except the sag."""
+    found = {row.name for joint in joints for row in parameters(joint.found)}
+    return [name for name in TITLES if name in found]
 
 
 def logs_table(found: Identification) -> Table:

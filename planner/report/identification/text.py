@@ -16,11 +16,13 @@ from planner.report.identification.words import (
     Parameter,
     errors,
     errors_table,
+    explained,
     of_several,
     parameters,
     parameters_table,
     units_of,
     verdict,
+    word_on,
 )
 from planner.report.table import NOTHING, text_table
 
@@ -81,13 +83,14 @@ def _several(identifications: Mapping[str, Identification]) -> str:
     names = list(dict.fromkeys(name for values in found.values() for name in values))
     rows = []
     for joint, each in identifications.items():
-        holds = each.verdict if each.accepted else "DOES NOT FIT"
+        holds = word_on(each) if each.accepted else "DOES NOT FIT"
         values = [found[joint].get(name, NOTHING) for name in names]
         rows.append([joint, holds, *values, *_errors(each)])
     header = ["joint", "model", *(HEADERS.get(name, name.replace("_", " ")) for name in names)]
     lines = [
         of_several(list(identifications.values())),
         text_table([*header, "rms", "held out", "best delay"], rows),
+        *filter(None, [explained(names)]),
     ]
     for joint, each in identifications.items():
         lines += [f"{joint}: warning: {warning}" for warning in each.warnings]
@@ -201,6 +204,6 @@ def _interval(interval: Interval | None) -> str:
     ends = [
         f"at {word} {end:.5g}"
         for word, end in (("least", interval.lower), ("most", interval.upper))
-        if np.isfinite(end)
+        if np.isfinite(end) and end != 0.0
     ]
     return f", {ends[0]}" if ends else ", not determined"

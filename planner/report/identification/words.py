@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from planner.identification.parameters import TERMS
 from planner.identification.result import Identification, Interval
 from planner.report.table import NOTHING, Column, Row, Table
 
@@ -16,7 +17,7 @@ NAMES = {
     "lag": "lag",
     "acceleration_time": "acceleration time",
     "offset": "static sag",
-    "dead_band": "dry friction or play: error that does not move it",
+    "dead_band": "error that does not move it (dry friction, play)",
     "v_offset": "top speed up, less v_max",
     "compliance": "sag per torque",
     "speed_per_torque": "top speed per torque",
@@ -48,6 +49,12 @@ COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first
 """Those that the verdict compares with."""
 
 MODEL = "the joint model"
+
+LATE = "worse than a delay"
+"""The word on a model that is farther from the joint than its requests, some time later."""
+
+NOT_KNOWN = "not known"
+"""In place of an interval that says nothing: without ends, or from zero to infinity."""
 
 ROUGH = 0.2
 """Beyond this part of the estimate the half width of an interval is called rough; the lag is held
@@ -102,7 +109,9 @@ class Parameter(NamedTuple):
         if self.known:
             return self.value
         unit = self.value.partition(" ")[2]
-        return "?" if self.interval == "unknown" else f"{self.interval} {unit}"
+        if self.interval == NOT_KNOWN:
+            return NOT_KNOWN
+        return f"{self.interval} {unit}".replace("at least", "≥").replace("at most", "≤")
 
 
 class Error(NamedTuple):
@@ -213,7 +222,7 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
     """
     value, interval = estimate(identification, name)
     lower, upper = (math.isfinite(end) for end in interval)
-    if not lower and not upper:
+    if between(interval) == NOT_KNOWN:
         return "not determined"
     if not lower or not upper:
         return f"only bounded from {'below' if lower else 'above'}"
@@ -288,17 +297,37 @@ def verdict(identification: Identification) -> str:
         if name in others
     ]
     tail = f": {', '.join([sentence, *compared])}"
-    words = {"holds": "the model holds", "usable": "the model is usable, but not exact"}
-    said = words.get(identification.verdict, "") if identification.accepted else ""
-    return (said or "THE MODEL DOES NOT FIT") + tail
+    words = {
+        "holds": "the model holds",
+        "usable": "the model is usable, but not exact",
+        LATE: "a pure delay serves better, do not plan with this model",
+    }
+    return words.get(word_on(identification), "THE MODEL DOES NOT FIT") + tail
+
+
+def word_on(identification: Identification) -> str:
+    """The verdict: "holds", "usable", "refused", or that a pure delay is closer to the joint."""
+    if not identification.accepted:
+        return "refused"
+    error, _ = telling_error(identification)
+    delays = [each.telling for each in errors(identification) if each.name == "delay"]
+    if any("farther" in compared_with(error, delay) for delay in delays):
+        return LATE
+    return identification.verdict
 
 
 def of_several(identifications: Sequence[Identification]) -> str:
     """For how many joints the model holds, and for how many it is usable, in a sentence."""
-    verdicts = [each.verdict if each.accepted else "refused" for each in identifications]
+    verdicts = [word_on(each) for each in identifications]
     usable = verdicts.count("usable")
     more = f", and is usable, but not exact, for {usable} more" if usable else ""
     return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
+
+
+def explained(names: Iterable[str]) -> str:
+    """What those of the parameters are that not every joint has, in a sentence; empty for none."""
+    rare = [name for name in names if name in TERMS.values()]
+    return "; ".join(f"{name.replace('_', ' ')}: {NAMES[name]}" for name in rare)
 
 
 def known(identification: Identification) -> str:
@@ -352,9 +381,9 @@ def between(interval: Interval) -> str:
     lower, upper = (math.isfinite(end) for end in interval)
     if lower and upper:
         return f"{figure(interval.lower, interval)} to {figure(interval.upper, interval)}"
-    if lower:
+    if lower and interval.lower != 0.0:
         return f"at least {figure(interval.lower, interval)}"
-    return f"at most {figure(interval.upper, interval)}" if upper else "unknown"
+    return f"at most {figure(interval.upper, interval)}" if upper else NOT_KNOWN
 
 
 def _decimals(value: float, interval: Interval) -> int:
