@@ -103,6 +103,7 @@ def identify(
     verdict = verdict_on(
         fit,
         bounds,
+        uncertainty,
         held,
         errors,
         against=opposite_sign(fit.grid),

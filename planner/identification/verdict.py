@@ -12,7 +12,7 @@ import numpy as np
 from planner.exceptions import ANGLE_UNIT
 from planner.identification.alternatives import delayed_errors
 from planner.identification.fit import peak_command
-from planner.identification.intervals import at_edge
+from planner.identification.intervals import Uncertainty, at_edge, middle_known_within
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
@@ -52,6 +52,8 @@ class VerdictOptions:
             for doubt (none; none).
         loose: A time whose interval is wider than this share of it, and than two ticks, is
             pointed out (two warnings more; none).
+        sudden: A step of the requests is sudden beyond this share of the span of requests and
+            angles (none; none).
         sign_likeness: Both signs, or requests before and after, explain the angles if what they
             leave unexplained is within this factor (none; none).
         least_likeness: Correlation below which a delay explains nothing (none; none).
@@ -66,6 +68,7 @@ class VerdictOptions:
     little_motion: float = 0.2
     spans: float = 30.0
     loose: float = 0.5
+    sudden: float = 0.1
     sign_likeness: float = 1.05
     least_likeness: float = 0.7
     delays: int = 200
@@ -94,6 +97,7 @@ class Verdict(NamedTuple):
 def verdict_on(
     fit: Fit,
     bounds: Mapping[str, Interval],
+    uncertainty: Uncertainty,
     held: HeldOut | None,
     simple: dict[str, float],
     *,
@@ -115,6 +119,7 @@ def verdict_on(
     Args:
         fit: The model fitted to all rows.
         bounds: Its intervals.
+        uncertainty: The covariance that they come from.
         held: What held-out rows say, if any were.
         simple: Error of the simpler descriptions on the same rows [rad].
         against: What speaks for a joint that moves against its requests, if anything does.
@@ -184,10 +189,12 @@ def verdict_on(
     else:
         doubtful = beaten or hidden or bool(shaken) or not tested or missed > OPTIONS.suspect
         word = "usable" if doubtful else "holds"
-    return Verdict(word, (*warnings, *_undetermined(fit, bounds, unit)))
+    return Verdict(word, (*warnings, *_undetermined(fit, bounds, uncertainty, unit)))
 
 
-def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[str]:
+def _undetermined(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty, unit: str
+) -> list[str]:
     """A sentence for each parameter that the log leaves open."""
     found = []
     at, called = fit.parameters, peak_command(fit)
@@ -217,16 +224,48 @@ def _undetermined(fit: Fit, bounds: Mapping[str, Interval], unit: str) -> list[s
         for name in fit.free_names
         if at_edge(fit, Parameters._fields.index(name))
     ]
-    for name in ("lag", "acceleration_time"):
-        value, interval = getattr(at, name), bounds[name]
-        if math.isinf(interval.upper):
-            found.append(f"{name} is not known at all: record sudden steps")
-        elif interval.upper - interval.lower > max(2.0 * fit.grid.tick, OPTIONS.loose * value):
-            found.append(
-                f"{name} lies anywhere between {1e3 * interval.lower:.0f} and "
-                f"{1e3 * interval.upper:.0f} ms: record sudden steps to tell it from other delays"
-            )
-    return found
+    return [*found, *open_delays(fit, bounds, uncertainty)]
+
+
+def open_delays(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> list[str]:
+    """What the log leaves open of lag and acceleration time.
+
+    In rows far apart even sudden steps show little more than the middle of the window.
+    """
+
+    def loose(width: float, value: float) -> bool:
+        return width > max(2.0 * fit.grid.tick, OPTIONS.loose * value)
+
+    at = fit.parameters
+    ends = {
+        name: f"between {1e3 * bounds[name].lower:.0f} and {1e3 * bounds[name].upper:.0f} ms"
+        for name in ("lag", "acceleration_time")
+    }
+    wide = [
+        name for name in ends if loose(bounds[name].upper - bounds[name].lower, getattr(at, name))
+    ]
+    if wide and _sudden(fit.grid) and all(bounds[name].bounded for name in ends):
+        middle = at.lag + at.acceleration_time / 2.0
+        half = middle_known_within(fit, uncertainty, bounds["acceleration_time"])
+        known = f", but lag + acceleration_time / 2 is, {1e3 * middle:.3g} ± {1e3 * half:.2g} ms"
+        return [
+            f"lag, {ends['lag']}, and acceleration_time, {ends['acceleration_time']}, are not "
+            f"known{'' if loose(2.0 * half, middle) else known}: record more rows a second to tell "
+            "them apart"
+        ]
+    return [
+        f"{name} is not known at all: record sudden steps"
+        if math.isinf(bounds[name].upper)
+        else f"{name} lies anywhere {ends[name]}: record sudden steps to tell it from other delays"
+        for name in wide
+    ]
+
+
+def _sudden(grid: Grid) -> bool:
+    """Whether most of the way that requests go is in sudden steps."""
+    steps = np.abs(np.diff(grid.requests))
+    sudden = steps >= OPTIONS.sudden * grid.span
+    return float(np.sum(steps[sudden])) > 0.5 * float(np.sum(steps))
 
 
 def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[str]:

@@ -8,6 +8,11 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.fit import fit_joint
+from planner.identification.intervals import uncertainty_of
+from planner.identification.result import Interval
+from planner.identification.timestamps import timing_of
+from planner.identification.verdict import open_delays
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -27,6 +32,36 @@ PERIOD = 0.02
 JOINT = planner.JointModel(
     v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.005, hold=4
 )
+
+
+@pytest.mark.parametrize("sudden", [True, False])
+def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_known(sudden):
+    log = rich_log(JOINT, noise=NOISE)
+    if not sudden:
+        requests = 0.3 * np.sin(2.0 * np.pi * 1.5 * log.times)
+        log = changed(log, requests=requests, angles=planner.simulate(JOINT, requests))
+    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
+    said = open_delays(fit, wide, uncertainty_of(fit))
+    if sudden:
+        middle = fit.parameters.lag + fit.parameters.acceleration_time / 2.0
+        assert len(said) == 1
+        assert f"but lag + acceleration_time / 2 is, {1e3 * middle:.3g} ±" in said[0]
+        assert "record more rows a second" in said[0]
+    else:
+        assert [line.split(": ")[1][:20] for line in said] == 2 * ["record sudden steps "]
+    assert not open_delays(fit, dict.fromkeys(wide, Interval(0.02, 0.021)), uncertainty_of(fit))
+
+
+def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
+    """Two windows about one middle leave a joint that closes in on a step apart by K a^2 / 24."""
+    window, delays = 0.05, []
+    for length in (0.005, window):
+        joint = replace(JOINT, v_max=50.0, theta_0=2.5, tick=1e-4, hold=1)
+        joint = replace(joint, lag=0.045 - length / 2.0, acceleration_time=length)
+        angles = planner.simulate(joint, np.repeat([0.0, 1.0], [1, 1999]), cyclic=False)
+        delays.append(np.log(1.0 - angles[-1]) / 20.0)
+    assert delays[1] - delays[0] == pytest.approx(20.0 * (window**2 - 0.005**2) / 24.0, rel=0.05)
 
 
 def test_what_was_held_out_is_predicted_to_the_noise():
