@@ -232,15 +232,17 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
         head = f"{len(check.failures)} of {len(check.checks)} checks do not hold"
     methods = [(SHOWN, "closed form"), ("optimal", "optimised requests")]
     methods += [(SECOND, "IPOPT through CasADi")] * (SECOND in check.methods)
-    gaps = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
-    said = f"Gaps above the lower bound: {gaps}."
+    shown = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
+    zero = error_above_zero(check, SHOWN) is not None
+    said = f"{'Errors, the lower bound is 0' if zero else 'Gaps above the lower bound'}: {shown}."
     reasons = shares(check)
     if reasons:
         most = max(reasons, key=lambda reason: reasons[reason])
         apart = max(math.degrees(joint.differences[SHOWN].largest) for joint in check.joints)
         said += f" The requests of the first two differ by up to {apart:.3g} degrees all the same"
         share = percent(reasons[most], 0)
-        said += f": {share} of that, squared, has the reason “{REASON_WORDS[most]}”."
+        reason = REASON_WORDS[most] if most == "free" else f"the reason “{REASON_WORDS[most]}”"
+        said += f": {share} of that, squared, has {reason}."
     return head, said
 
 
@@ -257,13 +259,18 @@ def shares(check: CrossCheck) -> dict[Reason, float]:
 
 
 def above_bound(check: CrossCheck, method: str) -> str:
-    """The joints' gaps, from the smallest to the largest; errors where a lower bound is zero."""
+    """The joints' gaps, from the smallest to the largest; the error where a lower bound is zero."""
+    if (error := error_above_zero(check, method)) is not None:
+        return f"{error:.3g} degrees"
     gaps = [joint.gap(method) for joint in check.joints]
-    if math.isinf(max(gaps)):
-        error = max(joint.plans[method].error for joint in check.joints if not joint.bound)
-        return f"error {math.degrees(error):.1g} degrees, bound 0"
     least, most = percent(min(gaps)), percent(max(gaps))
     return least if least == most else f"{least.removesuffix(' %')} – {most}"
+
+
+def error_above_zero(check: CrossCheck, method: str) -> float | None:
+    """The largest error of the joints whose lower bound is zero [deg]; None where there is none."""
+    errors = [joint.plans[method].error for joint in check.joints if not joint.bound]
+    return math.degrees(max(errors)) if errors else None
 
 
 def key_figures(check: CrossCheck) -> list[Card]:
@@ -281,13 +288,11 @@ def key_figures(check: CrossCheck) -> list[Card]:
     gaps = [(SHOWN, "closed form, the paper’s rule, knots refined"), ("optimal", "optimised")]
     gaps += [(SECOND, "optimised by IPOPT through CasADi")] * (SECOND in check.methods)
     for method, words in gaps:
-        cards.append(
-            Card(
-                above_bound(check, method),
-                "",
-                f"above the lower bound on the {norm} error: {words}",
-            )
-        )
+        if (error := error_above_zero(check, method)) is not None:
+            cards.append(Card(f"{error:.3g}", f"deg {norm}", f"lower bound 0: {words}"))
+            continue
+        text = f"above the lower bound on the {norm} error: {words}"
+        cards.append(Card(above_bound(check, method), "", text))
     if check.foot is not None:
         before, after = (
             100.0 * check.foot.plans[method].error(norm) for method in ("optimal", "foot_optimal")

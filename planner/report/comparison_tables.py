@@ -31,7 +31,7 @@ REASON_WORDS: Mapping[Reason, str] = {
     "limit": "request at a limit",
     "corner": "corner of the lines",
     "after_end": "after the end",
-    "free": "none of these",
+    "free": "no reason of those known",
 }
 """What the reasons are called, in tables and figures."""
 

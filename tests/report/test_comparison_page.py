@@ -121,9 +121,12 @@ def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
     zero = {level: proof._replace(bound=0.0) for level, proof in joint.certificates.items()}
     exact = replace(check, joints=(replace(joint, certificates=zero),), foot=None)
     error = np.degrees(joint.plans[SHOWN].error)
-    assert above_bound(exact, SHOWN) == f"error {error:.1g} degrees, bound 0"
+    assert above_bound(exact, SHOWN) == f"{error:.3g} degrees"
+    assert f"Errors, the lower bound is 0: closed form {error:.3g} degrees" in verdict(exact)[1]
+    card = key_figures(exact)[1]
+    assert (card.figure, card.unit) == (f"{error:.3g}", "deg rms")
+    assert card.words.startswith("lower bound 0: closed form")
     for said in (comparison_page(exact).partition("<script")[0], comparison_text(exact)):
-        assert "bound 0" in said
         assert not re.search(r"\binf\b", said)
 
 
@@ -138,7 +141,7 @@ def test_the_shades_cover_each_reason_and_its_name_is_reported_under_the_pointer
     shaded = np.zeros(len(difference.x))
     for span in apart.spans:
         shaded += (span.start < difference.x) & (difference.x < span.end)
-    free = np.array([note == "none of these" for note in difference.notes])
+    free = np.array([note == "no reason of those known" for note in difference.notes])
     # At the cycle boundary two shades may meet.
     np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])
 
