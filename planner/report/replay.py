@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -176,8 +177,8 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     }
     many = len(replay.planned) > 1
     head = (
-        f"The planned joint{'s stay' if many else ' stays'} within {worst['planned']:.2g} degrees "
-        f"of {'their paths' if many else 'its path'}"
+        f"By the model the planned joint{'s stay' if many else ' stays'} within "
+        f"{worst['planned']:.2g} degrees of {'their paths' if many else 'its path'}"
     )
     tail = (
         f"where the path itself as requests is up to {worst['direct']:.2g} degrees off, and the "
@@ -410,6 +411,10 @@ def speeds_figure(found: Fastest) -> Figure:
     ends = (float(speeds[0]), float(speeds[-1]))
     known = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves[1:]])
     top = min(SHOWN * allowed, 1.05 * max(float(np.max(known)), allowed))
+    curves = [
+        replace(each, label=f"{each.role.label}, off the scale") if np.all(each.y > top) else each
+        for each in curves
+    ]
     return Figure(
         "speeds",
         "Error against speed",

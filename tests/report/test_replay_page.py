@@ -10,7 +10,7 @@ import pytest
 
 from kinematics import Leg, urdf_path
 from planner import JointModel, Log, fastest, replay, simulate
-from planner.report.replay import replay_page
+from planner.report.replay import replay_page, speeds_figure
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
@@ -79,6 +79,8 @@ def test_the_curve_of_errors_over_speed_is_on_the_page():
         found.replay, title="demo.csv", words="follows the state", found=found, verdict="v_max is 1"
     )
     names = [each["name"] for each in live(page)["speeds"]["data"]]
-    assert names[-4:] == ["direct", "best time shift", "optimised", "lower bound"]
+    assert names[-4:] == ["direct, off the scale", "best time shift", "optimised", "lower bound"]
+    coarse = speeds_figure(fastest(logs("elbow"), SERVO, tolerance=0.2))
+    assert "direct" in [curve.name for curve in coarse.panels[0].curves]
     assert "How fast it can be" in page
     assert "V_max is 1." in page, "names in sentences stay as they are"
