@@ -234,7 +234,8 @@ def verdict(check: CrossCheck) -> tuple[str, str]:
     methods += [(SECOND, "IPOPT through CasADi")] * (SECOND in check.methods)
     shown = ", ".join(f"{words} {above_bound(check, method)}" for method, words in methods)
     zero = error_above_zero(check, SHOWN) is not None
-    said = f"{'Errors, the lower bound is 0' if zero else 'Gaps above the lower bound'}: {shown}."
+    what = "Errors above a lower bound of 0" if zero else "Gaps above the lower bound"
+    said = f"{what}: {shown}."
     reasons = shares(check)
     if reasons:
         most = max(reasons, key=lambda reason: reasons[reason])

@@ -122,7 +122,7 @@ def test_a_plan_at_a_bound_of_zero_has_an_error_and_no_infinite_gap(check):
     exact = replace(check, joints=(replace(joint, certificates=zero),), foot=None)
     error = np.degrees(joint.plans[SHOWN].error)
     assert above_bound(exact, SHOWN) == f"{error:.3g} degrees"
-    assert f"Errors, the lower bound is 0: closed form {error:.3g} degrees" in verdict(exact)[1]
+    assert f"Errors above a lower bound of 0: closed form {error:.3g} degrees" in verdict(exact)[1]
     card = key_figures(exact)[1]
     assert (card.figure, card.unit) == (f"{error:.3g}", "deg rms")
     assert card.words.startswith("lower bound 0: closed form")
