@@ -117,9 +117,9 @@ def learning_page(
     from markupsafe import Markup
 
     ended = all(each.stopped for each in outcome.progress)
-    head = (
-        "Learning has ended" if ended else f"{len(outcome.progress[0].errors)} trials learnt from"
-    )
+    trials = len(outcome.progress[0].errors)
+    count = "1 trial" if trials == 1 else f"{trials} trials"
+    head = "Learning has ended" if ended else f"Learnt from {count}"
     joints = [joint_figure(outcome, j) for j in range(len(outcome.names))]
     first = _worst(outcome.progress)
     others = [each for each in outcome.progress if each is not first]

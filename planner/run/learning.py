@@ -25,7 +25,7 @@ from planner.model.load import load_columns
 from planner.report.learning import LearningOutcome, Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
-from planner.run.desired import leg_title
+from planner.run.desired import Desired, leg_title
 from planner.run.faults import BadSetting, Key
 from planner.run.models import model_words
 from planner.run.plan import max_step_of
@@ -352,6 +352,9 @@ def progress_of(answer: Refined) -> list[Progress]:
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
+        remarks = [as_options(text, desired.names) for text in learning.remarks]
+        if not any("identified anew" in text for text in remarks):
+            remarks += _other_models(plan, name, desired)
         found.append(
             Progress(
                 name=name,
@@ -364,10 +367,23 @@ def progress_of(answer: Refined) -> list[Progress]:
                 gain=learning.gain,
                 best=learning.best,
                 stopped=learning.stopped,
-                remarks=tuple(as_options(text, desired.names) for text in learning.remarks),
+                remarks=tuple(remarks),
             )
         )
     return found
+
+
+def _other_models(plan: Inversion | FootInversion, name: str, desired: Desired) -> list[str]:
+    """Which models are no longer those of the model file: they were identified anew before."""
+    names = desired.names if name == FOOT else (name,)
+    given = dict(zip(desired.names, desired.models, strict=True))
+    changed = [
+        joint for joint, model in zip(names, _models(plan), strict=True) if model != given[joint]
+    ]
+    if not changed:
+        return []
+    whose = f" of {', '.join(changed)}" if name == FOOT else ""
+    return [f"the model{whose} is not that of the file: earlier trials identified it anew"]
 
 
 def as_options(text: str, names: Sequence[str]) -> str:

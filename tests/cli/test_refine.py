@@ -13,6 +13,7 @@ from planner.files.paths import read_joint_path, write_foot_path, write_joint_pa
 
 KNOWN = JointModel.ers210a()
 TRUE = replace(KNOWN, theta_0=1.2 * KNOWN.theta_0, lag=1.2 * KNOWN.lag, offset=0.01)
+ANEW = "the model was identified anew", "the model is not that of the file"
 LEG = ("--leg", "reference", "--unreachable", "clamp", "--method", "foot-optimal")
 
 
@@ -60,6 +61,25 @@ def test_a_page_and_a_table_say_what_was_learnt(run, desired, execute, tmp_path)
     assert "--sensor-delay-ms" in result.stderr
     assert "sensor_delay=" not in result.stderr
     assert "the error of each trial" in (tmp_path / "page.html").read_text()
+
+
+def test_calls_after_a_model_was_identified_anew_say_so_too(run, tmp_path):
+    """The state of learning has that model from then on, and the file of models another one."""
+    path, slower = tmp_path / "path.csv", replace(KNOWN, v_max=4.2, theta_0=0.15)
+    angles = np.radians(40) * np.sin(2 * np.pi * np.arange(125) / 125)
+    write_joint_path(path, ["elbow"], angles[:, np.newaxis], period=0.008)
+    assert run("plan", path, "-o", "requests.csv").exit_code == 0
+    line = ("refine", "requests.csv", "measured.csv", "--desired", path, "-o", "requests.csv")
+    said = []
+    for _ in range(3):
+        requests = read_joint_path("requests.csv").angles[:, 0]
+        measured = simulate(slower, requests)[:, np.newaxis]
+        write_joint_path("measured.csv", ["elbow"], measured, period=0.008)
+        result = run(*line, "--history", "all.json", "--report", "page.html")
+        assert result.exit_code == 0, result.output
+        page = (tmp_path / "page.html").read_text("utf-8")
+        said.append([each in result.stderr and each in page for each in ANEW])
+    assert said == [[False, False], [True, False], [False, True]]
 
 
 def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
