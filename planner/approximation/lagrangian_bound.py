@@ -29,6 +29,13 @@ from planner.trajectory import Array
 Levels = list[npt.NDArray[np.intp]]
 
 
+MEETS = 1e-20
+"""Sum of the squared gaps between a chain's segments, samples of size one, that counts as none."""
+
+FREE = 1e-6
+"""Relative distance from the bound at which a segment's slope counts as free."""
+
+
 class Multipliers(NamedTuple):
     """Of the ends and of the starts of segments; the same except at pins."""
 
@@ -233,7 +240,7 @@ def climb(
     """
     by_into, by_out = relaxation.differences(cheapest.chain, multipliers)
     square = float(by_into @ by_into + by_out @ by_out)
-    if square < 1e-20:
+    if square < MEETS:
         return False
     step = 2.0 * reach / square
     for t, knot in enumerate(cheapest.chain):
@@ -252,7 +259,7 @@ def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: 
     for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
         if j == i:  # knots between samples, a hair less than one apart
             continue
-        free = abs(rise) < problem.step * (j - i) * (1.0 - 1e-6)
+        free = abs(rise) < problem.step * (j - i) * (1.0 - FREE)
         inside = np.arange(i, j + 1)
         share = np.full(inside.size, 2.0)
         share[[0, -1]] = 1.0
