@@ -86,6 +86,8 @@ class SearchOptions:
             0.1 % more in the same time.
         many_samples: Samples beyond which few knots are sought among means of them. 24 fits at
             n = 3,000: 4,000: no change for a fifth more time.
+        none: Mean squared error, of samples of size one, that counts as none: such a curve is not
+            improved. 160 fits: 1e-24 and 1e-20: no change.
     """
 
     few: int = 4
@@ -101,6 +103,7 @@ class SearchOptions:
     kink: float = 0.1
     proposed: int = 32
     many_samples: int = 2000
+    none: float = 1e-22
 
 
 SEARCH = SearchOptions()
@@ -208,8 +211,7 @@ class KnotSearch:
             return descend_by_windows(problem, self.valued(merged), rounds=SEARCH.few)
         starts = self._starts(segments)
         best = starts[0]
-        none = max(1e-22 * problem.samples, (1.0 + 1e-6) * self.ideal_error)
-        if best.knots.size > SQP.window or best.error <= none:
+        if best.knots.size > SQP.window or best.error <= SEARCH.none * problem.samples:
             return best
         if self._of_means is None and best.error > SEARCH.close * self.ideal_error:
             best = improved(problem, self.ideal, starts)
