@@ -77,15 +77,14 @@ def within_largest_error(
             "segments"
         )
     spare = bound * (1.0 - BARELY)
-    few = problem.samples > LINKS.many_samples
-    tight, halvings = course, LINKS.few_halvings if few else LINKS.halvings
+    tight = course
     low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + ROUNDING, widest
     if spare > low:
         other = fewest_segment_curve(problem, spare)
         if other is not None and _segments(problem, other) == count:
             tight, high = other, spare
     if not problem.on_samples and problem.shortest <= 1.0:
-        for _ in range(halvings):
+        for _ in range(LINKS.halvings):
             middle = 0.5 * (low + high)
             other = fewest_segment_curve(problem, middle)
             if other is not None and _segments(problem, other) == count:
