@@ -22,7 +22,8 @@ EQUAL = 1e-9
 rounding, which differs between processors, does not."""
 
 MEANS = 1024
-"""Means that stand for very many samples."""
+"""Means that stand for very many samples, fewer than those (``SEARCH.many_samples``). 16 fits at
+n = 3,000: 512: 0.0003 % more error in the mean, a third less time."""
 
 
 def at_resolution(problem: Problem) -> Problem:

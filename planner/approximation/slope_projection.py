@@ -16,7 +16,8 @@ LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
 
 PIN_WEIGHT = 1e5
-"""Weight, in units of the mean, of a sample at which the curve's value is required."""
+"""Weight, in units of the mean, of a sample at which the curve's value is required. 28 fits with a
+required angle: 1e4 and 1e6: no change."""
 
 
 def ideal_of(problem: Problem) -> Array:
