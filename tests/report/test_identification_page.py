@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planner.identification.parameters import PARAMETERS
-from planner.identification.result import Interval
+from planner.identification.result import Alternative, Interval
 from planner.report.identification.figures import (
     MOST_POINTS,
     alternatives_figure,
@@ -103,6 +103,13 @@ def test_what_is_not_determined_is_said_in_words_and_marked(several):
     assert "THE MODEL DOES NOT FIT" in several
     assert "neither of the two alone" in identification_page({"": never_saturated()})
     assert "The model holds for 2 of 3 joints" in several
+
+
+@pytest.mark.usefixtures("undrawn_pages")
+def test_a_model_that_a_pure_delay_beats_looks_like_one_that_does_not_fit():
+    late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
+    page = identification_page({"": made_up(alternatives=(late,))})
+    assert '<p class="verdict no"><strong>A pure delay serves better' in page
 
 
 @pytest.mark.usefixtures("undrawn_pages")

@@ -92,7 +92,7 @@ def identification_page(
         verdict=_verdict(first.found),
         sections=_sections(first),
         footer=Markup(FOOTER),
-        good=first.found.accepted,
+        good=_serves(first.found),
         remarks=first.found.warnings,
         cards=cards(first.found),
         figure=None if several else cloud_figure(first.found, first.prefix),
@@ -108,7 +108,7 @@ def identification_page(
                 f"<strong>{said[0].upper()}{said[1:]}</strong>: what is "
                 "known of each, and what it adds, follows joint by joint."
             ),
-            good=all(joint.found.accepted for joint in joints),
+            good=all(_serves(joint.found) for joint in joints),
             remarks=(),
             cards=(),
             sections=[
@@ -132,7 +132,7 @@ OVERVIEW = """
 HEAD = """
 <h2 class="joint" id="{{ joint.anchor }}">{{ heading(joint.name or "unnamed") }}</h2>
 <div class="hero">
-<div><p class="verdict{{ "" if joint.found.accepted else " no" }}">{{ verdict }}</p>
+<div><p class="verdict{{ "" if good else " no" }}">{{ verdict }}</p>
 {% if joint.found.warnings %}
 <ul class="warnings" aria-label="Warnings">
 {% for warning in joint.found.warnings %}<li>{{ warning }}</li>{% endfor %}
@@ -202,6 +202,7 @@ def _head(joint: Joint) -> Section:
         "joint": joint,
         "heading": heading,
         "verdict": _verdict(joint.found),
+        "good": _serves(joint.found),
         "cloud": cloud_figure(joint.found, joint.prefix),
         "cards": cards(joint.found),
     })  # fmt: skip
@@ -243,6 +244,11 @@ def _verdict(found: Identification) -> str:
     head, tail = said.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
     return start + f"{tail}. {known(found)}"
+
+
+def _serves(found: Identification) -> bool:
+    """Whether the model is one to plan with."""
+    return word_on(found) in ("holds", "usable")
 
 
 def _angle(found: Identification, radians: float | None) -> str:
@@ -293,7 +299,7 @@ def joints_table(joints: Sequence[Joint]) -> Table:
         cells = (word_on(joint.found) if joint.found.accepted else "does not fit",
                  *(_angle(joint.found, error) for error in shown),
                  *(values.get(name, NOTHING) for name in names))  # fmt: skip
-        kind = "" if joint.found.accepted else "broken"
+        kind = "" if _serves(joint.found) else "broken"
         rows.append(Row(joint.name or "unnamed", cells, kind=kind))
     titles = ("model", "rms error", "best delay", *(TITLES[name] for name in names))
     return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
