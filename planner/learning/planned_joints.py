@@ -82,11 +82,14 @@ class PlannedJoints(NamedTuple):
         return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
 
     def planned(self, disturbance: Array) -> Inversion | FootInversion:
-        """The requests for which the models and the disturbance (n, k) make the least error."""
-        plan = self.plan
+        """The requests for which the models and the disturbance (n, k) make the least error.
+
+        What the models were known to miss has been measured: smoothing may no longer cost as much.
+        """
+        plan, models = self.plan, [model.with_evidence(None) for model in self.models]
         if isinstance(plan, FootInversion):
             made = invert_foot(
-                self.models,
+                models,
                 plan.leg,
                 plan.desired_foot,
                 cyclic=plan.cyclic,
@@ -98,8 +101,8 @@ class PlannedJoints(NamedTuple):
                 smoothness=plan.smoothness,
                 disturbance=disturbance,
             )
-            return replace(made, load_of_pose=plan.load_of_pose)
-        (model,), column = self.models, disturbance[:, 0].copy()
+            return replace(made, models=self.models, load_of_pose=plan.load_of_pose)
+        (model,), column = models, disturbance[:, 0].copy()
         freeze(column)
         options: dict[str, Any] = {} if plan.solver is None else {"solver": plan.solver}
         one = invert_optimal(
@@ -116,7 +119,11 @@ class PlannedJoints(NamedTuple):
             **options,
         )
         return replace(
-            one, desired=plan.desired, disturbance=column, load_of_pose=plan.load_of_pose
+            one,
+            model=self.models[0],
+            desired=plan.desired,
+            disturbance=column,
+            load_of_pose=plan.load_of_pose,
         )
 
 
