@@ -9,6 +9,7 @@ from planner.exceptions import InvalidTrajectory
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int_]
 
 LARGEST = 1e9
 """An angle [rad], or anything else there is one of per sample, beyond this is a mistake."""

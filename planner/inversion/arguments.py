@@ -126,19 +126,23 @@ SMOOTHNESS = 0.005
 """
 
 
+MOST_SMOOTHNESS = 1e6
+"""Largest rise that is taken [-]: requests that do not move at all are reached long before."""
+
+
 def checked_smoothness(smoothness: float | None) -> float:
     """The relative rise of the error that smoother requests may cost [-].
 
     Raises:
-        InvalidInput: It is no finite number, or below 0.
+        InvalidInput: It is no number from 0 to :data:`MOST_SMOOTHNESS`.
     """
     if smoothness is None:
         return SMOOTHNESS
     number = as_number(smoothness)
-    if not number >= 0.0:
+    if not 0.0 <= number <= MOST_SMOOTHNESS:
         raise InvalidInput(
             f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
-            "added, 0 or more; 0.005 is half a per cent"
+            f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
         )
     return number
 

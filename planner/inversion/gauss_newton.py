@@ -162,7 +162,7 @@ def minimise(
         state = descend(problem, state, stage)
         if stage.radius >= OPTIONS.simulated:
             continue
-        error = problem.exact_error(state.requests, state.angles[-1])
+        error = problem.exact_error(state.requests)
         if error < least:
             best, least = state, error
     return best, least

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.tracking_problem import Indices, Windows
+from planner.inversion.tracking_problem import Windows
 from planner.model.sensitivity import Response
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Indices, Mask
 
 LEAST_PIVOT = 1e-14
 """Added to the matrix's diagonal, relative to its largest entry: a saturated cycle is singular."""

@@ -28,9 +28,9 @@ from scipy import sparse
 from planner.inversion.arguments import Norm
 from planner.inversion.clarabel import Cones, ConicSolution, ConicSolver
 from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, Step, cost_of
-from planner.inversion.tracking_problem import Indices, TrackingProblem, Windows
+from planner.inversion.tracking_problem import TrackingProblem, Windows
 from planner.model.sensitivity import Response
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Indices, Mask
 
 TOLERANCE = 1e-8
 """Clarabel's gap [rad^2] and residuals [rad]: steps are judged by simulation, and requests are

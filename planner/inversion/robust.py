@@ -59,11 +59,14 @@ class RobustOptions:
             a tenth of this weight errors are up to 2 % smaller, for 2.5 times the travel.
         rounds: How often the weights follow the errors for the worst model. (Five: the worst error
             changes by up to 1 %, eight: as good.)
+        sharpened: How many of the search's stages, the last ones, follow new weights: those of
+            sharp corners, as the requests before are near.
     """
 
     largest_radius: float = 0.2
     smoothing: float = 1e-3
     rounds: int = 6
+    sharpened: int = 3
 
 
 OPTIONS = RobustOptions()
@@ -275,9 +278,9 @@ class RobustProblem(TrackingProblem):
         errors = self.errors_of_models(angles)
         return float(np.max(errors)) if self.robust == "worst" else error_norm(errors, "rms")
 
-    def exact_angles(self, requests: Array, boundary: Array | None = None) -> Array | None:
+    def exact_angles(self, requests: Array) -> Array | None:
         """Angles of all models [rad]; None where one has no steady cycle."""
-        return self._all.exact_angles(self.in_all(requests), boundary)
+        return self._all.exact_angles(self.in_all(requests))
 
     def respond(self, angles: Array, requests: Array, *, radius: float) -> Response:
         """Where every request period of the smoothed models leads from these angles."""
@@ -365,7 +368,7 @@ def robust_requests(
     angles = problem.exact_angles(requests)
     state = State(requests, problem.in_all(nominal.desired) if angles is None else angles)
     best, least = minimise(problem, state, stages)
-    state, answer = best, problem
+    state, answer, sharp = best, problem, stages[-OPTIONS.sharpened :]
     for _ in range(OPTIONS.rounds if robust == "worst" else 0):
         angles = problem.exact_angles(state.requests)
         if angles is None:
@@ -374,7 +377,7 @@ def robust_requests(
         if not np.sum(weights) > 0.0:
             break
         problem = problem.weighted(weights / np.sum(weights))
-        state, error = minimise(problem, State(state.requests, angles), stages[-3:])
+        state, error = minimise(problem, State(state.requests, angles), sharp)
         if error < least:
             best, least, answer = state, error, problem
     if not math.isfinite(least):

@@ -85,7 +85,6 @@ def smoothed(
     *,
     smoothness: float,
     at_most: float = math.inf,
-    boundary: Array | None = None,
 ) -> Array:
     """Smoother requests whose error is larger by a share ``smoothness`` at most.
 
@@ -94,14 +93,13 @@ def smoothed(
         requests: A good plan [rad], shape (n, joints).
         smoothness: Relative rise of the error that is allowed, see :func:`allowed_error` [-].
         at_most: Error that is not to be passed in any case.
-        boundary: Angles near which a cycle's boundary is sought [rad], shape (joints,).
 
     Returns:
         The smoother requests, or the given ones.
     """
     if smoothness == 0.0:
         return requests
-    angles = problem.exact_angles(requests, boundary)
+    angles = problem.exact_angles(requests)
     if angles is None:
         return requests
     given, error = State(requests, angles), problem.error(angles)
@@ -183,7 +181,7 @@ def _smoothest(problem: TrackingProblem, given: State, error: float, most: float
             break
         stage = Stage(radius, factor * allowed / before, power=power, steps=1, smoothing=True)
         state = descend(problem, state, stage)
-        angles = problem.exact_angles(state.requests, state.angles[-1])
+        angles = problem.exact_angles(state.requests)
         reached = math.inf if angles is None else problem.error(angles)
         now = roughness(problem, state.requests)
         used = (reached - error) / (most - error)

@@ -18,10 +18,7 @@ from planner.model.load import Loads, rest_requests, sags
 from planner.model.response import steady_cycle
 from planner.model.sensitivity import Periods, Response, periods, request_ages_of_all
 from planner.model.symbolic import exact_run
-from planner.trajectory import Array
-
-Indices = npt.NDArray[np.int_]
-
+from planner.trajectory import Array, Indices
 
 CENTRING = 0.1
 """Where a joint has a dead band: weight of the distance of a request from its middle, beside a
@@ -196,28 +193,23 @@ class TrackingProblem:
         """The error of the angles in the norm that counts."""
         return error_norm(self.goal.distances(angles), self.norm)
 
-    def exact_error(self, requests: Array, boundary: Array | None = None) -> float:
+    def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
-        angles = self.exact_angles(requests, boundary)
+        angles = self.exact_angles(requests)
         return math.inf if angles is None else self.error(angles)
 
-    def exact_angles(self, requests: Array, boundary: Array | None = None) -> Array | None:
-        """Angles of the exact models, run; None where a joint has no steady cycle.
+    def exact_angles(self, requests: Array) -> Array | None:
+        """Angles of the exact models, run, (n, joints); None where a joint has no steady cycle.
 
-        Args:
-            requests: Requests [rad], shape (n, joints).
-            boundary: Angles near which the cycles' boundaries are sought [rad], shape (joints,).
+        A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
+        which the first requests hold the joints.
         """
         windows = self.windows.of(requests)
-        if boundary is None:
-            boundary = self.resting[-1] + self.sag(-1)
+        held = requests[0] + self.sag(0)
         answer = np.empty_like(requests)
         for joint, (model, ages) in enumerate(zip(self.models, self.ages_of_each, strict=True)):
-            near = float(boundary[joint])
-            if model.dead_band:  # a cycle need not be unique: the one that simulations find
-                near = float(requests[0, joint] + self.sag(0)[joint])
             acting = windows[ages, :, joint].T
-            angles = self._run(model, acting, requests[:, joint], near, joint)
+            angles = self._run(model, acting, requests[:, joint], float(held[joint]), joint)
             if angles is None:
                 return None
             answer[:, joint] = angles

@@ -159,7 +159,7 @@ def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
     assert plan.largest_step < 0.5 * rugged.largest_step
 
 
-@pytest.mark.parametrize("smoothness", [-0.1, np.nan, np.inf, "little"])
+@pytest.mark.parametrize("smoothness", [-0.1, 1e300, np.nan, np.inf, "little"])
 def test_a_smoothness_that_is_no_share_is_refused(smoothness):
     with pytest.raises(InvalidInput, match=r"smoothness: got .*expected the share"):
         invert_optimal(ERS210A, np.zeros(30), smoothness=smoothness)

@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from planner.exceptions import InvalidInput
@@ -22,9 +21,8 @@ from planner.inversion.bounds.hull_cuts import UNBOUNDED, HullCut, RequestSet, s
 from planner.inversion.bounds.multipliers import dual_value, nearest_point
 from planner.inversion.bounds.reachable_set import BoundProblem, distance_from_rest
 from planner.model.joint import JointModel
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices
 
-Indices = npt.NDArray[np.int_]
 Intervals = dict[int, tuple[float, float]]
 """Least and greatest value of the requests that are known to lie somewhere."""
 

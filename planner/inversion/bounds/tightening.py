@@ -15,13 +15,12 @@ import numpy as np
 from scipy import sparse
 
 from planner.inversion.bounds.saturation_relaxation import (
-    Indices,
     Ranges,
     RelaxedSolution,
     ScaledProblem,
 )
 from planner.inversion.clarabel import Cones, ConicSolver
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,7 @@ class StepArguments:
         self._names, self._joints, self._preview = names, len(models), preview
         self._feels_load = any(model.feels_load for model in models)
         speeds = [(model.v_max, model.v_offset, model.speed_per_torque) for model in models]
-        self._stall_speed, self._faster, self._per_torque = np.array(speeds).T[:, :, np.newaxis]
+        self._v_max, self._v_offset, self._per_torque = np.array(speeds).T[:, :, np.newaxis]
         rests = [(model.offset, model.compliance, model.dead_band) for model in models]
         self._offset, self._compliance, self._band = np.array(rests).T[:, :, np.newaxis]
         self._lower, self._upper = (limit[:, np.newaxis] for limit in limits)
@@ -113,7 +113,7 @@ class StepArguments:
         if torques is None:
             problems.append(f"load: got {shown(load)}, expected torques [N m], {joints} or rows")
             return np.zeros((joints, self._preview)), np.ones(joints, dtype=np.bool_)
-        fastest = self._stall_speed - np.abs(self._faster + self._per_torque * torques)
+        fastest = self._v_max - np.abs(self._v_offset + self._per_torque * torques)
         blocked: Mask = np.min(fastest, axis=1) <= 0.0
         if blocked.any():
             name = self._names[int(np.argmax(blocked))]

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.inversion.tracking_problem import Indices
 from planner.model.joint import JointModel, RequestAges
 from planner.model.symbolic import Call, one_period
+from planner.trajectory import Indices
 
 
 class Terms(NamedTuple):

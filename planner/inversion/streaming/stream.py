@@ -37,11 +37,10 @@ from planner.inversion.streaming.arguments import (
 )
 from planner.inversion.streaming.repeating_path import RepeatingPath
 from planner.inversion.streaming.riccati_step import Plans, Terms
-from planner.inversion.tracking_problem import Indices
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
 from planner.model.symbolic import Runs
-from planner.trajectory import Array, Mask
+from planner.trajectory import Array, Indices, Mask
 from planner.validation import is_one_of, shown
 
 OnBad = Literal["hold", "raise"]
