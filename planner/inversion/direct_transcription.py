@@ -76,12 +76,14 @@ class TranscriptionOptions:
     iterations: int = 300
 
 
+OPTIONS = TranscriptionOptions()
+
+
 def transcribed_requests(
     problem: TrackingProblem,
     begin: State,
     *,
     solver: NlpSolver,
-    options: TranscriptionOptions | None = None,
 ) -> Array:
     """The best requests that a solver finds for one joint.
 
@@ -89,7 +91,6 @@ def transcribed_requests(
         problem: Joint, boundary, limits and norm.
         begin: Requests and angles to set out from; the answer is at least as good.
         solver: "ipopt" or "fatrop".
-        options: How to set the programme up.
 
     Returns:
         Requests within the limits [rad], shape (n, 1).
@@ -101,11 +102,10 @@ def transcribed_requests(
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return begin.requests  # none of the requests that may be chosen acts before the end
-    options = options or TranscriptionOptions()
     unit = problem.models[0].theta_0
-    scaled = _Scaled.of(problem, begin, options.weight)
+    scaled = _Scaled.of(problem, begin, OPTIONS.weight)
     programme = _transcribed(scaled) if solver == "ipopt" else _transcribed_in_stages(scaled)
-    settings = {**SOLVER_OPTIONS[solver], "max_iter": options.iterations}
+    settings = {**SOLVER_OPTIONS[solver], "max_iter": OPTIONS.iterations}
     solve = casadi.nlpsol(
         "inversion",
         solver,
@@ -114,7 +114,7 @@ def transcribed_requests(
     )
     best, least = begin.requests, problem.exact_error(begin.requests)
     point, solved, status = programme.initial, False, ""
-    for radius in options.radii:
+    for radius in OPTIONS.radii:
         answer = solve(x0=point, p=radius, **programme.bounds)
         status, iterations = _status(solve.stats()), solve.stats()["iter_count"]
         found = np.asarray(answer["x"], dtype=np.float64).ravel()

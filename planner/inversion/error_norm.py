@@ -1,4 +1,4 @@
-"""The size of errors over the samples of a plan, and its distance from a lower bound."""
+"""The size of a plan's errors and steps, and the distance of an error from its lower bound."""
 
 from __future__ import annotations
 
@@ -20,6 +20,12 @@ def error_norm(errors: Array, norm: Norm) -> float:
     if norm == "max":
         return float(np.max(np.abs(errors)))
     return rms(errors)
+
+
+def largest_step(requests: Array, *, cyclic: bool) -> float:
+    """Largest change from one request to the next, a cycle closed [rad]; shape (n, ...)."""
+    closed = np.concatenate([requests[-1:] if cyclic else requests[:1], requests])
+    return float(np.max(np.abs(np.diff(closed, axis=0))))
 
 
 def relative_gap(error: float, bound: float) -> float:

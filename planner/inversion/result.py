@@ -12,7 +12,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.inversion.arguments import Norm, Solver
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem
-from planner.inversion.error_norm import error_norm, relative_gap
+from planner.inversion.error_norm import error_norm, largest_step, relative_gap
 from planner.inversion.trials import Learning
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
@@ -190,9 +190,7 @@ class Inversion:
     @property
     def largest_step(self) -> float:
         """Largest change from one request to the next, cycles closed [rad]."""
-        previous = np.roll(self.requests, 1) if self.cyclic else self.requests[:-1]
-        following = self.requests if self.cyclic else self.requests[1:]
-        return float(np.max(np.abs(following - previous)))
+        return largest_step(self.requests, cyclic=self.cyclic)
 
     @property
     def excess(self) -> float:

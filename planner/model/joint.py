@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidModel
+from planner.exceptions import InvalidInput, InvalidModel
 from planner.model.evidence import Evidence, check_correlations
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
@@ -227,9 +227,12 @@ class JointModel:
         """The same joint, with this evidence.
 
         Raises:
-            InvalidInput: Its correlations are no correlations of the parameters with intervals.
+            InvalidInput: It is none, or its correlations are no correlations of the parameters with
+                intervals.
         """
         if evidence is not None:
+            if not isinstance(evidence, Evidence):
+                raise InvalidInput(f"evidence: got {shown(evidence)}, expected an Evidence or None")
             check_correlations(evidence)
         model = replace(self)
         object.__setattr__(model, "_evidence", evidence)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, SpeedLaw, Window, checked_model
 from planner.model.load import Loads, checked_load
-from planner.trajectory import Array, as_trajectory
+from planner.trajectory import LARGEST, Array, as_trajectory
 from planner.validation import as_flag, as_number, shown
 
 CYCLE_TOLERANCE = 1e-12
@@ -283,8 +283,10 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
     if start is None:
         return None
     angle = as_number(start)
-    if math.isnan(angle):
-        raise InvalidInput(f"start: got {shown(start)}, expected a finite angle [rad]")
+    if not abs(angle) <= LARGEST:
+        raise InvalidInput(
+            f"start: got {shown(start)}, expected an angle of at most {LARGEST:g} rad either way"
+        )
     return angle
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
@@ -157,8 +157,8 @@ def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
 
 
 def test_a_second_solver_that_fails_costs_its_plan_and_fails_a_check(monkeypatch):
-    options = partial(TranscriptionOptions, iterations=1)
-    monkeypatch.setattr("planner.inversion.direct_transcription.TranscriptionOptions", options)
+    options = TranscriptionOptions(iterations=1)
+    monkeypatch.setattr("planner.inversion.direct_transcription.OPTIONS", options)
     check = cross_check(JOINT, BRIEF)
     assert not check.passed
     assert [(each.plan, each.name) for each in check.failures] == [(METHODS[SECOND], SOLVED)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from functools import partial
 
 import numpy as np
 import pytest
@@ -106,17 +105,15 @@ def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic, solve
 
 @SOLVERS
 def test_a_solver_that_stops_early_is_reported_with_its_own_status(monkeypatch, solver):
-    monkeypatch.setattr(
-        direct_transcription, "TranscriptionOptions", partial(TranscriptionOptions, iterations=1)
-    )
+    monkeypatch.setattr(direct_transcription, "OPTIONS", TranscriptionOptions(iterations=1))
     with pytest.raises(SolverFailed, match=f"inversion by {solver}: the solver stopped") as caught:
         planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver=solver)
     assert caught.value.status.startswith({"ipopt": "Max", "fatrop": "not solved ("}[solver])
 
 
 def test_a_stage_that_fails_is_left_out_and_the_best_of_the_others_is_kept(monkeypatch, caplog):
-    options = partial(TranscriptionOptions, radii=(0.4, 1e-9), iterations=40)
-    monkeypatch.setattr(direct_transcription, "TranscriptionOptions", options)
+    options = TranscriptionOptions(radii=(0.4, 1e-9), iterations=40)
+    monkeypatch.setattr(direct_transcription, "OPTIONS", options)
     with caplog.at_level(logging.DEBUG, "planner"):
         plan = planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
     first, last = (

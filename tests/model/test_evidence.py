@@ -190,3 +190,8 @@ def test_evidence_in_another_unit_is_scaled():
     angles, period = sine(0.3)
     told = SEEN.scaled(2.0).error_of(2.0 * angles, period=period, cyclic=True)
     assert told == pytest.approx(2.0 * SEEN.error_of(angles, period=period, cyclic=True))
+
+
+def test_evidence_that_is_none_is_refused():
+    with pytest.raises(InvalidInput, match="evidence: got 'much', expected an Evidence or None"):
+        JointModel.ers210a().with_evidence("much")

@@ -219,7 +219,7 @@ def test_a_start_belongs_to_a_run_from_rest_only():
 
 @pytest.mark.parametrize("start", [math.nan, math.inf])
 def test_a_start_must_be_finite(start):
-    with pytest.raises(InvalidInput, match=r"start: got (nan|inf), expected a finite angle"):
+    with pytest.raises(InvalidInput, match=r"start: got (nan|inf), expected an angle of at most"):
         simulate(ERS210A, [0.0, 0.1], cyclic=False, start=start)
 
 

@@ -14,7 +14,7 @@ from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
 from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
 from planner.inversion.bounds.saturation_relaxation import without_load
-from planner.inversion.error_norm import error_norm
+from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.optimal import invert_optimal
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
@@ -140,7 +140,7 @@ def certify(
     if level == "exact":
         known = planned_error(problem)
         bound = max(bound, exact_bound(problem, known, time_limit=time_limit))
-        gap = max(known / bound - 1.0, 0.0) if bound > 0.0 else 0.0
+        gap = max(relative_gap(known, bound), 0.0)
     return Certificate(bound, norm, level, gap, perf_counter() - began)
 
 

@@ -49,6 +49,9 @@ class CutOptions:
     violation: float = 1e-3
 
 
+OPTIONS = CutOptions()
+
+
 class RequestSet(NamedTuple):
     """Where the joint can be at the ticks at which one request acts, and what it can be.
 
@@ -130,7 +133,6 @@ def separate(
     contributions: Array,
     angles: Array,
     requests: RequestSet,
-    options: CutOptions = CutOptions(),
 ) -> HullCut | None:
     """A cut that the contributions violate at these angles, or None if none does by enough.
 
@@ -144,13 +146,13 @@ def separate(
     tried = np.unique(breakpoints(angles, requests))[:, np.newaxis]
     curve = requests.contributions(tried - angles)
     points = np.hstack([curve, np.broadcast_to(target[count:], curve.shape)])
-    best, deepest = None, options.violation
-    for _ in range(options.trials):
+    best, deepest = None, OPTIONS.violation
+    for _ in range(OPTIONS.trials):
         system = np.vstack([points.T, np.full(len(points), SUM_WEIGHT)])
         shares, _ = nnls(system, np.append(target, SUM_WEIGHT))
         residual = target - shares @ points / shares.sum()
         size = float(np.linalg.norm(residual))
-        if size < options.violation:
+        if size < OPTIONS.violation:
             break
         nu, xi = residual[:count] / size, -gain * residual[count:] / size
         most = support(nu, xi, requests)

@@ -298,8 +298,8 @@ class _Cells(NamedTuple):
         Returns:
             The depths, shape (m,), and the gradients at the centres [1/rad], shape (k, m).
         """
-        pulls = np.stack([_dot(column, self.errors) for column in self.jacobians])
-        gradients = 2.0 * self.weights * pulls + self.slopes
+        projected_errors = np.stack([_dot(column, self.errors) for column in self.jacobians])
+        gradients = 2.0 * self.weights * projected_errors + self.slopes
         return _dot(np.abs(gradients), self.half) + self._beyond_linear(), gradients
 
     def depths_by_curvature(self, gradients: Array) -> Array:

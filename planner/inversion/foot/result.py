@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.inversion.arguments import Norm, load_of_each
-from planner.inversion.error_norm import error_norm, relative_gap
+from planner.inversion.error_norm import error_norm, largest_step, relative_gap
 from planner.inversion.foot.arguments import axis_scales, joints_of
 from planner.inversion.foot.bound import foot_bound
 from planner.inversion.result import ErrorsOfModels
@@ -181,5 +181,4 @@ class FootInversion:
     @property
     def largest_step(self) -> float:
         """Largest change from one request of a joint to its next, cycles closed [rad]."""
-        before = self.requests[-1:] if self.cyclic else self.requests[:1]
-        return float(np.max(np.abs(np.diff(np.vstack([before, self.requests]), axis=0))))
+        return largest_step(self.requests, cyclic=self.cyclic)

@@ -14,7 +14,7 @@ from scipy.optimize import linprog, nnls
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
 from planner.inversion.arguments import NORMS
-from planner.inversion.bounds.certify import lower_bound
+from planner.inversion.bounds.certify import certify, lower_bound
 from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.multipliers import certified_error
 from planner.inversion.bounds.reachable_set import (
@@ -394,3 +394,14 @@ def test_an_option_that_does_not_exist_is_refused(options, message):
 def test_desired_angles_that_are_no_trajectory_are_named(desired):
     with pytest.raises(InvalidTrajectory, match=r"^desired: "):
         lower_bound(ERS210A, desired)
+
+
+def test_where_nothing_is_proved_the_gap_is_infinite():
+    certificate = certify(JointModel.ers210a(), [0.0, 0.01], cyclic=False, level="exact")
+    assert certificate.bound == 0.0
+    assert certificate.solver_gap == math.inf
+
+
+def test_a_start_that_is_no_angle_of_a_joint_is_refused():
+    with pytest.raises(InvalidInput, match="start: got 1e\\+300, expected an angle"):
+        certify(JointModel.ers210a(), np.zeros(9), cyclic=False, start=1e300)
