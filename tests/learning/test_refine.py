@@ -58,14 +58,16 @@ def test_no_random_joint_diverges_without_another_model() -> None:
 
 
 def test_what_the_model_was_known_to_miss_is_learnt_and_not_left_to_smoother_requests() -> None:
-    known = KNOWN.with_evidence(Evidence(error=math.radians(0.5)))
     true = replace(KNOWN, lag=1.2 * KNOWN.lag, theta_0=1.2 * KNOWN.theta_0)
     desired = random_path(1, 88, span=1.0, fastest=0.02)
-    plan = planner.invert_optimal(known, desired)
-    for _ in range(4):
-        plan = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
-    assert rms(planner.simulate(true, plan.requests) - desired) < math.radians(0.02)
-    assert plan.model.evidence == known.evidence
+    errors = []
+    for evidence in (None, Evidence(error=math.radians(2.0))):
+        plan = planner.invert_optimal(KNOWN.with_evidence(evidence), desired)
+        for _ in range(4):
+            plan = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
+        errors.append(rms(planner.simulate(true, plan.requests) - desired))
+        assert plan.model.evidence == evidence
+    assert errors[1] < 1.1 * errors[0] < math.radians(0.03)
 
 
 def test_a_servo_from_physics_is_learnt_on_the_wrong_model() -> None:
