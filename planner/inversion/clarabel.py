@@ -47,7 +47,7 @@ class ConicSolution(NamedTuple):
 
 
 class ConicSolver:
-    """Minimises ``slope @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
+    """Minimises ``linear @ z + z @ curvature @ z / 2`` over ``limits - matrix @ z`` in the cones.
 
     Set-up takes several times as long as a small problem's solution: problems whose matrices have
     their entries at the same places share one.
@@ -55,7 +55,7 @@ class ConicSolver:
 
     def __init__(
         self,
-        slope: Array,
+        linear: Array,
         matrix: sparse.csr_array | sparse.csc_array,
         limits: Array,
         cones: Cones,
@@ -66,7 +66,7 @@ class ConicSolver:
         """Set up a problem.
 
         Args:
-            slope: Linear part of the objective, shape (unknowns,).
+            linear: Linear part of the objective, shape (unknowns,).
             matrix: Matrix of the conditions, shape (rows, unknowns).
             limits: Their right-hand sides, shape (rows,).
             cones: What the rows of ``limits - matrix @ z`` are.
@@ -93,12 +93,12 @@ class ConicSolver:
             curvature = sparse.diags_array(curvature).tocsc()
         self._cones = cones
         self._solver = clarabel.DefaultSolver(
-            curvature, slope, matrix.tocsc(), limits, kinds, settings
+            curvature, linear, matrix.tocsc(), limits, kinds, settings
         )
 
     def update(
         self,
-        slope: Array,
+        linear: Array,
         *,
         entries: Array | None = None,
         limits: Array | None = None,
@@ -107,12 +107,12 @@ class ConicSolver:
         """Change the problem: its linear part, and what else is not None.
 
         Args:
-            slope: As above.
+            linear: As above.
             entries: The matrix's stored entries, column by column.
             limits: As above.
             curvature_entries: The stored entries of the curvature, column by column.
         """
-        parts = {"P": curvature_entries, "q": slope, "A": entries, "b": limits}
+        parts = {"P": curvature_entries, "q": linear, "A": entries, "b": limits}
         self._solver.update(**{name: part for name, part in parts.items() if part is not None})
 
     def solve(self) -> ConicSolution:

@@ -20,6 +20,7 @@ import numpy as np
 
 from planner.inversion.kkt_step import (
     Damping,
+    Iterate,
     Quadratic,
     Regularisation,
     Step,
@@ -28,7 +29,6 @@ from planner.inversion.kkt_step import (
 )
 from planner.inversion.qp_step import qp_step
 from planner.inversion.tracking_problem import Errors, TrackingProblem
-from planner.model.sensitivity import Response
 from planner.trajectory import Array, Mask
 
 
@@ -214,18 +214,6 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
     return State(current.requests, current.angles, damping, multipliers, held)
 
 
-class Iterate(NamedTuple):
-    """Requests, angles, how the smoothed models answer, and what they cost."""
-
-    requests: Array
-    angles: Array
-    response: Response
-    defects: Array  # by how much the angles fall short of where the models lead, (n, joints)
-    cost: Quadratic
-    regularisation: Regularisation
-    value: float  # the stage's cost
-
-
 def merit_of(current: Iterate, step: Step, penalty: float) -> float:
     """The augmented Lagrangian: to first order, the cost once the defects are closed.
 
@@ -293,32 +281,16 @@ def _step_within_limits(
 ) -> tuple[Step, Mask | None]:
     """The Gauss-Newton step, and the requests held at the limits that they would leave."""
     if problem.coupled or current.regularisation.second_differences:
-        step = qp_step(
-            problem,
-            current.requests,
-            current.response,
-            current.cost,
-            regularisation=current.regularisation,
-            defects=current.defects,
-            damping=_damping(problem, current, damping, multipliers),
-        )
-        return step, None
+        return qp_step(problem, current, _damping(problem, current, damping, multipliers)), None
     below, above = current.requests <= problem.lower, current.requests >= problem.upper
     free = problem.movable if held is None else problem.movable & ~(held & (below | above))
     for _ in range(OPTIONS.active_set_rounds):
-        step = kkt_step(
-            problem.windows,
-            current.response,
-            current.cost,
-            regularisation=current.regularisation,
-            defects=current.defects,
-            damping=_damping(problem, current, damping, multipliers),
-            free=free,
-        )
+        weights = _damping(problem, current, damping, multipliers)
+        step = kkt_step(problem.windows, current, weights, free=free)
         if not problem.limited:
             return step, None
-        slope = step.reduced_gradient
-        outward = (below & (slope > 0.0)) | (above & (slope < 0.0))
+        gradient = step.reduced_gradient
+        outward = (below & (gradient > 0.0)) | (above & (gradient < 0.0))
         before, free = free, problem.movable & ~outward
         if np.all(free >= before):  # those that may come back do so in the next step
             break

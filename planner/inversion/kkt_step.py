@@ -48,6 +48,18 @@ class Regularisation(NamedTuple):
     second_differences: bool = False
 
 
+class Iterate(NamedTuple):
+    """Where a search is: requests, angles, and to second order what they cost."""
+
+    requests: Array  # R [rad], (n, joints)
+    angles: Array  # M [rad], (n, joints)
+    response: Response  # where the periods of the smoothed models lead from the angles
+    defects: Array  # by how much the angles fall short of that [rad], (n, joints)
+    cost: Quadratic  # of the angles
+    regularisation: Regularisation  # cost of the requests
+    value: float  # both costs
+
+
 class Damping(NamedTuple):
     """Levenberg-Marquardt terms: weights on the squares of a step, not part of the cost."""
 
@@ -67,22 +79,16 @@ class Step(NamedTuple):
 
 def kkt_step(
     windows: Windows,
-    response: Response,
-    cost: Quadratic,
-    *,
-    regularisation: Regularisation,
-    defects: Array,
+    current: Iterate,
     damping: Damping,
+    *,
     free: Mask,
 ) -> Step:
     """The step of the module's problem: (11) and (12) of ``docs/math.md``.
 
     Args:
         windows: Where requests act.
-        response: Derivatives at the current angles and requests.
-        cost: The cost of the angles.
-        regularisation: The cost of the requests.
-        defects: By how much the angles fall short of where the periods lead, (n, joints).
+        current: Where the search is.
         damping: The Levenberg-Marquardt terms.
         free: Requests that may change, shape (n, joints).
 
@@ -92,17 +98,18 @@ def kkt_step(
     Raises:
         numpy.linalg.LinAlgError: The matrix is not positive definite to working precision.
     """
+    response, cost, regularisation = current.response, current.cost, current.regularisation
     inverse_q = free / (regularisation.weight + damping.requests)
     inverse = _inverse(cost.curvature, damping.angles)
     weighted = response.by_request * windows.spread(inverse_q)
     band = schur_band(windows)
     matrix = band.matrix(response, inverse, weighted)
     steepest = _times(inverse, cost.gradient)
-    slope = regularisation.weight * regularisation.away
-    right = response.by_angle * steepest[windows.before] - steepest - defects
-    right += (weighted * windows.spread(slope)).sum(axis=0)
+    gradient = regularisation.weight * regularisation.away  # half that of the regularisation
+    right = response.by_angle * steepest[windows.before] - steepest - current.defects
+    right += (weighted * windows.spread(gradient)).sum(axis=0)
     multipliers = band.solve(matrix, right)
-    reduced_gradient = slope - windows.gathered(response.by_request * multipliers)
+    reduced_gradient = gradient - windows.gathered(response.by_request * multipliers)
     requests = -inverse_q * reduced_gradient
     # (B' lambda)[k] = lambda[k] - by_angle[k+1] lambda[k+1]
     forces = multipliers - (response.by_angle * multipliers)[windows.after]

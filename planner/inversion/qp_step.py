@@ -27,7 +27,7 @@ from scipy import sparse
 
 from planner.inversion.arguments import Norm
 from planner.inversion.clarabel import Cones, ConicSolution, ConicSolver
-from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, Step, cost_of
+from planner.inversion.kkt_step import Damping, Iterate, Step, cost_of
 from planner.inversion.tracking_problem import TrackingProblem, Windows
 from planner.model.sensitivity import Response
 from planner.trajectory import Array, Indices, Mask
@@ -40,12 +40,7 @@ would need less."""
 
 def qp_step(
     problem: TrackingProblem,
-    requests: Array,
-    response: Response,
-    cost: Quadratic,
-    *,
-    regularisation: Regularisation,
-    defects: Array,
+    current: Iterate,
     damping: Damping,
 ) -> Step:
     """The step of the module's problem.
@@ -56,11 +51,7 @@ def qp_step(
 
     Args:
         problem: Which requests may move, within which limits and by how much at a time.
-        requests: The requests R, within the limits [rad], shape (n, joints).
-        response: Derivatives at the current angles and requests.
-        cost: The cost of the angles.
-        regularisation: The cost of the requests.
-        defects: By how much the angles fall short of where the periods lead, (n, joints).
+        current: Where the search is, its requests within the limits.
         damping: The Levenberg-Marquardt terms.
 
     Returns:
@@ -69,26 +60,27 @@ def qp_step(
     Raises:
         numpy.linalg.LinAlgError: The solver found no step.
     """
+    response, cost, regularisation = current.response, current.cost, current.regularisation
     programme = _programme_of(problem, regularisation.second_differences)
     weight, away, free = regularisation.weight, regularisation.away, programme.free
-    slope: Array = weight * np.asarray(programme.transposed @ away)
+    gradient: Array = weight * np.asarray(programme.transposed @ away)  # half that of the term
     terms = _Terms(
-        2.0 * np.concatenate([slope[free], cost.gradient.ravel()]),
+        2.0 * np.concatenate([gradient[free], cost.gradient.ravel()]),
         programme.curvature(weight, cost.curvature, damping),
         programme.dynamics(response),
-        defects.ravel(),
+        current.defects.ravel(),
     )
-    answer = programme.solve(terms, requests)
+    answer = programme.solve(terms, current.requests)
     changes, angles = np.zeros(free.shape), answer.unknowns[programme.count :]
     changes[free] = answer.unknowns[: programme.count]
-    angles = angles.reshape(defects.shape)
+    angles = angles.reshape(current.angles.shape)
     multipliers = answer.multipliers[: angles.size].reshape(angles.shape) / 2.0
     moved = regularisation._replace(away=away + programme.operator @ changes)
     predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + cost_of(moved)
     predicted += float(np.einsum("ki,kij,kj->", angles, cost.curvature, angles))
     forces = problem.over_driven(response.by_request * multipliers)
-    gradient = slope - problem.windows.gathered(forces)
-    return Step(changes, angles, multipliers, gradient, predicted)
+    reduced_gradient = gradient - problem.windows.gathered(forces)
+    return Step(changes, angles, multipliers, reduced_gradient, predicted)
 
 
 ACTIVE_SET_ROUNDS = 8
@@ -96,12 +88,12 @@ ACTIVE_SET_ROUNDS = 8
 
 
 class _Terms(NamedTuple):
-    """Minimise ``slope @ z + z @ curvature @ z / 2`` where ``dynamics @ z == right``.
+    """Minimise ``linear @ z + z @ curvature @ z / 2`` where ``dynamics @ z == right``.
 
     Of the matrices, of curvature the upper triangle, the stored entries, column by column.
     """
 
-    slope: Array
+    linear: Array
     curvature: Array
     dynamics: Array
     right: Array
@@ -158,7 +150,7 @@ class _Conditions:
         """The solution; a solver whose scaling no longer suits the entries is set up anew."""
         if self._solver is not None:
             self._solver.update(
-                terms.slope,
+                terms.linear,
                 entries=terms.dynamics,
                 limits=terms.right,
                 curvature_entries=terms.curvature,
@@ -167,7 +159,7 @@ class _Conditions:
             if answer.solved:
                 return answer
         self._solver = ConicSolver(
-            terms.slope,
+            terms.linear,
             self.pattern.matrix(terms.dynamics),
             terms.right,
             self._cones,
@@ -297,10 +289,10 @@ class _Programme:
             if not answer.solved:
                 return None
             changes = answer.unknowns[: self.count]
-            slope = self._slope(terms, answer)[: self.count]
+            gradient = self._gradient(terms, answer)[: self.count]
             before = at_low, at_high
-            at_low = np.where(at_low, slope > 0.0, changes < low - TOLERANCE)
-            at_high = np.where(at_high, slope < 0.0, changes > high + TOLERANCE)
+            at_low = np.where(at_low, gradient > 0.0, changes < low - TOLERANCE)
+            at_high = np.where(at_high, gradient < 0.0, changes > high + TOLERANCE)
             if np.array_equal(before, (at_low, at_high)):
                 return answer
         return None
@@ -316,19 +308,19 @@ class _Programme:
         if not held.any():
             return terms
         curvature, dynamics = self._curvature, self._dynamics.pattern
-        slope = terms.slope + self._curvature_times(terms, place)
-        slope[held] = -place[held]
+        linear = terms.linear + self._curvature_times(terms, place)
+        linear[held] = -place[held]
         row_held, column_held = held[curvature.rows], held[curvature.columns]
         entries = np.where(row_held | column_held, 0.0, terms.curvature)
         entries[row_held & curvature.diagonal] = 1.0
         conditions = np.where(held[dynamics.columns], 0.0, terms.dynamics)
         right = terms.right - dynamics.times(terms.dynamics, place)
-        return _Terms(slope, entries, conditions, right)
+        return _Terms(linear, entries, conditions, right)
 
-    def _slope(self, terms: _Terms, answer: ConicSolution) -> Array:
+    def _gradient(self, terms: _Terms, answer: ConicSolution) -> Array:
         """The derivative of the Lagrangian by the unknowns."""
         forces = self._dynamics.pattern.transposed_times(terms.dynamics, answer.multipliers)
-        return np.asarray(terms.slope + self._curvature_times(terms, answer.unknowns) + forces)
+        return np.asarray(terms.linear + self._curvature_times(terms, answer.unknowns) + forces)
 
     def _curvature_times(self, terms: _Terms, vector: Array) -> Array:
         """The curvature, of which the upper triangle is stored, times a vector."""

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from planner.inversion.kkt_step import Damping, Quadratic, Regularisation, kkt_step, schur_band
+from planner.inversion.kkt_step import (
+    Damping,
+    Iterate,
+    Quadratic,
+    Regularisation,
+    kkt_step,
+    schur_band,
+)
 from planner.inversion.tracking_problem import Windows, windows_of
 from planner.model.joint import RequestAges, request_ages
 from planner.model.sensitivity import Response
@@ -36,15 +43,11 @@ class Problem:
     free: np.ndarray
 
     def solve(self):
-        return kkt_step(
-            self.windows,
-            self.response,
-            self.cost,
-            regularisation=self.regularisation,
-            defects=self.defects,
-            damping=self.damping,
-            free=self.free,
+        nowhere = np.zeros_like(self.defects)
+        current = Iterate(
+            nowhere, nowhere, self.response, self.defects, self.cost, self.regularisation, 0.0
         )
+        return kkt_step(self.windows, current, self.damping, free=self.free)
 
     def value(self, requests: Array, angles: Array) -> float:
         """The cost after a change, without the damping: term by term."""

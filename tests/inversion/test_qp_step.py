@@ -36,15 +36,8 @@ def test_requests_held_at_limits_cost_what_limits_as_conditions_do(seed, cyclic,
         requests = problem.admissible(desired[:, np.newaxis])
         stage = Stage(0.05, weight, smoothing=True)
         current = iterate(problem, requests, desired[:, np.newaxis], stage)
-        step = qp_step(
-            problem,
-            requests,
-            current.response,
-            current.cost,
-            regularisation=current.regularisation,
-            defects=current.defects,
-            damping=Damping(np.full_like(requests, DAMPING), np.zeros_like(requests)),
-        )
+        damping = Damping(np.full_like(requests, DAMPING), np.zeros_like(requests))
+        step = qp_step(problem, current, damping)
         after = requests + step.requests
         assert np.all(after >= limits[0] - module.TOLERANCE)
         assert np.all(after <= limits[1] + module.TOLERANCE)
