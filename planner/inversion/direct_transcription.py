@@ -81,7 +81,7 @@ OPTIONS = TranscriptionOptions()
 
 def transcribed_requests(
     problem: TrackingProblem,
-    begin: State,
+    state: State,
     *,
     solver: NlpSolver,
 ) -> Array:
@@ -89,7 +89,7 @@ def transcribed_requests(
 
     Args:
         problem: Joint, boundary, limits and norm.
-        begin: Requests and angles to set out from; the answer is at least as good.
+        state: Requests and angles to set out from; the answer is at least as good.
         solver: "ipopt" or "fatrop".
 
     Returns:
@@ -101,9 +101,9 @@ def transcribed_requests(
     import casadi
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
-        return begin.requests  # none of the requests that may be chosen acts before the end
+        return state.requests  # none of the requests that may be chosen acts before the end
     unit = problem.models[0].theta_0
-    scaled = _Scaled.of(problem, begin, OPTIONS.weight)
+    scaled = _Scaled.of(problem, state, OPTIONS.weight)
     programme = _transcribed(scaled) if solver == "ipopt" else _transcribed_in_stages(scaled)
     settings = {**SOLVER_OPTIONS[solver], "max_iter": OPTIONS.iterations}
     solve = casadi.nlpsol(
@@ -112,7 +112,7 @@ def transcribed_requests(
         programme.nlp,
         {**NLPSOL_OPTIONS, **programme.structure, solver: settings},
     )
-    best, least = begin.requests, problem.exact_error(begin.requests)
+    best, least = state.requests, problem.exact_error(state.requests)
     point, solved, status = programme.initial, False, ""
     for radius in OPTIONS.radii:
         answer = solve(x0=point, p=radius, **programme.bounds)
@@ -163,7 +163,7 @@ class _Scaled(NamedTuple):
     loads: Array  # (n,)
 
     @classmethod
-    def of(cls, problem: TrackingProblem, begin: State, weight: float) -> Self:
+    def of(cls, problem: TrackingProblem, state: State, weight: float) -> Self:
         (model,) = problem.models
         unit = model.theta_0
         return cls(
@@ -179,8 +179,8 @@ class _Scaled(NamedTuple):
             ),
             problem.desired[:, 0] / unit,
             problem.resting[:, 0] / unit,
-            begin.angles[:, 0] / unit,
-            begin.requests[:, 0] / unit,
+            state.angles[:, 0] / unit,
+            state.requests[:, 0] / unit,
             (float(problem.lower.min()) / unit, float(problem.upper.max()) / unit),
             float(problem.max_step[0]) / unit,
             None if problem.start is None else float(problem.start[0]) / unit,

@@ -234,7 +234,7 @@ def _only(column: Array) -> Array:
     return requests
 
 
-def search(problem: TrackingProblem, guess: State, *, smoothness: float) -> Array:
+def search(problem: TrackingProblem, state: State, *, smoothness: float) -> Array:
     """The best requests found for one joint, (n, 1).
 
     A joint that is at top speed nearly throughout may follow fitted lines better than anything that
@@ -245,32 +245,32 @@ def search(problem: TrackingProblem, guess: State, *, smoothness: float) -> Arra
     and from those as early as the joint is late.
     """
     (model,) = problem.models
-    starts, narrow, wide = [guess], SEARCH.narrow, SEARCH.wide
-    if below_top_speed(problem, guess.angles) <= OPTIONS.compared:
-        starts.append(guess._replace(requests=best_closed_form(problem)))
+    starts, narrow, wide = [state], SEARCH.narrow, SEARCH.wide
+    if below_top_speed(problem, state.angles) <= OPTIONS.compared:
+        starts.append(state._replace(requests=best_closed_form(problem)))
     at_most = min(problem.exact_error(start.requests) for start in starts)
     best = min((minimise(problem, start, narrow) for start in starts), key=itemgetter(1))
-    near = OPTIONS.far * problem.error(guess.angles)
+    near = OPTIONS.far * problem.error(state.angles)
     if problem.norm == "max" and best[1] > near:
-        found, _ = minimise(problem.with_norm("rms"), guess, narrow)
+        found, _ = minimise(problem.with_norm("rms"), state, narrow)
         best = min(best, (found, problem.exact_error(found.requests)), key=itemgetter(1))
     if best[1] > near + OPTIONS.negligible * model.theta_0:
         short = len(problem.desired) <= 2 * problem.ages.oldest
         if short or model.v_max_per_tick > model.theta_0:
-            further = [guess._replace(requests=requests) for requests in _early_and_late(problem)]
+            further = [state._replace(requests=requests) for requests in _early_and_late(problem)]
             answers = [minimise(problem, start, narrow) for start in further]
             best = min(best, *answers, key=itemgetter(1))
             starts += further
         other = min((minimise(problem, start, wide) for start in starts), key=itemgetter(1))
         if other[1] < (1.0 - OPTIONS.gain) * best[1]:
             best = other
-    state, least = best
+    answer, least = best
     logging.getLogger(__name__).debug(
         "joint: searched from %d starts, best %s", len(starts), angle_text(least)
     )
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return smoothed(problem, state.requests, smoothness=smoothness, at_most=at_most)
+    return smoothed(problem, answer.requests, smoothness=smoothness, at_most=at_most)
 
 
 def initial_guess(problem: TrackingProblem) -> State:

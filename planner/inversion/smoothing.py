@@ -102,11 +102,11 @@ def smoothed(
     angles = problem.exact_angles(requests)
     if angles is None:
         return requests
-    given, error = State(requests, angles), problem.error(angles)
+    state, error = State(requests, angles), problem.error(angles)
     most = most_error(problem, error, smoothness=smoothness, at_most=at_most)
-    smoothest = _smoothest(problem, given, error, most)
+    smoothest = _smoothest(problem, state, error, most)
     if any(model.dead_band for model in problem.models):
-        smoothest = _without_needless_crossings(problem, given, error, smoothest)
+        smoothest = _without_needless_crossings(problem, state, error, smoothest)
     return smoothest.requests
 
 
@@ -151,7 +151,7 @@ def roughness(problem: TrackingProblem, requests: Array) -> float:
 
 
 def _without_needless_crossings(
-    problem: TrackingProblem, given: State, error: float, smoother: State
+    problem: TrackingProblem, state: State, error: float, smoother: State
 ) -> State:
     """Requests that cross the dead band only where that reduces the error by enough.
 
@@ -160,7 +160,7 @@ def _without_needless_crossings(
     allow consists of such jumps.
     """
     band = typical_band(problem.models)
-    worth = DEAD_BAND.worth * roughness(problem, given.requests)
+    worth = DEAD_BAND.worth * roughness(problem, state.requests)
     for error_share in DEAD_BAND.error_shares:
         most = math.hypot(error, error_share * band)
         answer = _smoothest(problem, smoother, error, most)
@@ -169,11 +169,11 @@ def _without_needless_crossings(
     return smoother
 
 
-def _smoothest(problem: TrackingProblem, given: State, error: float, most: float) -> State:
+def _smoothest(problem: TrackingProblem, state: State, error: float, most: float) -> State:
     """The smoothest requests that are met within the allowed error, with their angles."""
     power = stages_for(problem, SEARCH_OPTIONS.narrow)[-1].power
-    allowed = _allowed_rise(problem, given, error, most, power)
-    state, best, least = given, given, roughness(problem, given.requests)
+    allowed = _allowed_rise(problem, state, error, most, power)
+    best, least = state, roughness(problem, state.requests)
     factor = OPTIONS.factor
     for radius in OPTIONS.radii:
         before = roughness(problem, state.requests)
@@ -205,13 +205,13 @@ def _smoothest(problem: TrackingProblem, given: State, error: float, most: float
 
 
 def _allowed_rise(
-    problem: TrackingProblem, given: State, error: float, most: float, power: float
+    problem: TrackingProblem, state: State, error: float, most: float, power: float
 ) -> float:
     """By how much the cost rises when all errors grow until theirs is the one that is allowed."""
     if power == 2.0:
-        return len(given.requests) * (most**2 - error**2)
+        return len(state.requests) * (most**2 - error**2)
     if error == 0.0:
         return 0.0
-    cost = power_cost(problem.goal.errors(given.angles), power=power, unit=error, ridge=0.0)
+    cost = power_cost(problem.goal.errors(state.angles), power=power, unit=error, ridge=0.0)
     growth = min(most / error, SEARCH_OPTIONS.largest_share)
     return cost.value * float(growth**power - 1.0)
