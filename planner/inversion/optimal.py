@@ -266,7 +266,7 @@ def search(problem: TrackingProblem, state: State, *, smoothness: float) -> Arra
             best = other
     answer, least = best
     logging.getLogger(__name__).debug(
-        "joint: searched from %d starts, best %s", len(starts), angle_text(least)
+        "joint: best of the searches from %d start(s) %s", len(starts), angle_text(least)
     )
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")

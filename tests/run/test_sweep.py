@@ -98,7 +98,8 @@ def test_a_joint_path_is_swept_by_its_speed(swept, tmp_path):
 
 
 def test_smoothness_is_a_parameter_of_any_path(swept):
-    made, _ = swept(GAIT + "smoothness = [0.0, 0.2]\n")
+    slow = GAIT.replace("samples = 40", "samples = 100")
+    made, _ = swept(slow + "smoothness = [0.0, 0.2]\n")
     assert all(each.planned for each in made.outcomes)
     plain, smooth = made.outcomes
     assert plain.error <= smooth.error
