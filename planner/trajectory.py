@@ -84,6 +84,19 @@ def index_of_largest(values: Array) -> int:
     return int(np.argmax(values >= largest - SAME * abs(largest)))
 
 
+def steps(values: Array, *, cyclic: bool) -> Array:
+    """Changes from each sample to the next along the first axis.
+
+    Args:
+        values: Samples, shape (n, ...).
+        cyclic: Whether the change from the last sample to the first is one of them, the last.
+
+    Returns:
+        Their n or n - 1 changes.
+    """
+    return np.asarray(np.diff(values, axis=0, append=values[: 1 if cyclic else 0]))
+
+
 def rms(values: Array) -> float:
     """Root mean square of values of any shape, in their own unit; 0 of none."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

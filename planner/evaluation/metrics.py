@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import Array, rms
+from planner.trajectory import Array, rms, steps
 
 
 class Distance(NamedTuple):
@@ -109,16 +109,15 @@ def request_motion(
     """
     _difference(requests, desired, dimensions=1)
     sent, path = (np.asarray(given, dtype=np.float64) for given in (requests, desired))
-    closing = slice(0, 1 if cyclic else 0)
-    steps, others = (np.diff(each, append=each[closing]) for each in (sent, path))
-    directions = np.sign(steps[np.abs(steps) > LEAST_MOTION])
+    changes, others = (steps(each, cyclic=cyclic) for each in (sent, path))
+    directions = np.sign(changes[np.abs(changes) > LEAST_MOTION])
     if cyclic:
         directions = np.append(directions, directions[:1])
     beyond = max(path.min() - sent.min(), sent.max() - path.max(), 0.0)
     return RequestMotion(
-        largest_step=float(np.max(np.abs(steps), initial=0.0)),
+        largest_step=float(np.max(np.abs(changes), initial=0.0)),
         reversals_per_s=np.count_nonzero(np.diff(directions)) / (len(sent) * period),
-        path_length=float(np.sum(np.abs(steps))),
+        path_length=float(np.sum(np.abs(changes))),
         desired_length=float(np.sum(np.abs(others))),
         beyond=float(beyond),
     )

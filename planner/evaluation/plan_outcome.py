@@ -15,7 +15,7 @@ from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate_joints
-from planner.trajectory import Array
+from planner.trajectory import Array, steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,13 +132,15 @@ class PlanOutcome:
     @cached_property
     def speeds(self) -> Array:
         """Largest speed of every joint on the desired path [rad/s], shape (k,)."""
-        return np.asarray(np.abs(self._steps(self.desired)).max(axis=0) / self.period)
+        return np.asarray(np.abs(steps(self.desired, cyclic=self.cyclic)).max(axis=0) / self.period)
 
     @cached_property
     def too_fast(self) -> Array:
         """Share of the desired path that is faster than the joint's top speed, shape (k,)."""
         top = np.array([model.v_max for model in self.models])
-        return np.asarray((np.abs(self._steps(self.desired)) > top * self.period).mean(axis=0))
+        return np.asarray(
+            (np.abs(steps(self.desired, cyclic=self.cyclic)) > top * self.period).mean(axis=0)
+        )
 
     @property
     def motions(self) -> tuple[RequestMotion, ...]:
@@ -156,11 +158,6 @@ class PlanOutcome:
             return ()
         closed = np.vstack([self.desired, self.desired[:1]]) if self.cyclic else self.desired
         return tuple(self.leg.jumps(closed).tolist())
-
-    def _steps(self, angles: Array) -> Array:
-        """Steps from sample to sample, that from the last to the first included in a cycle."""
-        following = np.roll(angles, -1, axis=0) - angles
-        return following if self.cyclic else following[:-1]
 
 
 def expected_foot(

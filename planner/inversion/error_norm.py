@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from planner.inversion.arguments import Norm
-from planner.trajectory import Array, rms
+from planner.trajectory import Array, rms, steps
 
 
 def error_norm(errors: Array, norm: Norm) -> float:
@@ -24,8 +24,7 @@ def error_norm(errors: Array, norm: Norm) -> float:
 
 def largest_step(requests: Array, *, cyclic: bool) -> float:
     """Largest change from one request to the next, a cycle closed [rad]; shape (n, ...)."""
-    closed = np.concatenate([requests[-1:] if cyclic else requests[:1], requests])
-    return float(np.max(np.abs(np.diff(closed, axis=0))))
+    return float(np.max(np.abs(steps(requests, cyclic=cyclic)), initial=0.0))
 
 
 def relative_gap(error: float, bound: float) -> float:

@@ -33,7 +33,7 @@ from planner.learning.sensor_delay import (
     remarks_on_delays,
 )
 from planner.planning import Plan
-from planner.trajectory import LARGEST, Array, rms
+from planner.trajectory import LARGEST, Array, rms, steps
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
 
 LONGEST_DELAY = 1e3
@@ -292,9 +292,9 @@ def _keeps_limits(plan: Inversion | FootInversion, requests: Array) -> bool:
     """Whether requests, shape (n, k), keep the limits and the largest step of a plan."""
     lower, upper = (-math.inf, math.inf) if plan.limits is None else plan.limits
     most = math.inf if plan.max_step is None else plan.max_step
-    steps = np.abs(np.diff(requests, axis=0, append=requests[:1] if plan.cyclic else requests[-1:]))
+    changes = np.abs(steps(requests, cyclic=plan.cyclic))
     within = (requests >= lower - SAME_REQUESTS) & (requests <= upper + SAME_REQUESTS)
-    return bool(np.all(within & (steps <= most + SAME_REQUESTS)))
+    return bool(np.all(within) and np.all(changes <= most + SAME_REQUESTS))
 
 
 class Estimate(NamedTuple):
