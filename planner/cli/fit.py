@@ -205,7 +205,8 @@ def _weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
     from dataclasses import replace
 
     from planner.exceptions import InvalidFile
-    from planner.files.paths import COUNTERS, TIMES
+    from planner.files.clock import time_columns
+    from planner.files.paths import COUNTERS
     from planner.files.table import read_table
 
     if weights is None:
@@ -221,7 +222,8 @@ def _weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
             f"({', '.join(table.names)}) or a CSV file."
         )
     own = read_table(weights)
-    columns = [name for name in own.names if name not in (*TIMES, *COUNTERS)]
+    others = (*time_columns(own.names), *COUNTERS)
+    columns = [name for name in own.names if name not in others]
     if len(columns) != 1:
         raise InvalidFile(weights, f"got columns {', '.join(own.names)}, expected one of weights")
     return own.numbers(columns)[:, 0], table

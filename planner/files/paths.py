@@ -3,8 +3,8 @@
 A joint path has one ``<joint>_deg`` or ``<joint>_rad`` column per joint, or ``<joint>_percent`` or
 ``<joint>_range`` (0 to 1) where the joint is known by the share of its range. Its columns
 ``<joint>_load_Nm`` are torques on these joints in the direction of positive angles. A foot path has
-the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have ``t_s`` (or
-``_ms``, ``_us``, ``_ns``).
+the columns ``x_m, y_m, z_m`` (or ``_cm``, ``_mm``). Both may have times, as logs have them
+(:mod:`planner.files.clock`): ``t_s``, ``time_ms``, ``stamp_ns``, dates.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.clock import TIME, read_clock, time_column, time_columns
 from planner.files.logs.column_names import pairs
-from planner.files.logs.units import SECONDS
 from planner.files.table import Table, nearest, read_table, write_table
 from planner.files.text import write_text
 from planner.files.units import (
@@ -42,12 +42,6 @@ JOINT_UNITS = {**ANGLES, **SHARES}
 
 LOAD = "_load_Nm"
 """Ending of the columns that hold the torque on a joint [N m]."""
-
-TIME = "t_s"
-"""The column that holds the time [s]."""
-
-TIMES = {f"t_{unit}": seconds for unit, seconds in SECONDS.items()}
-"""The columns that may hold it, and what one of their units is in seconds."""
 
 COUNTERS = ("index", "sample")
 """Columns that only number the rows, and are not read."""
@@ -157,7 +151,7 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = pick(table, joints, JOINT_UNITS)
     else:
         _check_no_log(table)
-        others = (*TIMES, *COUNTERS)
+        others = (*time_columns(table.names), *COUNTERS)
         columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
     if not columns:
         raise InvalidFile(
@@ -309,22 +303,16 @@ def write_curve(path: Path | str, curve: PiecewiseLinear) -> None:
 
 
 def read_times(table: Table, *, even: bool = True) -> Array | None:
-    """Times of the samples [s], shape (n,); None where the file has none of :data:`TIMES`.
+    """Times of the samples [s], shape (n,); None where no column may hold them.
 
     Raises:
-        InvalidFile: Times in two units, that do not increase, or that are not ``even``.
+        InvalidFile: Several columns may hold them, or the unit is not said; times that do not
+            increase, or that are not ``even``.
     """
-    columns = [name for name in table.names if name in TIMES]
-    if not columns:
+    column = time_column(table, advice="keep one of them, or ")
+    if column is None:
         return None
-    if len(columns) > 1:
-        raise InvalidFile(
-            table.path,
-            f"times in {', '.join(columns)}, expected one column; remove the others",
-            line=1,
-        )
-    column = columns[0]
-    times = TIMES[column] * table.numbers(columns)[:, 0]
+    times, _ = read_clock(table, column)
     steps = np.diff(times)
     if (steps <= 0.0).any():
         k = int(np.argmax(steps <= 0.0)) + 1

@@ -27,6 +27,9 @@ DELIMITERS = ",;\t"
 _NAMED_DELIMITER = re.compile(r"sep=([,;\t])\r?\n")
 """A first line by which spreadsheets say what stands between the cells."""
 
+_COMMENTS = re.compile(r"(?:[ \t]*(?:#[^\n]*)?\n)+")
+"""Lines that are empty or begin with ``#``."""
+
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d*(?:[eE][+-]?\d+)?\s*", re.ASCII)
 
 
@@ -98,15 +101,18 @@ class Table:
 def read_table(path: Path | str) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    A first line ``sep=;``, or else the commonest of :data:`DELIMITERS` in the first line, says what
-    stands between the cells. Where that is no comma, numbers may have decimal commas.
+    Lines above the header that begin with ``#`` are comments; where numbers follow at once, the
+    last of them is the header. A first line ``sep=;``, or else the commonest of
+    :data:`DELIMITERS` in the header, says what stands between the cells. Where that is no comma,
+    numbers may have decimal commas.
 
     Raises:
         InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
     """
     text = read_text(path)
-    first = text.lstrip().partition("\n")[0]
     named = _NAMED_DELIMITER.match(text)
+    text = _without_comments(text, named.end() if named else 0)
+    first = text.lstrip().partition("\n")[0]
     delimiter = named[1] if named else max(DELIMITERS, key=first.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     names: tuple[str, ...] = ()
@@ -132,6 +138,35 @@ def read_table(path: Path | str) -> Table:
     table = Table(str(path), names, tuple(rows), tuple(lines))
     _check_rows(table)
     return table
+
+
+def _without_comments(text: str, start: int) -> str:
+    """The text with the comments above its header as empty lines, so that lines keep their number.
+
+    Args:
+        text: The text.
+        start: Where the comments may begin.
+    """
+    comments = _COMMENTS.match(text, start)
+    if comments is None or "#" not in comments[0]:
+        return text
+    rest = text[comments.end() :]
+    lines = comments[0].split("\n")[:-1]
+    above = [k for k, line in enumerate(lines) if line.strip()]
+    header = lines[above[-1]].strip()
+    blank = [""] * (len(lines) + 1)
+    if _follows_header(rest.partition("\n")[0], header):
+        blank[above[-1]] = header[1:].strip() if header[1:2] not in DELIMITERS else header
+    return text[:start] + "\n".join(blank) + rest
+
+
+def _follows_header(line: str, header: str) -> bool:
+    """Whether a line is a row of numbers with as many cells as a header."""
+    delimiter = max(DELIMITERS, key=line.count)
+    cells = line.split(delimiter)
+    return len(cells) == len(header.split(delimiter)) and any(
+        _is_number(_with_point(cell)) for cell in cells
+    )
 
 
 def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:

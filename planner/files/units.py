@@ -30,9 +30,6 @@ OTHER_UNITS = frozenset(
 )
 """Ends of names that are a unit too, but none that is read."""
 
-CLOCKS = frozenset(("t", "time", "times", "timestamp", "stamp", "seconds", "clock"))
-"""Names of columns that are times, without their unit."""
-
 LARGEST = 1e6
 """An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
 
@@ -151,14 +148,6 @@ def pick(table: Table, names: Sequence[str], units: Mapping[str, float]) -> list
 def _without_unit(table: Table, columns: Sequence[str], units: Mapping[str, float]) -> InvalidFile:
     """The error that columns have no unit of these."""
     name = columns[0]
-    for each in columns:
-        if each.lower() in CLOCKS or each.lower().rpartition("_")[0] in CLOCKS:
-            return InvalidFile(
-                table.path,
-                f"column '{each}' looks like times; expected t_s, in seconds: convert and rename "
-                "it, or remove it",
-                line=1,
-            )
     stem, _, word = name.rpartition("_")
     if stem and not word.isdigit() and word.lower() in OTHER_UNITS:
         name = stem

@@ -37,7 +37,7 @@ JOINT_PATHS = {
     "time backwards": b"t_s,knee_deg\n0,1\n0.02,2\n0.01,3\n",
     "time stands still": b"t_s,knee_deg\n0,1\n0,2\n0.01,3\n",
     "uneven time": b"t_s,knee_deg\n0,1\n0.01,2\n0.02,3\n0.05,4\n",
-    "times twice": b"t_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
+    "times twice": b"time_s,t_ms,knee_deg\n0,0,1\n0.01,10,2\n",
     "time that is no number": b"t_s,knee_deg\n0,1\nlater,2\n",
 }
 

@@ -228,3 +228,36 @@ def test_a_path_at_another_speed_is_the_same_path_with_fewer_or_more_samples(
     expected = np.sin(2.0 * np.pi * np.arange(samples) / samples)
     np.testing.assert_allclose(path.angles[:, 0], expected, atol=5e-4)  # lines cut the arcs
     np.testing.assert_allclose(path.times, 0.01 * np.arange(samples))
+
+
+@pytest.mark.parametrize(
+    ("title", "cells"),
+    [
+        ("time_s", ("0", "0.02")),
+        ("stamp_ns", ("1732104192123456789", "1732104192143456789")),
+        ("t_ms", ("0", "20")),
+        ("Time [ms]", ("0", "20")),
+        ("seconds", ("0", "0.02")),
+        ("clock", ("2026-11-23T10:04:00.000", "2026-11-23T10:04:00.020")),
+    ],
+)
+def test_a_path_may_call_its_times_whatever_a_log_may(tmp_path, title, cells):
+    path, log = tmp_path / "path.csv", tmp_path / "log.csv"
+    path.write_text(f"{title},knee_deg\n{cells[0]},1\n{cells[1]},2\n")
+    read = read_joint_path(path)
+    assert read.names == ("knee",)
+    last = cells[1].replace("020", "040") if title == "clock" else f"9{cells[1]}"
+    log.write_text(f"{title},req_deg,act_deg\n{cells[0]},1,0\n{cells[1]},2,1\n{last},3,1\n")
+    (same,) = planner.read_logs(log)
+    np.testing.assert_allclose(read.times, [0.0, 0.02], rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(read.times, same.times[:2])
+
+
+@pytest.mark.parametrize("title", ["time", "stamp", "clock"])
+def test_times_without_a_unit_are_refused_with_a_name_that_has_one(tmp_path, title):
+    file = tmp_path / "path.csv"
+    file.write_text(f"{title},knee_deg\n0,1\n20,2\n")
+    with pytest.raises(InvalidFile, match=f"'{title}' has no unit; rename it {title}_s"):
+        read_joint_path(file)
+    file.write_text("t_deg,knee_deg\n0,1\n20,2\n")  # a joint, as its unit says
+    assert read_joint_path(file).names == ("t", "knee")

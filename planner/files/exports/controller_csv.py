@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
-from planner.files.paths import TIME
+from planner.files.clock import TIME
 from planner.files.table import DECIMALS, write_table
 from planner.files.text import write_text
 from planner.files.units import ANGLES

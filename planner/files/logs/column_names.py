@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from planner.files.logs.units import ANGLE_NAMES, TIME_NAMES, split_name
+from planner.files.logs.units import ANGLE_NAMES, split_name
 
 REQUESTED = frozenset(
     (
@@ -35,9 +35,6 @@ OTHER = frozenset(
     )
 )
 """Words for what is no angle."""
-
-TIMES = frozenset(("t", "time", "times", "timestamp", "stamp", "clock"))
-"""Words for times."""
 
 TORQUES = frozenset(("torque_on", "torque_enable", "torque_enabled"))
 """Names for whether the torque is on."""
@@ -106,19 +103,9 @@ def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
     return tuple(_pair(joint, found, named[joint]) for joint, found in by_joint.items())
 
 
-def time_columns(columns: Sequence[str]) -> tuple[str, ...]:
-    """The columns that may hold times."""
-    return tuple(name for name in columns if _is_time(name))
-
-
 def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
     """The columns that may say whether the torque is on."""
     return tuple(name for name in columns if name.lower() in TORQUES)
-
-
-def _is_time(column: str) -> bool:
-    stem, _ = split_name(column, TIME_NAMES)
-    return bool({word.lower() for word in _WORD.findall(stem)} & TIMES) and len(stem) < 24
 
 
 def _run(words: Sequence[str]) -> int:

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from datetime import datetime
-from decimal import Decimal, localcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.exceptions import InvalidFile, InvalidInput
-from planner.files.logs.column_names import Pair, meaning, pairs, time_columns, torque_columns
-from planner.files.logs.make_log import EPOCH, Columns, Source, Switch, make_log
+from planner.files.clock import TIME, read_clock, time_column
+from planner.files.logs.column_names import Pair, meaning, pairs, torque_columns
+from planner.files.logs.make_log import Columns, Source, Switch, make_log
 from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
 from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
-from planner.files.paths import LOAD, TIME
+from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
 from planner.files.units import MOST_TURNS, TURN, not_radians
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
-
-MISSING = ("", "nan", "nat")
-"""What stands for a date that is missing."""
 
 SWITCH = {"0": False, "1": True, "0.0": False, "1.0": True, "false": False, "true": True}
 """What a column of the torque may hold."""
@@ -220,66 +216,8 @@ def _read_clock(table: Table, options: LogOptions) -> tuple[Array, str]:
         InvalidFile: No column is clearly the time, its unit is not said, or a cell is no number.
     """
     column, unit = _time_column(table, options)
-    dates = _dates(table, column)
-    if dates is not None:
-        return dates, f"time from the dates in column '{column}', shifted to start at 0"
-    if unit is None:
-        raise InvalidFile(
-            table.path,
-            f"column '{column}' has no unit; give --time {column}:s (or one of "
-            f"{', '.join(SECONDS)}), or rename it {column}_s",
-            line=1,
-        )
-    seconds = SECONDS[unit]
-    numbers = table.numbers([column], missing=True)[:, 0]
-    note = f"time from column '{column}'"
-    if not column.endswith(f"_{unit}"):
-        note += f" [{unit}]"
-    known = np.flatnonzero(np.isfinite(numbers))
-    if not len(known) or abs(numbers[known[0]]) * seconds <= EPOCH:
-        return numbers * seconds, note
-    place = table.names.index(column)
-    with localcontext() as context:
-        context.prec = 60
-        exact = [Decimal(table.rows[k][place].strip()) for k in known]
-        since = numbers.copy()
-        since[known] = [float(time - exact[0]) for time in exact]
-    return since * seconds, f"{note}, shifted to start at 0"
-
-
-def _dates(table: Table, column: str) -> Array | None:
-    """Times [s] since the first of a column of dates and times (ISO 8601), shape (n,), else None.
-
-    Raises:
-        InvalidFile: The first cell is a date and another one is none.
-    """
-    place = table.place(column)
-    cells = [row[place].strip() for row in table.rows]
-    first = _date(next((cell for cell in cells if cell.lower() not in MISSING), ""))
-    if first is None:
-        return None
-    times = np.full(len(cells), np.nan)
-    for k, cell in enumerate(cells):
-        if cell.lower() in MISSING:
-            continue
-        date = _date(cell)
-        if date is None or (date.tzinfo is None) != (first.tzinfo is None):
-            raise InvalidFile(
-                table.path,
-                f"column '{column}': got '{cell[:40]}', expected a date and time as in the rows "
-                f"before, such as {first.isoformat()}",
-                line=table.lines[k],
-            )
-        times[k] = (date - first).total_seconds()
-    return times
-
-
-def _date(cell: str) -> datetime | None:
-    """The date and time that a cell holds; None for numbers and other text."""
-    try:
-        return datetime.fromisoformat(cell) if "-" in cell and ":" in cell else None
-    except ValueError:
-        return None
+    advice = f"give --time {column}:s (or one of {', '.join(SECONDS)}), or "
+    return read_clock(table, column, unit, missing=True, advice=advice)
 
 
 def _time_column(table: Table, options: LogOptions) -> tuple[str, str | None]:
@@ -297,25 +235,19 @@ def _time_column(table: Table, options: LogOptions) -> tuple[str, str | None]:
         table.place(name)
     if name is None:
         name = _guessed_time(table)
-    return name, unit or split_name(name, TIME_NAMES)[1]
+    return name, unit
 
 
 def _guessed_time(table: Table) -> str:
-    if TIME in table.names:
-        return TIME
-    found = time_columns(table.names)
-    if len(found) != 1:
-        what = (
-            f"{len(found)} columns may be the time ({', '.join(found)})"
-            if found
-            else "no column is the time"
-        )
+    found = time_column(table, advice="name it with --time, or ")
+    if found is None:
         raise InvalidFile(
             table.path,
-            f"{what}; columns: {', '.join(table.names)}; name it with --time, or rename it {TIME}",
+            f"no column is the time; columns: {', '.join(table.names)}; name it with --time, or "
+            f"rename it {TIME}",
             line=1,
         )
-    return found[0]
+    return found
 
 
 def _read_torque(table: Table, options: LogOptions) -> tuple[str, Switch | None]:

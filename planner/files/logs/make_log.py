@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,6 @@ from planner.trajectory import Array
 
 Switch = npt.NDArray[np.bool_]
 """Whether the torque was on, shape (n,)."""
-
-EPOCH = 1e6
-"""Times beyond this [s], eleven days, count from the epoch and are shifted to start at 0."""
 
 MOST_SHARE = 2.0
 """A share of the range beyond this either way is none."""
@@ -88,7 +86,8 @@ class Columns:
 def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, ...] = ()) -> Log:
     """Check the columns and make a log of them.
 
-    A row whose time or request is missing is left out. Where only the angle or the load is missing,
+    A row whose time or request is missing is left out, and so is one that repeats the row before,
+    time and all. Where only the angle or the load is missing,
     as after a failed read, the request was sent: the row stays, as not measured.
 
     Raises:
@@ -96,6 +95,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             message says where.
     """
     columns, source, left_out = _with_requests(source, columns)
+    columns, source, doubles = _without_doubles(source, columns)
     columns, measured, unread = _filled(source, columns)
     if columns.request_scale.unit != columns.angle_scale.unit:
         raise InvalidFile(
@@ -127,7 +127,7 @@ def make_log(source: Source, columns: Columns, *, joint: str, notes: tuple[str, 
             unit=columns.angle_scale.unit,
             load=load,
             measured=measured,
-            notes=(*notes, *left_out, *unread, *_doubts(columns)),
+            notes=(*notes, *left_out, *doubles, *unread, *_doubts(columns)),
             written=_written(source, columns),
         )
     except InvalidInput as error:
@@ -151,10 +151,33 @@ def _with_requests(source: Source, columns: Columns) -> tuple[Columns, Source, t
         )
     if not lost.any():
         return columns, source, ()
-    names = ("times", "requests", "angles", "load", "torque_on")
-    rows = {name: array[~lost] for name in names if (array := getattr(columns, name)) is not None}
     note = f"{_rows(source, lost)}: left out, as the time or the request is missing"
-    return replace(columns, **rows), replace(source, kept=np.flatnonzero(~lost)), (note,)
+    return *_kept(source, columns, ~lost), (note,)
+
+
+def _without_doubles(source: Source, columns: Columns) -> tuple[Columns, Source, tuple[str, ...]]:
+    """The rows that do not repeat the row before, and a note on the others."""
+    double = np.ones(len(columns.times), dtype=bool)
+    for array in _arrays(columns).values():
+        double[1:] &= (array[1:] == array[:-1]) | (np.isnan(array[1:]) & np.isnan(array[:-1]))
+    double[:1] = False
+    if not double.any():
+        return columns, source, ()
+    note = f"{_rows(source, double)}: left out, the same as the row before"
+    return *_kept(source, columns, ~double), (note,)
+
+
+def _arrays(columns: Columns) -> dict[str, Any]:
+    """What there is one of per row."""
+    names = ("times", "requests", "angles", "load", "torque_on")
+    return {name: array for name in names if (array := getattr(columns, name)) is not None}
+
+
+def _kept(source: Source, columns: Columns, rows: Switch) -> tuple[Columns, Source]:
+    """Some of the rows, and where they come from."""
+    before = np.arange(len(rows)) if source.kept is None else source.kept
+    kept = {name: array[rows] for name, array in _arrays(columns).items()}
+    return replace(columns, **kept), replace(source, kept=before[rows])
 
 
 def _unread(columns: Columns) -> Switch:

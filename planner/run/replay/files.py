@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from planner.exceptions import InvalidInput
+from planner.files.clock import TIME
 from planner.files.exports import check_format
 from planner.files.exports.lerobot import TASK, Layout, frame_rate
 from planner.files.exports.ros_trajectory import (
@@ -16,7 +17,7 @@ from planner.files.exports.ros_trajectory import (
     write_trajectory_yaml,
 )
 from planner.files.logs.lerobot import ACTION, STATE, find_dataset, read_episode
-from planner.files.paths import TIME, write_joint_path
+from planner.files.paths import write_joint_path
 from planner.files.table import write_table
 from planner.robot.schedule import Schedule
 from planner.run.faults import BadSetting, Key

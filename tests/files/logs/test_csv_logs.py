@@ -330,9 +330,39 @@ def test_a_failed_read_leaves_time_and_request(tmp_path, column, missing):
     assert f"{rows}: the {column} is missing, only the request counts" in log.notes
 
 
+def test_a_row_that_is_there_twice_counts_once_with_a_note(tmp_path):
+    rows = ["0,0,0", "1,10,", "1,10,", "2,20,15", "2,20,15", "2,20,15", "3,30,25", "4,40,35"]
+    file = tmp_path / "run.csv"
+    file.write_text("t_s,req_deg,act_deg\n" + "".join(f"{row}\n" for row in rows))
+    (log,) = read_logs(file)
+    assert log.times.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert log.measured.tolist() == [True, False, True, True, True]
+    assert "3 rows, first line 4: left out, the same as the row before" in log.notes
+
+
+@pytest.mark.parametrize(
+    "above", ["# robot 3\n", "# robot 3, at 50 Hz\n\n  #\n", "sep=,\n# rate, 50\n", "#\r\n"]
+)
+def test_lines_above_the_header_that_begin_with_a_hash_are_comments(tmp_path, above):
+    file = tmp_path / "run.csv"
+    file.write_bytes(f"{above}t_s,req_deg,act_deg\n0,0,0\n1,10,5\n2,20,15\n3,x,0\n".encode())
+    line = above.count("\n") + 5
+    with pytest.raises(InvalidFile, match=f"line {line}: column 'req_deg': got 'x'"):
+        read_logs(file)
+    file.write_bytes(file.read_bytes().replace(b"x", b"30"))
+    assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0, 30.0])
+
+
+@pytest.mark.parametrize("names", ["# t_s,req_deg,act_deg", "#t_s, req_deg, act_deg"])
+def test_the_last_hash_line_right_above_the_numbers_is_their_header(tmp_path, names):
+    file = tmp_path / "run.csv"  # as numpy.savetxt writes one
+    file.write_text(f"# robot 3\n{names}\n0,0,0\n1,10,5\n2,20,15\n")
+    assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0])
+
+
 def test_a_fault_after_an_empty_cell_is_reported_on_its_own_line(tmp_path):
     file = tmp_path / "run.csv"
-    file.write_text("t_s,req_rad,act_rad\n0,0,0\n1,,0\n2,0,0\n3,0,0\n3,0,0\n")
+    file.write_text("t_s,req_rad,act_rad\n0,0,0\n1,,0\n2,0,0\n3,0,0\n3,0,1\n")
     with pytest.raises(InvalidFile, match="line 6: time is 3 s after 3 s"):
         read_logs(file)
 
@@ -351,7 +381,7 @@ BAD = {
     "a date in one row": "time_s,req_rad,act_rad\n2026-11-23T00:00:00,0,0\n1,0,0\n2,0,0\n",
     "dates with and without a zone": "time_s,req_rad,act_rad\n"
     "2026-11-23T00:00:00,0,0\n2026-11-23T00:00:01Z,0,0\n2026-11-23T00:00:02,0,0\n",
-    "repeated": "t_s,req_rad,act_rad\n0,0,0\n\n1,0,0\n1,0,0\n",
+    "repeated": "t_s,req_rad,act_rad\n0,0,0\n\n1,0,0\n1,0,1\n",
     "no unit": "t_s,req,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of one column": "t_s,req_rad,act\n0,0,0\n1,0,0\n2,0,0\n",
     "no unit of time": "time,req_rad,act_rad\n0,0,0\n1,0,0\n2,0,0\n",

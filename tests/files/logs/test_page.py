@@ -10,6 +10,7 @@ import pytest
 
 from planner import LogOptions
 from planner.cli.identify import identify, to_log_options
+from planner.files import clock
 from planner.files.logs import column_names, make_log, units
 from planner.files.logs.ros_messages import ACTUAL_TYPES, REQUEST_TYPES
 from planner.files.units import MOST_TURNS
@@ -40,7 +41,7 @@ def test_the_page_names_every_unit_and_type():
 def test_every_word_that_the_page_says_is_guessed_is_known():
     bullets = dict(re.findall(r"^- (\S+ \S+)(.*?)(?:;|\.)$", PAGE, re.MULTILINE | re.DOTALL))
     known = {
-        "the time": column_names.TIMES | {f"_{unit}" for unit in units.SECONDS},
+        "the time": clock.WORDS | {f"_{unit}" for unit in units.SECONDS},
         "requested angles": column_names.REQUESTED,
         "actual angles": column_names.ACTUAL | column_names.PLAIN,
         "the torque,": column_names.TORQUES,
