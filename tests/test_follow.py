@@ -81,6 +81,32 @@ def test_what_is_not_known_yet_is_not_sent():
     assert (report.sent, report.held) == (0, 4)
 
 
+class TwoJoints:
+    """A stream of two joints that knows nothing of one at its second tick, and then holds it."""
+
+    period = TICK
+
+    def __init__(self):
+        self.answers = [
+            ([0.1, 0.2], ("planned", "planned")),
+            ([0.1, np.nan], ("planned", "held")),
+            ([0.1, 0.2], ("held", "planned")),
+        ]
+        self.status = ()
+
+    def step(self, desired, measured=None, *, missed=0):  # noqa: ARG002
+        requests, self.status = self.answers.pop(0)
+        return np.array(requests)
+
+
+def test_a_row_with_one_unknown_request_is_not_sent_and_one_held_joint_counts():
+    robot = Following()
+    robot.stream = TwoJoints()
+    report = robot.follow(np.zeros((3, 2)))
+    assert np.array_equal(robot.rows, [[0.1, 0.2], [0.1, 0.2]])
+    assert (report.sent, report.held) == (2, 2)
+
+
 def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
     robot, reports = Following(), []
     robot.fail_at, robot.failure = 5, KeyboardInterrupt()

@@ -68,6 +68,17 @@ def test_the_speed_of_a_gait_is_twice_its_length_in_its_time_on_the_ground(swept
         assert outcome.speed == pytest.approx(100.0 * 0.04 / (fraction * 40 * 0.008), rel=1e-9)
 
 
+def test_a_cycle_has_as_many_requests_as_fit_into_its_period(tmp_path):
+    file = tmp_path / "sweep.toml"
+    file.write_text(GAIT + "period_s = [0.4, 0.5]\n")
+    space = read_sweep(str(file))
+    for samples in range(20, 130):
+        (period,) = space.canonical([samples * 0.008 + 0.003])
+        assert period == pytest.approx(samples * 0.008, abs=1e-12)
+        content = space.content((period,))
+        assert content["path"]["half_ellipse"]["samples"] == samples
+
+
 @pytest.mark.parametrize("heading", [0.0, 90.0, 200.0])
 def test_the_speed_is_that_along_the_heading(heading):
     walk = HalfEllipse(heading_deg=heading)

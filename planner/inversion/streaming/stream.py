@@ -319,7 +319,6 @@ class Stream:
         plan = self._planned(goal, sag, given.torques, begins=begins)
         last = self._sent[:, -1].copy()
         requests = np.where(bad | begins, last, self._within(plan[:, 0], last))
-        plan[bad] = last[bad, np.newaxis]
         plan[:, 0] = requests
         self._plan = plan
         self._record(requests)
@@ -331,7 +330,7 @@ class Stream:
         """Move on by the periods since the last step, and correct the angles by measured ones."""
         elapsed, angles = self._elapsed, self._angles
         assert angles is not None, "a first step has nothing to move on from"
-        if given.missed >= OPTIONS.most_missed:
+        if given.missed > OPTIONS.most_missed:
             self._sent[:] = self._sent[:, -1:]
         for period in range(min(given.missed, OPTIONS.most_missed) + 1):
             if period:

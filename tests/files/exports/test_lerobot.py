@@ -116,8 +116,15 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     for log, action in zip(read, actions, strict=True):
         assert log.requests == pytest.approx(action[:, 0], abs=1e-6)
         assert log.angles == pytest.approx(-action[:, 0], abs=1e-6)
+    files = [tmp_path / "out" / f"data/chunk-000/file-00{number}.parquet" for number in (0, 1)]
+    data = [row for file in files for row in parquet.read_table(file).to_pylist()]
+    assert [row["index"] for row in data] == list(range(12))
+    assert [row["frame_index"] for row in data] == [*range(4), *range(5), *range(3)]
+    assert [row["episode_index"] for row in data] == [0] * 4 + [1] * 5 + [2] * 3
+    assert [row["task_index"] for row in data] == [0] * 4 + [1] * 8
     rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")
     about = rows.to_pylist()
+    assert [each["dataset_from_index"] for each in about] == [0, 4, 9]
     assert [each["data/file_index"] for each in about] == [0, 0, 1]
     assert [each["tasks"] for each in about] == [["down"], ["up"], ["up"]]
     assert [each["dataset_to_index"] for each in about] == [4, 9, 12]

@@ -204,6 +204,18 @@ def test_limits_and_steps_are_kept_to_the_last_bit(seed, cycle):
         last = sent
 
 
+def test_a_request_that_jumps_to_its_limit_does_not_exceed_it_by_rounding():
+    rng = np.random.default_rng(0)
+    lower, upper = -rng.uniform(1.0, 3.0, 40), rng.uniform(0.1, 0.3, 40)
+    stream = planner.Stream([planner.JointModel.ers210a()] * 40, preview=20, limits=(lower, upper))
+    reached = np.zeros(40, dtype=bool)
+    for k in range(8):
+        sent = stream.step(np.tile(lower if k < 4 else upper, (20, 1)), None if k else lower)
+        assert np.all((lower <= sent) & (sent <= upper))
+        reached |= sent == upper
+    assert reached.any()
+
+
 def test_a_jump_of_the_path_is_met_in_steps():
     path = smooth_path(160)
     path[80:] += 0.6
@@ -503,6 +515,26 @@ def test_a_glitch_of_the_sensor_moves_the_joint_little(pid_servo):
     step = model.v_max_per_period
     assert np.max(np.abs(planner.simulate(model, sent, cyclic=False) - 0.4)) <= 3.0 * step
     assert servo.period == model.period
+
+
+@pytest.mark.parametrize("off", [0.6, -0.6, 30.0])
+def test_a_measured_angle_moves_the_predicted_one_by_no_more_than_the_joint_can_turn(off):
+    model = planner.JointModel.ers210a()
+    stream = planner.Stream(model, preview=10)
+    for _ in range(5):
+        stream.step([[0.4]], [0.4])
+    stream.step([[0.4]], [0.4 + off])
+    assert abs(stream.angles[0] - 0.4) <= model.v_max_per_period * (1.0 + 1e-12)
+
+
+def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
+    slow = planner.JointModel(v_max=0.05, theta_0=1.0, lag=0.02, acceleration_time=0.04, tick=0.01)
+    stream = planner.Stream(slow, preview=2)
+    sent = [stream.step([[angle]])[0] for angle in (0.0, 0.5, 0.5)]
+    sent += [sent[-1]] * OPTIONS.most_missed
+    sent.append(stream.step([[0.5]], missed=OPTIONS.most_missed)[0])
+    exact = planner.simulate(slow, sent, cyclic=False)
+    assert stream.angles[0] == pytest.approx(exact[-1], abs=1e-9)
 
 
 def test_options_are_constant():
