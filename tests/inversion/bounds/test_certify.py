@@ -396,10 +396,18 @@ def test_desired_angles_that_are_no_trajectory_are_named(desired):
         lower_bound(ERS210A, desired)
 
 
-def test_where_nothing_is_proved_the_gap_is_infinite():
-    certificate = certify(JointModel.ers210a(), [0.0, 0.01], cyclic=False, level="exact")
+@pytest.mark.parametrize("norm", NORMS)
+def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_infinite_gap(
+    norm, caplog
+):
+    """Already in motion the joint follows exactly; from rest no plan moves it before the lag."""
+    caplog.set_level("DEBUG", logger="planner.inversion.bounds")
+    certificate = certify(
+        JointModel.ers210a(), [0.0, 0.01], cyclic=False, norm=norm, level="exact", time_limit=1.0
+    )
     assert certificate.bound == 0.0
     assert certificate.solver_gap == math.inf
+    assert "exact bound: closed" in caplog.text
 
 
 def test_a_start_that_is_no_angle_of_a_joint_is_refused():
