@@ -72,6 +72,7 @@ def compare(
         request-planner gait -o foot.csv
         request-planner compare foot.csv --leg reference --unreachable clamp --report compare.html
     """  # noqa: D301
+    from planner.files.staging import claimed
     from planner.files.text import write_text
     from planner.report.comparison_tables import comparison_text, verdict_line
     from planner.run.comparison import comparison_of, steps_of, write_picture
@@ -85,6 +86,8 @@ def compare(
     prepared = load(run)
     options.warn_of(prepared.desired.remarks)
     check_angles(prepared.desired.names, prepared.desired.units)
+    if out is not None:
+        click.get_current_context().with_resource(claimed(out))
     with Progress(steps_of(prepared.desired)) as progress:
         check = comparison_of(prepared, progress)
     unreachable = prepared.desired.unreachable

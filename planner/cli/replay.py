@@ -209,11 +209,15 @@ def _write(output: str, task: ReplayTask, made: Replay) -> None:
 
 
 def _check_output(replay: ReplaySettings, output: str) -> None:
-    """Make sure that the output can be written, before anything is computed."""
-    from planner.files.staging import check_folder, check_writable
+    """Make sure that the output can be written, before anything is computed.
+
+    A folder and the results beside it are this command's until it ends.
+    """
+    from planner.files.staging import check_folder, check_writable, claimed
     from planner.run.replay.files import FOLDERS
 
     if replay.write_as in FOLDERS:
         check_folder(output)
+        click.get_current_context().with_resource(claimed(output))
     elif output != "-":
         check_writable(output)

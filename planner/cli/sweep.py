@@ -97,7 +97,7 @@ def _carry_out(
     as_json: bool,
 ) -> None:
     """Plan all points, and write the folder of the results."""
-    from planner.files.staging import MANIFEST, check_folder, output_folder
+    from planner.files.staging import MANIFEST, check_folder, claimed, output_folder
     from planner.run.results import finished, results_beside
     from planner.run.sweep.files import summary, write_sweep
     from planner.run.sweep.space import identity, number_of_points, origin
@@ -105,6 +105,7 @@ def _carry_out(
     from planner.run.tasks import engine_of
 
     check_folder(out)
+    click.get_current_context().with_resource(claimed(out))
     if resume and (before := finished(out, MANIFEST, origin(space))):
         count = len(before["points"])
         remark(f"nothing is missing: {out} holds all {count} points, planned like this")

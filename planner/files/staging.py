@@ -1,4 +1,13 @@
-"""Outputs that appear whole or not at all: one file, or a folder of results."""
+"""Outputs that appear whole or not at all: one file, or a folder of results.
+
+What is written goes to the disk before a rename makes it the output, so that a power cut leaves the
+last good one or the new one as a killed process does. A hidden file beside an output,
+``.NAME.lock``, is locked while a command works on it. The system releases the lock however the
+process ends; what killed processes have left beside, ``.NAME.new-…`` and ``.NAME.old-…``, is
+removed under it. So nothing depends on process numbers or clocks, and where another machine shares
+the folder the lock holds there too, as far as the file system has locks. Where it has none, no
+command is refused and nothing is removed.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +18,11 @@ import secrets
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from itertools import islice
 from pathlib import Path
+from typing import Literal
 
 from planner.exceptions import InvalidFile
 
@@ -25,13 +36,22 @@ MOST_FOREIGN = 1000
 """Files of others that are counted before the search for more of them is given up."""
 
 
+_CLAIMED: dict[Path, bool] = {}
+"""Folders of results that this process works on, and whether it could lock them."""
+
+_FILLED: set[Path] = set()
+"""Hidden folders that this process fills; they appear whole, so that no file in them is staged."""
+
+
 @contextmanager
 def staged(path: Path | str, content: bytes) -> Iterator[None]:
     """Write ``content`` beside ``path``, and rename it to ``path`` if the block does not raise.
 
     So that of several files all appear or none: the last one is written in the block of the others.
-    Whoever reads ``path`` meanwhile gets the old content or the new one. A process that is killed
-    leaves a hidden file, ``.NAME.new-…``. A device or a pipe is written to directly.
+    Whoever reads ``path`` meanwhile gets the old content or the new one, and after a power cut too:
+    the content is on the disk before the rename. A process that is killed leaves a hidden file,
+    ``.NAME.new-…``, which the next one that writes ``path`` removes. A device or a pipe is written
+    to directly, as is a file in the folder that :func:`output_folder` hands out.
 
     Raises:
         InvalidFile: The folder does not exist or cannot be written to.
@@ -44,22 +64,30 @@ def staged(path: Path | str, content: bytes) -> Iterator[None]:
         except OSError as error:
             raise cannot_write(path, error) from error
         return
-    new = _beside(target, "new")
-    try:
-        try:
-            with new.open("xb") as stream:
-                stream.write(content)
-        except OSError as error:
-            raise cannot_write(path, error) from error
+    target = target.resolve()
+    if not _FILLED.isdisjoint(target.parents):
+        target.write_bytes(content)  # output_folder names the folder where there is no room
         yield
+        return
+    with _lock(target, shared=True):
+        new = _beside(target, "new")
         try:
-            if target.exists():
-                new.chmod(target.stat().st_mode & 0o777)
-            new.replace(target.resolve())
-        except OSError as error:
-            raise cannot_write(path, error) from error
-    finally:
-        new.unlink(missing_ok=True)
+            try:
+                with new.open("xb") as stream:
+                    stream.write(content)
+                _to_disk(new)
+            except OSError as error:
+                raise cannot_write(path, error) from error
+            yield
+            try:
+                if target.exists():
+                    new.chmod(target.stat().st_mode & 0o777)
+                new.replace(target)
+            except OSError as error:
+                raise cannot_write(path, error) from error
+            _names_to_disk(target.parent)
+        finally:
+            new.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -67,9 +95,9 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
     """Hand out an empty folder, and put it in the place of ``path`` once it is filled.
 
     The last run's folder stays as it is until then, and for good where the block raises or the
-    process is killed; killed between two renames, it leaves it beside, as ``.NAME.old-…``. It is
-    replaced only if it is empty or holds nothing but the files that its own manifest lists: what a
-    user has put there is never removed.
+    process is killed; killed between two renames, it leaves it beside, as ``.NAME.old-…``. The next
+    good run removes what killed ones have left. The folder is replaced only if it is empty or holds
+    nothing but the files that its own manifest lists: what a user has put there is never removed.
 
     Args:
         path: The folder.
@@ -77,31 +105,77 @@ def output_folder(path: Path | str, *, export: str = "") -> Iterator[Path]:
             otherwise.
 
     Raises:
-        InvalidFile: ``path`` is a file, holds something else, or cannot be written.
+        InvalidFile: ``path`` is a file, holds something else, cannot be written, or another
+            command is at work on it.
     """
     path = str(path) or "."
     target = _target(path)
     _check_replaceable(path, target)
-    new = _beside(target, "new")
+    with claimed(path) as locked:
+        new = _beside(target, "new")
+        try:
+            try:
+                new.mkdir()
+            except OSError as error:
+                raise _cannot_make(path, error) from error
+            _FILLED.add(new)
+            try:
+                yield new
+                if export:
+                    manifest = {"export": export, "files": list_files(new)}
+                    (new / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
+                for file in _files_below(new):
+                    _to_disk(new / file)
+                for folder in (*filter(Path.is_dir, new.rglob("*")), new):
+                    _names_to_disk(folder)
+            except OSError as error:
+                raise _named_as_output(error, path, new) from error
+            _check_replaceable(path, target)
+            try:
+                _replace(target, new)
+            except OSError as error:
+                raise InvalidFile(
+                    path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
+                ) from error
+            _names_to_disk(target.parent)
+            if locked:
+                _sweep(target, "old")
+        finally:
+            _FILLED.discard(new)
+            shutil.rmtree(new, ignore_errors=True)
+
+
+@contextmanager
+def claimed(path: Path | str) -> Iterator[bool]:
+    """Keep other commands away from a folder of results, and from what is beside it, in the block.
+
+    Yields:
+        Whether it could be locked; claimed in a block that has claimed it, as there.
+
+    Raises:
+        InvalidFile: Another command is at work on it, or the folders above it cannot be made.
+    """
+    path = str(path) or "."
+    target = _target(path)
+    if target in _CLAIMED:
+        yield _CLAIMED[target]
+        return
     try:
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            new.mkdir()
-        except OSError as error:
-            raise _cannot_make(path, error) from error
-        yield new
-        if export:
-            manifest = {"export": export, "files": list_files(new)}
-            (new / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n")
-        _check_replaceable(path, target)
-        try:
-            _replace(target, new)
-        except OSError as error:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _cannot_make(path, error) from error
+    with _lock(target, shared=False) as lock:
+        if lock == "taken":
             raise InvalidFile(
-                path, f"cannot be replaced ({reason(error)}); choose a folder inside it"
-            ) from error
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+                path,
+                "another command is at work on it; wait until that has ended, or choose another "
+                "folder",
+            )
+        _CLAIMED[target] = lock == "held"
+        try:
+            yield _CLAIMED[target]
+        finally:
+            del _CLAIMED[target]
 
 
 def check_writable(path: Path | str) -> None:
@@ -113,6 +187,7 @@ def check_writable(path: Path | str) -> None:
     target = Path(path)
     if _is_device(target):
         return
+    target = target.resolve()
     try:
         (target.parent / ".").stat()
         if not target.parent.is_dir():
@@ -150,16 +225,17 @@ def all_there(folder: Path | str) -> bool:
     return bool(files) and all((target / name).is_file() for name in files)
 
 
-def cannot_write(path: Path | str, error: OSError | ValueError) -> InvalidFile:
-    """The error that a file cannot be written."""
+def cannot_write(path: Path | str, error: Exception) -> InvalidFile:
+    """The error that a file or a folder cannot be written."""
     return InvalidFile(
         path, f"cannot be written ({reason(error)}); choose another place for the output"
     )
 
 
-def reason(error: OSError | ValueError) -> str:
-    """What the system says, in lower case."""
-    return (getattr(error, "strerror", None) or str(error)).lower()
+def reason(error: Exception) -> str:
+    """What the system says, in lower case; of an error with a number nothing else does."""
+    number = getattr(error, "errno", None)
+    return (os.strerror(number) if number else str(error)).lower()
 
 
 def _target(path: Path | str) -> Path:
@@ -176,6 +252,100 @@ def _beside(target: Path, age: str) -> Path:
     Chosen before anything is made, so that a signal at any moment finds the name to clear away.
     """
     return target.with_name(f".{target.name}.{age}-{secrets.token_hex(8)}")
+
+
+def _named_as_output(error: OSError, path: str, new: Path) -> OSError | InvalidFile:
+    """An error in filling a hidden folder, by the name that the user knows; others as they are."""
+    if isinstance(error, BrokenPipeError):
+        return error
+    if error.filename is None:  # such as where a disk is full
+        return cannot_write(path, error)
+    place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
+    if place is None or not place.is_relative_to(new):
+        return error
+    return cannot_write(Path(path) / place.relative_to(new), error)
+
+
+@contextmanager
+def _lock(target: Path, *, shared: bool) -> Iterator[Literal["held", "taken", "none"]]:
+    """Lock an output, alone or with others; the last one to leave removes what is left beside it.
+
+    Yields:
+        Whether the lock is held, taken by another process, or not to be had on this file system.
+    """
+    place = target.with_name(f".{target.name}.lock")
+    try:
+        descriptor = _locked(place, shared=shared)
+    except BlockingIOError:
+        yield "taken"
+        return
+    except (ImportError, OSError):  # no locks, or a folder that refuses the output as well
+        yield "none"
+        return
+    try:
+        yield "held"
+    finally:
+        with suppress(OSError):
+            if shared:
+                _flock(descriptor, shared=False)  # unless another process writes it, too
+            _sweep(target, "new")
+            place.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _locked(place: Path, *, shared: bool) -> int:
+    """Descriptor of a lock file that is locked, and still there.
+
+    Raises:
+        BlockingIOError: Another process has it alone, or this one wants it alone.
+        OSError: No file can be made there, or none can be locked.
+        ImportError: The platform has no such locks.
+    """
+    while True:
+        descriptor = os.open(place, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+        try:
+            _flock(descriptor, shared=shared)
+            with suppress(FileNotFoundError):  # its last owner has removed it
+                if os.path.samestat(os.fstat(descriptor), place.stat()):
+                    return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _flock(descriptor: int, *, shared: bool) -> None:
+    import fcntl
+
+    fcntl.flock(descriptor, fcntl.LOCK_SH if shared else fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _sweep(target: Path, age: str) -> None:
+    """Remove what killed processes have left beside an output that this one has alone."""
+    for left in target.parent.glob(f".{escape(target.name)}.{age}-{'[0-9a-f]' * 16}"):
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            with suppress(OSError):
+                left.unlink()
+
+
+def _to_disk(path: Path) -> None:
+    """Have what a file or a folder holds written to the disk, where the file system can do that."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def _names_to_disk(folder: Path) -> None:
+    """The same of the names in a folder, where the platform opens folders."""
+    with suppress(OSError):
+        _to_disk(folder)
 
 
 def _cannot_make(path: Path | str, error: OSError) -> InvalidFile:

@@ -15,6 +15,7 @@ from planner.exceptions import InvalidFile
 from planner.files import staging
 from planner.files.staging import list_files, output_folder, staged
 from planner.files.text import read_text, write_text
+from tests.run.work import at_work_on
 
 
 def _run(folder, name="a.csv", content="1"):
@@ -48,7 +49,7 @@ def test_a_written_file_has_the_permissions_of_any_new_file_and_keeps_those_it_h
     assert written.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_killed_process_leaves_the_old_file(tmp_path):
+def test_a_killed_process_leaves_the_old_file_and_the_next_one_nothing_of_it(tmp_path):
     file = tmp_path / "plan.csv"
     file.write_text("old")
     code = (
@@ -61,6 +62,26 @@ def test_a_killed_process_leaves_the_old_file(tmp_path):
     assert file.read_text() == "old"
     write_text(file, "new")
     assert file.read_text() == "new"
+    assert list_files(tmp_path) == ["plan.csv"]
+
+
+def test_a_file_that_another_process_writes_is_not_swept_away(tmp_path):
+    file = tmp_path / "plan.csv"
+    code = (
+        "import sys; from planner.files.staging import staged\n"
+        f"with staged({str(file)!r}, b'slow'):\n"
+        "    print('written', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        process.stdout.readline()
+        write_text(file, "quick")
+        assert file.read_text() == "quick"
+    assert process.returncode == 0
+    assert file.read_text() == "slow"
+    assert list_files(tmp_path) == ["plan.csv"]
 
 
 def test_writing_through_a_link_keeps_the_link(tmp_path):
@@ -174,24 +195,89 @@ def test_files_that_appear_during_a_run_are_kept(tmp_path):
     assert list_files(out) == ["a.csv", "late.txt", "results.json"]
 
 
-def test_a_killed_run_leaves_the_last_good_one(tmp_path):
+def test_a_killed_run_leaves_the_last_good_one_and_the_next_good_one_nothing_of_it(tmp_path):
     out = tmp_path / "out"
     _run(out)
-    code = (
-        "import sys; from planner.files.staging import output_folder\n"
-        f"with output_folder({str(out)!r}) as new:\n"
-        "    (new / 'half.csv').write_text('half')\n"
-        "    print('half', flush=True)\n"
-        "    sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-P", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        process.stdout.readline()
-        process.kill()
+    for _ in range(3):
+        with at_work_on(out):
+            pass
+    assert len(list(tmp_path.glob(".out.new-*"))) == 3
+    (tmp_path / f".out.old-{'0' * 16}").mkdir()
+    (tmp_path / f".out.new-{'0' * 16}").symlink_to(tmp_path / "out")
+    others = {".out.new-mine", ".outer.new-0123456789abcdef", "out.new-0123456789abcdef"}
+    for name in others:
+        (tmp_path / name).mkdir()
     assert list_files(out) == ["a.csv", "results.json"]
     _run(out, "b.csv")
     assert list_files(out) == ["b.csv", "results.json"]
+    assert {file.name for file in tmp_path.iterdir()} == {"out", *others}
+
+
+def test_what_a_failed_run_finds_moved_away_stays(tmp_path):
+    """A process that is killed between two renames leaves the last good run beside."""
+    moved = tmp_path / f".out.old-{'0' * 16}"
+    _run(tmp_path / "out")
+    (tmp_path / "out").rename(moved)
+    with pytest.raises(KeyboardInterrupt), output_folder(tmp_path / "out"):
+        raise KeyboardInterrupt
+    assert list_files(tmp_path) == [f"{moved.name}/a.csv", f"{moved.name}/results.json"]
+
+
+def test_a_run_at_work_is_left_alone_by_a_second_one_on_the_same_folder(tmp_path):
+    out, link = tmp_path / "out", tmp_path / "link"
+    link.symlink_to(out)
+    _run(out)
+    with at_work_on(out):
+        before = list_files(tmp_path)
+        for name in (out, link):
+            with pytest.raises(InvalidFile, match="another command is at work on it; wait until"):
+                _run(name, "b.csv")
+        assert list_files(tmp_path) == before
+        _run(tmp_path / "other")
+    _run(out, "b.csv")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["link", "other", "out"]
+
+
+def test_without_locks_runs_are_made_and_nothing_is_removed(tmp_path, monkeypatch):
+    def none(*_):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    left = tmp_path / f".out.new-{'0' * 16}"
+    left.mkdir()
+    _run(tmp_path / "out")
+    write_text(tmp_path / "a.csv", "1")
+    assert left.exists()
+    assert list_files(tmp_path / "out") == ["a.csv", "results.json"]
+
+
+def test_everything_is_on_the_disk_before_a_rename_makes_it_an_output(tmp_path, monkeypatch):
+    flushed, renamed = [], []
+    fsync, replace = os.fsync, os.replace
+
+    def noted(descriptor):
+        state = os.fstat(descriptor)
+        flushed.append((state.st_ino, state.st_size))
+        fsync(descriptor)
+
+    def checked(source, target):
+        for file in [Path(source), *Path(source).rglob("*")]:
+            state = file.stat()
+            assert (state.st_ino, state.st_size) in flushed, f"{file} would be lost"
+        renamed.append(Path(target).name)
+        flushed.clear()
+        replace(source, target)
+
+    monkeypatch.setattr("os.fsync", noted)
+    monkeypatch.setattr("os.replace", checked)
+    write_text(tmp_path / "a.csv", "text")
+    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
+    with output_folder(tmp_path / "out", export="test") as new:
+        (new / "deep").mkdir()
+        write_text(new / "deep" / "a.csv", "text")
+        (new / "b.csv").write_text("more")
+    assert tmp_path.stat().st_ino in {inode for inode, _ in flushed}, "the name is not on the disk"
+    assert renamed == ["a.csv", "out"]
 
 
 def test_a_folder_that_cannot_be_replaced_stays_as_it_was(tmp_path, monkeypatch):

@@ -57,8 +57,9 @@ class Forks:
         die_at: int | None = None,
         memory: int | None = None,
         seconds: int | None = None,
+        room: int | None = None,
     ) -> Run:
-        """Run the program in a folder."""
+        """Run the program in a folder; ``room`` is how long a file can become [bytes]."""
         with tempfile.TemporaryDirectory() as kept:
             order = {
                 "folder": str(folder),
@@ -68,6 +69,7 @@ class Forks:
                 "die_at": die_at,
                 "memory": memory,
                 "seconds": seconds,
+                "room": room,
                 "kept": kept,
             }
             print(json.dumps(order), file=self._process.stdin, flush=True)
@@ -137,6 +139,7 @@ def _run(order: dict[str, Any]) -> NoReturn:
     for kind, most in (
         (resource.RLIMIT_AS, order["memory"]),
         (resource.RLIMIT_CPU, order["seconds"]),
+        (resource.RLIMIT_FSIZE, order["room"]),
     ):
         if most is not None:
             resource.setrlimit(kind, (most, most))

@@ -14,11 +14,11 @@ import planner
 from planner.evaluation.swept import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
-from planner.run.results import Results
+from planner.run.results import Results, results_beside
 from planner.run.settings import HalfEllipse
 from planner.run.sweep.space import number_of_points, read_sweep
 from planner.run.sweep.sweep import evaluate, sweep, walking_speed
-from tests.run.work import InThisProcess
+from tests.run.work import InThisProcess, at_work_on
 
 GAIT = """
 [leg]
@@ -200,6 +200,52 @@ def test_a_sweep_that_is_complete_is_not_planned_again(tmp_path, monkeypatch, cl
     again = cli_run("sweep", "gaits.toml", "--json", "--resume")
     assert "nothing is missing: gaits holds all 2 points" in again.stderr
     assert (again.exit_code, again.stdout) == (0, first.stdout)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_sweep_is_resumed_whatever_has_become_of_its_files(tmp_path, monkeypatch, cli_run):
+    """A kept result that is damaged, what a killed repeat left, and a damaged answer."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
+    words = ("sweep", "gaits.toml", "--json", "--resume", "--workers", "1")
+
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("planner.run.sweep.files.write_sweep", killed)
+        assert cli_run(*words).exit_code == 130
+    left = tmp_path / ".gaits.results"
+    for kept, damage in zip(sorted(left.glob("??/*")), (b"", b"{}"), strict=True):
+        kept.write_bytes(damage)
+    first = cli_run(*words)
+    assert (first.exit_code, first.stderr.count("Traceback")) == (0, 0)
+    answer = tmp_path / "gaits" / "results.json"
+    answer.write_text(answer.read_text().replace('"points"', '"joints"'))
+    again = cli_run(*words)
+    assert (again.exit_code, again.stdout) == (0, first.stdout)
+    assert "nothing is missing" not in again.stderr
+    left.mkdir()
+    assert "nothing is missing" in cli_run(*words).stderr
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["gaits", "gaits.toml"]
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_a_sweep_at_work_is_left_alone_by_another_one(tmp_path, monkeypatch, cli_run):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gaits.toml").write_text(GAIT + "length = [0.02, 0.03]\n")
+    with at_work_on(tmp_path / "gaits"):
+        results_beside(tmp_path / "gaits", {"of": "the other"})
+        before = {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")}
+        for more in ((), ("--resume",), ("--at", "length=0.02", "--out", "gaits")):
+            second = cli_run("sweep", "gaits.toml", "--workers", "1", *more)
+            assert (second.exit_code, second.stdout) == (2, "")
+            assert second.stderr == (
+                "request-planner: gaits: another command is at work on it; wait until that has "
+                "ended, or choose another folder\n"
+            )
+        assert {file: file.stat().st_mtime_ns for file in tmp_path.rglob("*")} == before
+    assert cli_run("sweep", "gaits.toml", "--workers", "1").exit_code == 0
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -88,6 +88,47 @@ def test_a_result_is_not_used_for_other_inputs(results):
     assert replace(task, inputs="digest of the changed file") not in results
 
 
+@pytest.mark.parametrize("damage", [b"", b"4", b"\0" * 40, b"PK\x03\x04"], ids=repr)
+def test_a_damaged_result_counts_as_missing_and_is_computed_again(damage, tmp_path):
+    tasks, results = work.tasks(), Results(tmp_path / "results", {"power": 2})
+    run(work.square, tasks, results, workers=1)
+    whole = work.held(results.folder)
+    broken = sorted(whole)[3]
+    (results.folder / broken).write_bytes(damage)
+    again = Results(results.folder, {"power": 2}, resume=True)
+    assert sum(task in again for task in tasks) == 7
+    assert run(work.square, tasks, again, workers=1) == []
+    assert work.held(results.folder) == whole
+
+
+@pytest.mark.parametrize("damage", ["", '{"power": ', "[" * 10**5])
+def test_results_whose_settings_cannot_be_read_are_found_by_what_they_were_computed_from(
+    damage, tmp_path
+):
+    first = Results(tmp_path / "a", {"power": 2})
+    first.write(Task("task", 2), b"4")
+    (tmp_path / "a" / "settings.json").write_text(damage)
+    assert Task("task", 2) in Results(tmp_path / "a", {"power": 2}, resume=True)
+    (tmp_path / "a" / "settings.json").write_text(damage)
+    assert Task("task", 2) not in Results(tmp_path / "a", {"power": 3}, resume=True)
+
+
+def test_a_result_that_cannot_be_kept_is_said_of_the_output(tmp_path, monkeypatch):
+    results = results_beside(tmp_path / "out", {"power": 2})
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InvalidInput) as caught:
+        results.write(Task("task", 2), b"4")
+    assert str(caught.value) == (
+        f"{tmp_path / 'out'}: cannot be written (no space left on device); choose another place "
+        "for the output"
+    )
+    assert work.held(results.folder) == {}
+
+
 def test_a_folder_of_results_is_removed_unless_it_is_resumed(tmp_path):
     settings, task = {"speed": 1.5, "joints": ("hip", "knee")}, Task("task", 2)
     first = results_beside(tmp_path / "out", settings)

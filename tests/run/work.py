@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import subprocess
 import sys
 import warnings
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -84,6 +86,26 @@ def run_and_die_after(folder, finished):
 
     with engine_of(workers=2) as engine:
         carry_out(square, tasks(), results, engine, progress=progress)
+
+
+@contextmanager
+def at_work_on(output):
+    """Another process that works on an output until the block ends, and is killed then."""
+    code = (
+        "import sys; from planner.files.staging import output_folder\n"
+        f"with output_folder({str(output)!r}) as new:\n"
+        "    (new / 'half').touch()\n"
+        "    print('half', flush=True)\n"
+        "    sys.stdin.read()\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        process.stdout.readline()
+        try:
+            yield
+        finally:
+            process.kill()
 
 
 def held(folder):

@@ -6,6 +6,7 @@ The YAML is what ``ros2 topic pub`` takes; the bag, in SQLite or MCAP, is for ``
 from __future__ import annotations
 
 import math
+import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -13,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from planner.exceptions import InvalidInput, MissingExtra
-from planner.files.staging import output_folder
+from planner.files.staging import cannot_write, output_folder
 from planner.files.table import DECIMALS
 from planner.files.text import write_text
 from planner.robot.schedule import NANOSECONDS, Schedule
@@ -145,9 +146,12 @@ def write_bag(
     plugin = StoragePlugin.SQLITE3 if storage == "sqlite3" else StoragePlugin.MCAP
     with output_folder(path, export=f"ROS 2 bag ({storage})") as folder:
         inner = folder / Path(path).resolve().name  # the writer names its files after its folder
-        with Writer(inner, version=VERSION, storage_plugin=plugin) as writer:
-            connection = writer.add_connection(topic, TYPE, typestore=types)
-            writer.write(connection, 0, content)
+        try:
+            with Writer(inner, version=VERSION, storage_plugin=plugin) as writer:
+                connection = writer.add_connection(topic, TYPE, typestore=types)
+                writer.write(connection, 0, content)
+        except sqlite3.Error as error:  # such as where the disk is full
+            raise cannot_write(path, error) from error
         for file in list(inner.iterdir()):
             file.rename(folder / file.name)
         inner.rmdir()

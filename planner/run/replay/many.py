@@ -9,7 +9,6 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from planner.run import settings
 from planner.run.desired import find_leg
 from planner.run.replay.files import lerobot_layout, lerobot_rows
 from planner.run.replay.replay import UNITS, ReplayTask, known
-from planner.run.results import Results, Task, finished, made_from, results_beside, results_folder
+from planner.run.results import Results, Task, finished, made_from, results_beside
 from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array
 
@@ -72,15 +71,9 @@ class Replayed:
 def replayed_before(
     output: str, run: settings.Run, replay: settings.Replay, recordings: Sequence[Recording]
 ) -> Replayed | None:
-    """The replay of the same recordings, if the dataset is there and whole.
-
-    What another command with the same settings has left beside it is removed.
-    """
+    """The replay of the same recordings, if the dataset is there and whole."""
     document = finished(output, ABOUT, _origin(run, replay, recordings))
-    if document is None:
-        return None
-    rmtree(results_folder(output), ignore_errors=True)
-    return Replayed(document, nothing_missing=True)
+    return None if document is None else Replayed(document, nothing_missing=True)
 
 
 def replay_many(
@@ -128,7 +121,7 @@ def replay_many(
         document = episodes_document(figures, failed, first_task)
         if not failed:
             every = [each.recording for each in recordings]
-            document |= made_from(_origin(first_task.given, first_task.replay, every))
+            document |= made_from(_origin(first_task.given, first_task.replay, every), document)
         about[ABOUT] = to_json(document)
     if failed:
         return Replayed(document, kept=results.folder)

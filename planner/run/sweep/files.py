@@ -13,7 +13,7 @@ from planner.files.text import to_json, write_text
 from planner.report.page import linked_files, versions
 from planner.report.sweep import missed, points_table, sweep_page, verdict
 from planner.run.desired import leg_title
-from planner.run.results import made_from
+from planner.run.results import MADE_FROM, made_from
 from planner.run.schema import flat
 from planner.run.sweep.space import origin
 
@@ -76,7 +76,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
     write_text(page, html)
     document = {
         "made_by": "request-planner sweep",
-        **made_from(origin(space)),
+        MADE_FROM: "",
         "verdict": verdict(swept),
         "missed": missed(swept) or None,
         "settings": flat(run),
@@ -87,6 +87,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
         "versions": versions(),
         "files": list_files(folder),
     }
+    document |= made_from(origin(space), document)
     write_text(folder / MANIFEST, to_json(document))
     return document
 
