@@ -95,11 +95,13 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
     from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
+    from planner.run.desired import refused_models
     from planner.run.models import models_of
     from planner.shortest_cycle import in_samples, shortest_cycle
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
     models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)
+    options.warn_of(refused_models(leg.joint_names, models))
     with Progress() as progress:
         found = shortest_cycle(
             models,

@@ -101,8 +101,8 @@ def identify(
 
     A LOG is CSV with columns such as t_s, requested_deg and actual_deg, a LeRobot dataset, a JSON
     of BAM, or a ROS bag; several of one joint are fitted together. With --joint all every joint
-    gets a table in the model file. Where the model does not fit, it is written all the same, and
-    the exit status is 1.
+    gets a table in the model file. A model that is not to be planned with is written all the
+    same, with its verdict; the exit status is 1.
 
     \b
     Example, step tests, the model that they determine, and a plan with it:
@@ -152,19 +152,23 @@ def to_log_options(choices: Mapping[str, Any]) -> LogOptions:
 
 
 def _check(asked: Collection[str], found: Mapping[str, Identification]) -> None:
-    """Make sure that every joint has a model, and that every model fits.
+    """Make sure that every joint has a model, and that every model is one to plan with.
 
     Raises:
         click.ClickException: It is not so; everything else is written by then.
     """
+    from planner.model.evidence import with_reasons
+
     left_out = [joint for joint in asked if joint not in found]
     if left_out:
         raise click.ClickException(f"no model of {', '.join(left_out)}; the others are written")
-    refused = [joint for joint, each in found.items() if not each.accepted]
+    refused = {
+        joint or "the joint": each.reason for joint, each in found.items() if not each.accepted
+    }
     if refused:
-        which = f" of {', '.join(refused)}" if len(found) > 1 else ""
+        which = "the model" if len(refused) == 1 else "the models"
         raise click.ClickException(
-            f"the model{which} does not fit its log; it is written all the same"
+            f"do not plan with {which} of {with_reasons(refused)}; written all the same"
         )
 
 

@@ -56,7 +56,7 @@ def simulate(
     from planner.files.paths import write_joint_path
     from planner.model.evidence import untested_words
     from planner.model.response import simulate as simulate_joint
-    from planner.run.desired import load_joints, repeats, starts_of
+    from planner.run.desired import load_joints, refused_models, repeats, starts_of
     from planner.run.models import model_words
 
     given = load_joints(
@@ -69,7 +69,8 @@ def simulate(
     path = None if desired is None else _desired(desired, given)
     cyclic, remarks = given.cyclic, given.remarks
     if path is not None:  # whose ends say more than those of its requests
-        cyclic, remarks = repeats(path.angles, run.plan.cyclic)
+        cyclic, closing = repeats(path.angles, run.plan.cyclic)
+        remarks = (*closing, *refused_models(given.names, given.models))
     options.warn_of(remarks)
     rest = starts_of(run.start, given.names, cyclic=cyclic)
     loads = None if load is None else given.loads

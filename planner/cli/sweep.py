@@ -106,6 +106,7 @@ def _carry_out(
 
     check_folder(out)
     click.get_current_context().with_resource(claimed(out))
+    options.warn_of(space.refused_models())
     if resume and (before := finished(out, MANIFEST, origin(space))):
         count = len(before["points"])
         remark(f"nothing is missing: {out} holds all {count} points, planned like this")

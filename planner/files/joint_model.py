@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from planner.exceptions import InvalidFile, InvalidInput, InvalidModel
 from planner.files.table import nearest
 from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
-from planner.model.evidence import GAIN, Evidence
+from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
 from planner.trajectory import Array
-from planner.validation import as_reals, shown
+from planner.validation import as_reals, is_one_of, shown
 
 FIELDS = tuple(each.name for each in fields(JointModel))
 TESTED: dict[str, tuple[tuple[int, ...], str]] = {
@@ -48,7 +48,10 @@ INTERVALS = {
 CORRELATIONS = "correlations"
 """Key of the correlations of the parameters that have intervals, in the order of these."""
 
-KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS)
+VERDICT, REASON = "verdict", "verdict_reason"
+"""Keys of whether a model may be planned with, and why."""
+
+KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
 
 SLOWEST = 10.0
@@ -131,6 +134,9 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
         a table of their own, if there is one, stands under ``""``; :func:`planner.plan` takes the
         dict as it is.
 
+    Warns:
+        UserWarning: The file says of a model that it is not to be planned with: its ``verdict``.
+
     Raises:
         InvalidFile: Not TOML, an unknown or missing key, or parameters that describe no joint.
         InvalidInput: The path is not the name of a file.
@@ -147,7 +153,9 @@ def read_models(path: Path | str) -> dict[str, JointModel]:
     if not isinstance(path, Path | str):
         raise InvalidInput(f"path: got {shown(path)}, expected the name of a model file")
     file = read_model_file(path)
-    return ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
+    models = ({} if file.common is None else {"": file.common}) | dict(file.by_joint)
+    warn_of_refused({joint: model.evidence for joint, model in models.items()})
+    return models
 
 
 def read_model_file(path: Path | str) -> ModelFile:
@@ -204,6 +212,7 @@ def models_text(
             for key, value in zip(TESTED, seen, strict=False)
             if np.size(value) and np.isfinite(value).all()
         ]
+        lines += _verdict_lines(model.evidence)
         lines += _interval_lines(model.evidence)
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
@@ -218,7 +227,21 @@ def _key(joint: str) -> str:
     """The joint as a key of TOML, in quotes where it needs them."""
     if re.fullmatch(r"[A-Za-z0-9_-]+", joint):
         return joint
-    return json.dumps(joint, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return _quoted(joint)
+
+
+def _quoted(text: str) -> str:
+    """A text of TOML."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _verdict_lines(evidence: Evidence | None) -> list[str]:
+    """Whether a model may be planned with, and why."""
+    if evidence is None or evidence.verdict is None:
+        return []
+    accepted = " or ".join(f'"{each}"' for each in ACCEPTED)
+    lines = [f"{VERDICT} = {_quoted(evidence.verdict)}  # to plan with only if {accepted}"]
+    return lines + ([f"{REASON} = {_quoted(evidence.reason)}"] if evidence.reason else [])
 
 
 def _interval_lines(evidence: Evidence | None) -> list[str]:
@@ -259,7 +282,7 @@ def _model(
         _check_radians(model, path, place)
     try:
         found = _tested(known) if "expected_error" in known else {}
-        found |= _intervals(known, model)
+        found |= _intervals(known, model) | _verdict(known)
         return model.with_evidence(Evidence(**found)) if found else model
     except InvalidInput as error:
         raise InvalidFile(path, f"{place}{error}") from error
@@ -316,6 +339,19 @@ def _intervals(keys: Mapping[str, Any], model: JointModel) -> dict[str, Any]:
     found: dict[str, Any] = {"intervals": intervals} if intervals else {}
     if CORRELATIONS in keys:
         found["correlations"] = _as_tuples(keys[CORRELATIONS])
+    return found
+
+
+def _verdict(keys: Mapping[str, Any]) -> dict[str, Any]:
+    """What a model's keys say of whether it may be planned with, as the fields of Evidence."""
+    found = {
+        name: keys[key] for name, key in (("verdict", VERDICT), ("reason", REASON)) if key in keys
+    }
+    if VERDICT in keys and not is_one_of(keys[VERDICT], get_args(Verdict)):
+        names = ", ".join(f"'{each}'" for each in get_args(Verdict))
+        raise InvalidInput(f"{VERDICT}: got {shown(keys[VERDICT])}, expected one of {names}")
+    if not isinstance(keys.get(REASON, ""), str):
+        raise InvalidInput(f"{REASON}: got {shown(keys[REASON])}, expected the reason in words")
     return found
 
 

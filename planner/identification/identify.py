@@ -59,7 +59,7 @@ def identify(
 
     Returns:
         The model, fitted to all rows, with what is needed to judge it. A model that does not fit is
-        returned as well: see ``accepted`` and ``warnings``.
+        returned as well: see ``accepted``, ``reason`` and ``warnings``.
 
     Raises:
         InvalidTrajectory: A log is malformed.
@@ -100,7 +100,7 @@ def identify(
     unit = "" if logs[0].unit == "1" else logs[0].unit
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
-    verdict = verdict_on(
+    judged = verdict_on(
         fit,
         bounds,
         uncertainty,
@@ -139,9 +139,9 @@ def identify(
         covariance=_covariance(fit, bounds, uncertainty),
         correlations=_correlations(fit, uncertainty),
         alternatives=_alternatives(simple, errors, held),
-        warnings=(*verdict.warnings, *notes),
-        accepted=verdict.word != "refused",
-        verdict=verdict.word,
+        warnings=(*judged.warnings, *notes),
+        verdict=judged.verdict,
+        reason=judged.reason,
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term
             for term in trial.terms

@@ -13,10 +13,12 @@ import numpy.typing as npt
 
 from planner.identification.log import Log
 from planner.model.evidence import (
+    ACCEPTED,
     GAIN,
     OPTIONS,
     Evidence,
     Run,
+    Verdict,
     errors_by_acceleration,
     under_moving_requests,
 )
@@ -133,10 +135,12 @@ class Identification:
         alternatives: Simpler descriptions of the same rows.
         terms: What dry friction, asymmetry and load would bring, those that were tried.
         warnings: What to know before the model is used, in words.
-        accepted: Whether the model describes the joint well enough to plan with: not refused.
         fastest: Highest speed of the joint in the logs [rad/s].
         heaviest: Largest torque on it in the logs [N m]; 0 where none is known.
-        verdict: "holds", "usable" (with how far off: ``expected_error``) or "refused".
+        verdict: "holds"; "usable", not exact, but to plan with: ``expected_error`` tells how far
+            off it is; "worse than a delay", where the best pure delay is clearly closer to
+            held-out rows; or "refused", where the model does not fit (``docs/math.md``).
+        reason: Why, in words.
     """
 
     model: JointModel
@@ -150,18 +154,23 @@ class Identification:
     covariance: Array | None
     alternatives: tuple[Alternative, ...]
     warnings: tuple[str, ...]
-    accepted: bool
     terms: tuple[Term, ...] = ()
     unexplained: float = 0.0
     fastest: float = math.nan
     heaviest: float = 0.0
-    verdict: str = "holds"
+    verdict: Verdict = "holds"
+    reason: str = ""
     correlations: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the array, and let the model carry what it was tested on."""
         freeze(self.covariance)
         object.__setattr__(self, "model", self.model.with_evidence(self.tested))
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the model is one to plan with: it holds, or is usable."""
+        return self.verdict in ACCEPTED
 
     @property
     def expected_error(self) -> float:
@@ -183,6 +192,8 @@ class Identification:
             self._delay_error() if _holds_steps_only(self.fits) else 0.0,
             {name: (interval.lower, interval.upper) for name, interval in self._known().items()},
             self.correlations,
+            self.verdict,
+            self.reason,
         )
 
     def _known(self) -> dict[str, Interval]:
@@ -230,6 +241,7 @@ class Identification:
             "unit": self.unit,
             "accepted": self.accepted,
             "verdict": self.verdict,
+            "reason": self.reason,
             "expected_error": self.expected_error,
             "fastest": self.fastest if math.isfinite(self.fastest) else None,
             "heaviest": self.heaviest,

@@ -21,6 +21,7 @@ from planner.identification.result import Interval
 from planner.identification.robust_loss import sound_rms
 from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
+from planner.model.evidence import Verdict
 from planner.trajectory import Array
 
 SAME_LIKENESS = 1e-9
@@ -43,6 +44,8 @@ class VerdictOptions:
             verdict).
         no_better: It then has to come below this share of the error of the delay (one verdict;
             one).
+        delay_wins: A model whose error on held-out rows exceeds that of the best pure delay by this
+            factor is worse than a delay.
         simpler_wins: A simpler description that predicts held-out rows better by this factor is
             pointed out (six warnings more; none).
         little_motion: A joint that spans less than this [rad, or share of its range] in a log
@@ -64,6 +67,7 @@ class VerdictOptions:
     suspect: float = 0.1
     poor: float = 0.2
     no_better: float = 0.9
+    delay_wins: float = 1.05
     simpler_wins: float = 1.02
     little_motion: float = 0.2
     spans: float = 30.0
@@ -87,10 +91,11 @@ REASONS = (
 )
 
 
-class Verdict(NamedTuple):
-    """The word on a model: "holds", "usable" or "refused"."""
+class Judgement(NamedTuple):
+    """The verdict on a model, why, and what its user has to know first, in words."""
 
-    word: str
+    verdict: Verdict
+    reason: str
     warnings: tuple[str, ...]
 
 
@@ -108,13 +113,14 @@ def verdict_on(
     tested: bool,
     friction: float,
     shaken: Sequence[str],
-) -> Verdict:
+) -> Judgement:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
-    A model is refused beyond 25 %, or where it is hardly better than a delay. It holds where it
-    misses at most 10 %, nothing simpler predicts held-out rows better, and the log shows the dry
-    friction: the joint is not shaken, and the dead band is known to 10 % of the motion. Else it is
-    usable.
+    A model is refused beyond 25 %, where it is hardly better than a delay, or where the joint seems
+    to move against its requests. It is worse than a delay where the best pure delay is 5 % closer
+    to held-out rows. It holds where it misses at most 10 %, nothing simpler predicts held-out rows
+    better, and the log shows the dry friction: the joint is not shaken, and the dead band is known
+    to 10 % of the motion. Else it is usable.
 
     Args:
         fit: The model fitted to all rows.
@@ -184,12 +190,27 @@ def verdict_on(
             "further off; record motion that is slow and reverses, such as excite --kind "
             "slow-triangle"
         )
-    if not fits or against is not None:
-        word = "refused"
+    misses = f"it misses {missed:.0%} of the motion{where}"
+    doubts = {
+        misses: missed > OPTIONS.suspect,
+        f"{WORDS[name]} predicts better": beaten,
+        "the log leaves dry friction open": hidden,
+        "the joint is shaken": bool(shaken),
+        "it was not tested on rows held out": not tested,
+    }
+    reason = "; ".join(words for words, doubted in doubts.items() if doubted)
+    verdict: Verdict
+    if against is not None:
+        verdict, reason = "refused", "the joint seems to move against its requests"
+    elif not fits:
+        verdict, reason = "refused", misses + ", and a mere delay hardly more" * useless
+    elif ours > OPTIONS.delay_wins * others["delay"]:
+        verdict = "worse than a delay"
+        on = "" if held is None else " on rows held out"
+        reason = f"the error of a pure delay is {others['delay'] / ours:.0%} of its own{on}"
     else:
-        doubtful = beaten or hidden or bool(shaken) or not tested or missed > OPTIONS.suspect
-        word = "usable" if doubtful else "holds"
-    return Verdict(word, (*warnings, *_undetermined(fit, bounds, uncertainty, unit)))
+        verdict, reason = ("usable", reason) if reason else ("holds", misses)
+    return Judgement(verdict, reason, (*warnings, *_undetermined(fit, bounds, uncertainty, unit)))
 
 
 def _undetermined(

@@ -193,7 +193,7 @@ def _log(
 def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
     """The model of the logs; a top speed that they do not show remains as it was."""
     found = identify(logs, tick=model.tick, hold=model.hold, hold_out=False)
-    if found.verdict == "refused":
+    if not found.accepted:
         return None
     other = replace(found.model, tick=model.tick)
     shown = found.intervals["v_max"].bounded

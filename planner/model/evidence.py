@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +68,15 @@ OPEN_TOP_SPEED = (
 TRACKING = "tracking"
 """In :meth:`Evidence.exceeded`: what logs of steps do not show."""
 
+Verdict = Literal["holds", "usable", "worse than a delay", "refused"]
+"""Whether a model may be planned with, see section 8 of ``docs/math.md``."""
+
+ACCEPTED: tuple[Verdict, ...] = ("holds", "usable")
+"""Verdicts on models that may be planned with."""
+
+REASONS_SHOWN = 3
+"""Reasons that a warning about several models has; the file has the others."""
+
 
 class Evidence(NamedTuple):
     """How far off a model was, on what it was tested, and where its parameters lie.
@@ -87,6 +97,8 @@ class Evidence(NamedTuple):
             stands in the place of theta_0.
         correlations: Of the parameters in the order of ``intervals``, shape (p, p); empty where
             they are independent.
+        verdict: Whether the model may be planned with; None where that is not known.
+        reason: Why, in words.
     """
 
     error: float = math.nan
@@ -97,6 +109,13 @@ class Evidence(NamedTuple):
     delay_error: float = 0.0
     intervals: Mapping[str, tuple[float, float]] = {}
     correlations: tuple[tuple[float, ...], ...] = ()
+    verdict: Verdict | None = None
+    reason: str = ""
+
+    @property
+    def refused(self) -> bool:
+        """Whether the model is not to be planned with."""
+        return self.verdict is not None and self.verdict not in ACCEPTED
 
     @property
     def leaves_top_speed_open(self) -> bool:
@@ -174,16 +193,56 @@ class Evidence(NamedTuple):
             name: (least, most) if name in WITHOUT_ANGLES else (factor * least, factor * most)
             for name, (least, most) in self.intervals.items()
         }
-        return Evidence(
-            factor * self.error,
-            factor * self.speed,
-            self.load,
-            (factor * low, factor * high),
-            pairs,
-            self.delay_error,
-            intervals,
-            self.correlations,
+        return self._replace(
+            error=factor * self.error,
+            speed=factor * self.speed,
+            angles=(factor * low, factor * high),
+            by_acceleration=pairs,
+            intervals=intervals,
         )
+
+
+def refusal(known: Mapping[str, Evidence | None]) -> str:
+    """Which models are not to be planned with, and why, in a line; empty for none.
+
+    Args:
+        known: What is known of the models by joint; "" is the model of every other joint.
+
+    Example:
+        >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41% of the motion")})
+        'do not plan with the model of knee (it misses 41% of the motion): identify it anew'
+    """
+    refused = {
+        joint or "every joint": each.reason or str(each.verdict)
+        for joint, each in known.items()
+        if each is not None and each.refused
+    }
+    if not refused:
+        return ""
+    which, them = ("model", "it") if len(refused) == 1 else ("models", "them")
+    return f"do not plan with the {which} of {with_reasons(refused)}: identify {them} anew"
+
+
+def with_reasons(reasons: Mapping[str, str]) -> str:
+    """Joints with the reason of each in brackets, those of one reason together, in a line.
+
+    Example:
+        >>> with_reasons({"hip": "shaken", "knee": "shaken", "ankle": "overloaded"})
+        'hip, knee (shaken), ankle (overloaded)'
+    """
+    joints: dict[str, list[str]] = {}
+    for joint, reason in reasons.items():
+        joints.setdefault(" ".join(reason.split()), []).append(joint)
+    shown = list(joints.items())[:REASONS_SHOWN]
+    listed = ", ".join(f"{', '.join(names)} ({reason})" for reason, names in shown)
+    left = len(reasons) - sum(len(names) for _, names in shown)
+    return f"{listed} and {left} more" if left else listed
+
+
+def warn_of_refused(known: Mapping[str, Evidence | None], *, stacklevel: int = 2) -> None:
+    """Warn of models that are not to be planned with; see :func:`refusal`."""
+    if words := refusal(known):
+        warnings.warn(words, UserWarning, stacklevel=stacklevel + 1)
 
 
 def check_correlations(evidence: Evidence) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidModel
-from planner.model.evidence import Evidence, check_correlations
+from planner.model.evidence import Evidence, check_correlations, warn_of_refused
 from planner.trajectory import Array
 from planner.validation import as_number, as_whole, shown
 
@@ -251,6 +251,9 @@ class JointModel:
             InvalidFile: The file holds no model, none of this joint, or several and no joint is
                 named.
 
+        Warns:
+            UserWarning: The file says that the model is not to be planned with: its ``verdict``.
+
         Example:
             >>> from pathlib import Path
             >>> from tempfile import TemporaryDirectory
@@ -263,7 +266,9 @@ class JointModel:
         from planner.files.joint_model import read_model_file  # files know models, not vice versa
 
         file = read_model_file(path)
-        return file.one() if joint is None else file.for_joints([joint])[0]
+        model = file.one() if joint is None else file.for_joints([joint])[0]
+        warn_of_refused({joint or "": model.evidence})
+        return model
 
     def to_toml(self, path: Path | str) -> None:
         """Write the model as TOML, each key with its unit.

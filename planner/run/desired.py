@@ -22,6 +22,7 @@ from planner.files.paths import (
 from planner.files.table import Table, read_table
 from planner.files.units import LEAST_DEG, SHARES
 from planner.gait import half_ellipse
+from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.run import settings
 from planner.run.faults import BadSetting, Key, Remark
@@ -273,7 +274,7 @@ def load_desired(
         leg,
         units=given.units,
         cyclic=closed,
-        remarks=remarks,
+        remarks=(*remarks, *refused_models(given.names, models)),
         loads=given.loads,
     )
 
@@ -321,9 +322,16 @@ def load_joints(
         {},
         units=given.units,
         cyclic=closed,
-        remarks=remarks,
+        remarks=(*remarks, *refused_models(given.names, models)),
         loads=given.loads,
     )
+
+
+def refused_models(names: Sequence[str], models: Sequence[JointModel]) -> tuple[Remark, ...]:
+    """A remark on joints whose models are not to be planned with."""
+    known = [model.evidence for model in models]
+    words = refusal(dict(zip(names, known, strict=True)))
+    return (Remark(words),) if words else ()
 
 
 def check_angles(names: Sequence[str], units: Sequence[str] | None) -> None:
@@ -436,7 +444,7 @@ def _from_foot(
         before,
         count,
         cyclic=closed,
-        remarks=remarks,
+        remarks=(*remarks, *refused_models(leg.joint_names, models)),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import tomllib
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from click.testing import CliRunner
 
 from planner.cli import cli
 from planner.files.joint_model import read_model_file
-from planner.files.paths import read_joint_path
+from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.table import write_table
 from planner.identification.excitation import excite
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 
@@ -179,11 +181,77 @@ def test_a_model_that_does_not_fit_is_written_and_ends_with_status_1(run, tmp_pa
     result = run("identify", "wrong.csv", "--out", "wrong.toml", "--report", "wrong.html")
     assert result.exit_code == 1
     assert "THE MODEL DOES NOT FIT" in result.stderr
-    assert result.stderr.endswith(
-        "request-planner: the model does not fit its log; it is written all the same\n"
-    )
+    last = result.stderr.splitlines()[-1]
+    assert last.startswith("request-planner: do not plan with the model of the joint (it misses ")
+    assert last.endswith("); written all the same")
     assert "DOES NOT FIT" in (tmp_path / "wrong.toml").read_text()
     assert "not identified" in (tmp_path / "wrong.html").read_text()
+
+
+def test_a_model_that_a_pure_delay_beats_is_not_accepted_and_its_file_says_why(run, tmp_path):
+    times = 0.008 * np.arange(1200)
+    requests = np.degrees(0.4 * np.sin(times**2 / 2.0) + 0.2 * np.sin(3.1 * times))
+    late = np.concatenate([np.full(5, requests[0]), requests[:-5]])
+    header = ["t_s", "requested_deg", "actual_deg"]
+    write_table("late.csv", header, np.column_stack([times, requests, late]))
+    result = run("identify", "late.csv", "-o", "late.toml", "--json")
+    assert result.exit_code == 1
+    document = json.loads(result.stdout)
+    assert (document["accepted"], document["verdict"]) == (False, "worse than a delay")
+    reason = "the error of a pure delay is 0% of its own on rows held out"
+    assert f"do not plan with the model of the joint ({reason})" in result.stderr
+    keys = tomllib.loads((tmp_path / "late.toml").read_text())
+    assert (keys["verdict"], keys["verdict_reason"]) == ("worse than a delay", reason)
+
+
+RUN_FILE = """
+[path]
+file = "desired.csv"
+[model]
+file = "bad.toml"
+"""
+
+SWEEP_FILE = f"""{RUN_FILE}
+[sweep.parameters]
+speed = [1.0]
+"""
+
+
+@pytest.mark.usefixtures("brief")
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan desired.csv --model bad.toml -o out.csv",
+        "simulate desired.csv --model bad.toml -o out.csv",
+        "simulate desired.csv --model bad.toml --desired desired.csv -o out.csv",
+        "compare brief.csv --model bad.toml",
+        "refine desired.csv measured.csv --desired desired.csv --model bad.toml -o out.csv "
+        "--no-reidentify",
+        "run run.toml --out folder",
+        "sweep sweep.toml --out folder --workers 1",
+        "replay demo.csv --model bad.toml -o out.csv",
+    ],
+)
+def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned_with(
+    run, desired, tmp_path, line
+):
+    known = Evidence(verdict="refused", reason="it misses 41% of the motion")
+    TRUE.with_evidence(known).to_toml(tmp_path / "bad.toml")
+    (tmp_path / "run.toml").write_text(RUN_FILE)
+    (tmp_path / "sweep.toml").write_text(SWEEP_FILE)
+    path = read_joint_path(desired)
+    angles = np.roll(path.angles, 8, axis=0)
+    write_joint_path("measured.csv", path.names, angles, period=0.008)
+    columns = np.column_stack([0.008 * np.arange(88), np.degrees(path.angles), np.degrees(angles)])
+    names = [f"{joint}_{which}_deg" for which in ("req", "act") for joint in path.names]
+    write_table("demo.csv", ["t_s", *names], columns)
+    result = run(*line.split())
+    assert result.exit_code == 0, result.output
+    (said,) = [line for line in result.stderr.splitlines() if "not plan with" in line]
+    assert said == (
+        "request-planner: warning: do not plan with the models of hip, knee (it misses 41% of the "
+        "motion): identify them anew"
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import planner
 from planner.exceptions import InvalidFile, InvalidInput
+from planner.files.joint_model import models_text
 from planner.model.evidence import (
     Evidence,
     Run,
@@ -195,3 +197,45 @@ def test_evidence_in_another_unit_is_scaled():
 def test_evidence_that_is_none_is_refused():
     with pytest.raises(InvalidInput, match="evidence: got 'much', expected an Evidence or None"):
         JointModel.ers210a().with_evidence("much")
+
+
+REFUSED = Evidence(verdict="refused", reason='the joint is "stuck"')
+
+
+def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_once(tmp_path):
+    bad, good = (JointModel.ers210a().with_evidence(each) for each in (REFUSED, SEEN))
+    text = models_text({"hip": bad, "knee": bad, "ankle": good})
+    (tmp_path / "arm.toml").write_text(text)
+    words = "do not plan with the models of hip, knee .the joint is .stuck..: identify them anew"
+    with pytest.warns(UserWarning, match=words) as read:
+        models = planner.read_models(tmp_path / "arm.toml")
+    with pytest.warns(UserWarning, match=words) as streamed:
+        planner.Stream(models, preview=25)
+    assert [each.filename for each in (*read, *streamed)] == [__file__, __file__]
+    assert models["hip"].evidence == REFUSED
+    with pytest.warns(UserWarning, match="the model of knee"):
+        JointModel.from_toml(tmp_path / "arm.toml", "knee")
+    assert JointModel.from_toml(tmp_path / "arm.toml", "ankle").evidence == SEEN
+    planner.Stream({"ankle": models["ankle"]}, preview=25)
+
+
+@pytest.mark.parametrize("verdict", [None, "holds", "usable"])
+def test_models_that_may_be_planned_with_are_read_without_a_word(tmp_path, verdict):
+    known = SEEN._replace(verdict=verdict, reason="it misses 3% of the motion" if verdict else "")
+    JointModel.ers210a().with_evidence(known).to_toml(tmp_path / "joint.toml")
+    assert planner.read_models(tmp_path / "joint.toml")[""].evidence == known
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('verdict = "good"', "verdict: got 'good', expected one of 'holds', 'usable', "),
+        ("verdict = [1]", "verdict: got .*, expected one of 'holds', "),
+        ("verdict_reason = 3", "verdict_reason: got 3, expected the reason in words"),
+    ],
+)
+def test_a_verdict_that_is_none_is_refused(tmp_path, line, message):
+    JointModel.ers210a().to_toml(tmp_path / "joint.toml")
+    (tmp_path / "joint.toml").write_text((tmp_path / "joint.toml").read_text() + line)
+    with pytest.raises(InvalidFile, match=message):
+        planner.read_models(tmp_path / "joint.toml")

@@ -101,7 +101,6 @@ def made_up(*logs, **changes):
             ),
         ),
         "warnings": (),
-        "accepted": True,
     }
     return Identification(**{**fields, **changes})
 

@@ -41,7 +41,7 @@ def one():
 
 @pytest.fixture(scope="module")
 def several():
-    refused = dataclasses.replace(never_saturated(), accepted=False, held_out_rms=None)
+    refused = dataclasses.replace(never_saturated(), verdict="refused", held_out_rms=None)
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
     return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
 
@@ -108,7 +108,7 @@ def test_what_is_not_determined_is_said_in_words_and_marked(several):
 @pytest.mark.usefixtures("undrawn_pages")
 def test_a_model_that_a_pure_delay_beats_looks_like_one_that_does_not_fit():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
-    page = identification_page({"": made_up(alternatives=(late,))})
+    page = identification_page({"": made_up(alternatives=(late,), verdict="worse than a delay")})
     assert '<p class="verdict no"><strong>A pure delay serves better' in page
 
 
@@ -141,7 +141,7 @@ def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
         covariance=None,
         held_out_rms=None,
         alternatives=(),
-        accepted=False,
+        verdict="refused",
     )
     assert identification_page({"": unknown}).count("not determined") >= 5
 

@@ -77,13 +77,13 @@ def test_two_errors_are_compared_in_words(error, other, words):
 
 def test_the_verdict_says_whether_the_model_holds_and_on_which_rows():
     assert verdict(made_up()).startswith("the model holds: 0.219 deg rms on rows held out, 0.97 %")
-    unheld = made_up(held_out_rms=None, accepted=False)
+    unheld = made_up(held_out_rms=None, verdict="refused")
     assert verdict(unheld).startswith("THE MODEL DOES NOT FIT: 0.199 deg rms on the rows it was")
 
 
 def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
-    found = made_up(alternatives=(late,))
+    found = made_up(alternatives=(late,), verdict="worse than a delay")
     assert verdict(found).startswith("a pure delay serves better, do not plan with this model: ")
     assert "1.3 times farther off than the best pure delay" in verdict(found)
     text = identification_text({"hip": made_up(), "knee": found})
@@ -119,7 +119,7 @@ def test_what_is_not_determined_is_named():
     assert known(made_up(intervals=vague)) == "The logs do not determine: lag."
     wide = {**right.intervals, "lag": Interval(0.0, 0.1)}
     assert known(made_up(intervals=wide)).endswith("but some only roughly: lag.")
-    assert "say little" in known(made_up(accepted=False))
+    assert "say little" in known(made_up(verdict="refused"))
 
 
 def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_the_warnings():
@@ -134,7 +134,7 @@ def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_the_warning
 
 
 def test_several_joints_stand_in_one_table():
-    refused = dataclasses.replace(never_saturated(), accepted=False)
+    refused = dataclasses.replace(never_saturated(), verdict="refused")
     lines = identification_text({"hip": made_up(), "knee": refused}).splitlines()
     assert lines[0] == "the model holds for 1 of 2 joints"
     assert lines[2].split()[:2] == ["hip", "holds"]

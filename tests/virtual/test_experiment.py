@@ -176,7 +176,7 @@ def test_a_walk_that_does_not_repeat_itself_is_refused(monkeypatch):
 def test_a_model_that_does_not_fit_ends_with_status_1_and_leaves_the_results(
     cli_run, monkeypatch, played, tmp_path
 ):
-    bad = tuple(replace(found, accepted=False) for found in played.identifications)
+    bad = tuple(replace(found, verdict="refused") for found in played.identifications)
     refused = replace(played, identifications=bad)
     # The pictures are those of the run that is well.
     monkeypatch.setattr("planner.report.paper.virtual_figures.virtual_figures", lambda _: ())

@@ -37,6 +37,7 @@ from planner.inversion.streaming.arguments import (
 )
 from planner.inversion.streaming.repeating_path import RepeatingPath
 from planner.inversion.streaming.riccati_step import Plans, Terms
+from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
 from planner.model.symbolic import Runs
@@ -139,6 +140,9 @@ class Stream:
         preview: Rows of the desired path that are used.
         cycle: Rows after which it about repeats, or None.
 
+    Warns:
+        UserWarning: A model is not to be planned with, by its ``evidence``.
+
     Raises:
         InvalidInput: A model, ``preview``, ``limits``, ``max_step``, ``cycle`` or ``on_bad`` is
             none, or the models have different periods.
@@ -169,6 +173,8 @@ class Stream:
         on_bad: OnBad = "hold",
     ) -> None:
         self.names, self.models = models_by_name(models)
+        known = [model.evidence for model in self.models]
+        warn_of_refused(dict(zip(self.names, known, strict=True)))
         self.period = self.models[0].period
         self.preview = checked_preview(preview, self.period)
         self.cycle = checked_cycle(cycle)

@@ -30,7 +30,6 @@ from planner.report.identification.words import (
     telling_error,
     units_of,
     verdict,
-    word_on,
 )
 from planner.report.page import (
     Card,
@@ -92,7 +91,7 @@ def identification_page(
         verdict=_verdict(first.found),
         sections=_sections(first),
         footer=Markup(FOOTER),
-        good=_serves(first.found),
+        good=first.found.accepted,
         remarks=first.found.warnings,
         cards=cards(first.found),
         figure=None if several else cloud_figure(first.found, first.prefix),
@@ -108,7 +107,7 @@ def identification_page(
                 f"<strong>{said[0].upper()}{said[1:]}</strong>: what is "
                 "known of each, and what it adds, follows joint by joint."
             ),
-            good=all(_serves(joint.found) for joint in joints),
+            good=all(joint.found.accepted for joint in joints),
             remarks=(),
             cards=(),
             sections=[
@@ -202,7 +201,7 @@ def _head(joint: Joint) -> Section:
         "joint": joint,
         "heading": heading,
         "verdict": _verdict(joint.found),
-        "good": _serves(joint.found),
+        "good": joint.found.accepted,
         "cloud": cloud_figure(joint.found, joint.prefix),
         "cards": cards(joint.found),
     })  # fmt: skip
@@ -244,11 +243,6 @@ def _verdict(found: Identification) -> str:
     head, tail = said.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
     return start + f"{tail}. {known(found)}"
-
-
-def _serves(found: Identification) -> bool:
-    """Whether the model is one to plan with."""
-    return word_on(found) in ("holds", "usable")
 
 
 def _angle(found: Identification, radians: float | None) -> str:
@@ -296,10 +290,11 @@ def joints_table(joints: Sequence[Joint]) -> Table:
     for joint, values in zip(joints, found, strict=True):
         delay = [error.telling for error in errors(joint.found) if error.name == "delay"]
         shown = (telling_error(joint.found)[0], delay[0] if delay else None)
-        cells = (word_on(joint.found) if joint.found.accepted else "does not fit",
+        refused = joint.found.verdict == "refused"
+        cells = ("does not fit" if refused else joint.found.verdict,
                  *(_angle(joint.found, error) for error in shown),
                  *(values.get(name, NOTHING) for name in names))  # fmt: skip
-        kind = "" if _serves(joint.found) else "broken"
+        kind = "" if joint.found.accepted else "broken"
         rows.append(Row(joint.name or "unnamed", cells, kind=kind))
     titles = ("model", "rms error", "best delay", *(TITLES[name] for name in names))
     return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")

@@ -22,7 +22,6 @@ from planner.report.identification.words import (
     parameters_table,
     units_of,
     verdict,
-    word_on,
 )
 from planner.report.table import NOTHING, text_table
 
@@ -83,7 +82,7 @@ def _several(identifications: Mapping[str, Identification]) -> str:
     names = list(dict.fromkeys(name for values in found.values() for name in values))
     rows = []
     for joint, each in identifications.items():
-        holds = word_on(each) if each.accepted else "DOES NOT FIT"
+        holds = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
         values = [found[joint].get(name, NOTHING) for name in names]
         rows.append([joint, holds, *values, *_errors(each)])
     header = ["joint", "model", *(HEADERS.get(name, name.replace("_", " ")) for name in names)]

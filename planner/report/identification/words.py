@@ -50,9 +50,6 @@ COMPARED = {"delay": "the best pure delay", "first_order": "a delay with a first
 
 MODEL = "the joint model"
 
-LATE = "worse than a delay"
-"""The word on a model that is farther from the joint than its requests, some time later."""
-
 NOT_KNOWN = "not known"
 """In place of an interval that says nothing: without ends, or from zero to infinity."""
 
@@ -300,25 +297,15 @@ def verdict(identification: Identification) -> str:
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
-        LATE: "a pure delay serves better, do not plan with this model",
+        "worse than a delay": "a pure delay serves better, do not plan with this model",
+        "refused": "THE MODEL DOES NOT FIT",
     }
-    return words.get(word_on(identification), "THE MODEL DOES NOT FIT") + tail
-
-
-def word_on(identification: Identification) -> str:
-    """The verdict: "holds", "usable", "refused", or that a pure delay is closer to the joint."""
-    if not identification.accepted:
-        return "refused"
-    error, _ = telling_error(identification)
-    delays = [each.telling for each in errors(identification) if each.name == "delay"]
-    if any("farther" in compared_with(error, delay) for delay in delays):
-        return LATE
-    return identification.verdict
+    return words[identification.verdict] + tail
 
 
 def of_several(identifications: Sequence[Identification]) -> str:
     """For how many joints the model holds, and for how many it is usable, in a sentence."""
-    verdicts = [word_on(each) for each in identifications]
+    verdicts = [each.verdict for each in identifications]
     usable = verdicts.count("usable")
     more = f", and is usable, but not exact, for {usable} more" if usable else ""
     return f"the model holds for {verdicts.count('holds')} of {len(verdicts)} joints{more}"
@@ -332,7 +319,7 @@ def explained(names: Iterable[str]) -> str:
 
 def known(identification: Identification) -> str:
     """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
-    if not identification.accepted:
+    if identification.verdict == "refused":
         return "Its parameters say little about the joint."
     rows = parameters(identification)
     missing = {row.name: row.words for row in rows if not row.known}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from planner.exceptions import InvalidInput, PlannerError
@@ -11,6 +12,7 @@ from planner.files.logs.recordings import Recording
 from planner.files.table import nearest
 from planner.identification.identify import identify
 from planner.identification.log import Log
+from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel
 from planner.recorded_path import is_gripper
 from planner.run import settings
@@ -69,13 +71,30 @@ def joint_models(
         return JointModels(by_joint={"": JointModel.ers210a()}, words=words)
     if model.file == settings.FROM_LOG:
         return _identified(replay, recordings, progress)
-    return _of_file(read_model_file(model.file))
+    return _of_file(read_model_file(model.file), replay, recordings)
 
 
-def _of_file(file: ModelFile) -> JointModels:
-    """The models of a file, with their errors."""
+def _of_file(
+    file: ModelFile, replay: settings.Replay, recordings: Sequence[Recording]
+) -> JointModels:
+    """The models of a file, and which of those that are used are not to be planned with."""
     common = {} if file.common is None else {"": file.common}
-    return JointModels(by_joint={**common, **file.by_joint}, words=f"model: {file.path}")
+    models = {**common, **file.by_joint}
+    recorded = _recorded_joints(recordings)
+    used = replay.joints or [name for name in recorded if not is_gripper(name)] or recorded
+    of_joints = {name: models.get(name, file.common) for name in used}
+    words = refusal({name: each.evidence for name, each in of_joints.items() if each})
+    return JointModels(
+        by_joint=models, words=f"model: {file.path}", remarks=(words,) if words else ()
+    )
+
+
+def _recorded_joints(recordings: Sequence[Recording]) -> list[str]:
+    """The joints of the first recording that can be read."""
+    for recording in recordings:
+        with suppress(PlannerError):  # reported when it is planned
+            return [log.joint for log in recording.read()]
+    return []
 
 
 def _identified(
@@ -100,7 +119,8 @@ def _identified(
     wanted = [name for name in by_joint if not is_gripper(name)] or list(by_joint)
     models: dict[str, JointModel] = {}
     remarks: list[str] = []
-    refusal: PlannerError = InvalidInput("no recording could be read")
+    refused: dict[str, str] = {}
+    failure: PlannerError = InvalidInput("no recording could be read")
     for name in replay.joints or wanted:
         if name not in by_joint:
             continue
@@ -109,17 +129,22 @@ def _identified(
             found = identify(by_joint[name])
         except PlannerError as error:
             remarks.append(f"{name}: no model: {error}")
-            refusal = error
+            failure = error
             continue
         if not found.accepted:
-            remarks.append(f"{name}: its model does not fit the recording, and is not used")
-            refusal = InvalidInput(
+            refused[name] = found.reason
+            failure = InvalidInput(
                 "no model of any joint fits the recording; identify the joints from better logs"
             )
             continue
         models[name] = found.model
     if not models:
-        raise refusal
+        raise failure
+    if refused:
+        of = "its model describes" if len(refused) == 1 else "their models describe"
+        remarks.append(
+            f"{with_reasons(refused)}: left at the recorded requests, {of} the recording too badly"
+        )
     several = f"the first {len(used)} of {len(recordings)} recordings"
     words = "the recording" if len(recordings) == 1 else several
     if len(used) == len(recordings) > 1:

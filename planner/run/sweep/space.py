@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from kinematics.exceptions import KinematicsError
 from planner.evaluation.swept import Point, Requirement
-from planner.exceptions import MissingExtra
+from planner.exceptions import MissingExtra, PlannerError
 from planner.files.paths import is_foot_path
 from planner.files.table import read_table
 from planner.files.toml import Toml, read_toml
-from planner.run.desired import find_leg, load_leg
-from planner.run.faults import BadSetting, Key
+from planner.run.desired import find_leg, load_leg, refused_models
+from planner.run.faults import BadSetting, Key, Remark
 from planner.run.kinds import Count, Expected, FromList, Positive, Range
 from planner.run.models import beside, models_of
 from planner.run.run import RunFile, prepare, speaking_of
@@ -219,6 +221,14 @@ class Space:
         with speaking_of(self.file):
             run = settings_of(self.content(point), Run)
             return RunFile(self.file, prepare(run, self.folder))
+
+    def refused_models(self) -> tuple[Remark, ...]:
+        """A remark on joints whose models, those of every point, are not to be planned with."""
+        for values in product(*self.values.values()):
+            with suppress(PlannerError, KinematicsError):  # such as a point out of reach
+                desired = self.run_file(self.canonical(values)).prepared.desired
+                return refused_models(desired.names, desired.models)
+        return ()
 
 
 def read_sweep(path: str) -> Space:
