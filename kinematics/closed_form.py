@@ -145,8 +145,6 @@ def find_closed_form(chain: Chain) -> ClosedForm | None:
     directions, points, foot = chain.neutral_axes()
     axes = tuple(Axis(*line) for line in zip(directions, points, strict=True))
     size = chain.size
-    if axes[2].distance(foot) <= APART * size:
-        return None
     for odd in (2, 0):
         first, second = (axes[index] for index in (0, 1, 2) if index != odd)
         common = _common_point(first, second, size)

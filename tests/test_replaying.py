@@ -11,6 +11,8 @@ import pytest
 from planner import InvalidInput, JointModel, Log, replay, simulate
 from planner.exceptions import Infeasible
 from planner.model.evidence import Evidence
+from planner.recorded_path import recorded_path
+from planner.replaying import replay_at
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 """A servo that is asked 50 times a second."""
@@ -177,3 +179,27 @@ def test_models_of_other_joints_are_refused():
 def test_limits_that_exclude_the_path_are_refused():
     with pytest.raises(Infeasible):
         replay(recorded(), SERVO, limits=(-0.1, 0.1))
+
+
+def test_under_a_load_of_the_pose_no_plan_made_before_is_kept():
+    loaded = replace(SERVO, compliance=0.05)
+    path = recorded_path([recorded("elbow"), recorded("wrist")], loaded)
+    moments = path.moments(1.0)
+    before = replay_at(path, moments)
+    known = {"elbow": before.joints[0].inversion}
+    assert replay_at(path, moments, known=known).joints[0].inversion is known["elbow"]
+    made, anew = (
+        replay_at(path, moments, load=lambda angles: np.cos(angles[:, ::-1]), known=each)
+        for each in (known, None)
+    )
+    assert np.array_equal(made.requests, anew.requests)
+    assert not np.allclose(made.requests, before.requests)
+
+
+def test_steps_by_joint_may_name_joints_that_are_not_planned():
+    path = recorded_path([recorded("elbow"), recorded("wrist")], SERVO)
+    steps = {"elbow": 0.03, "wrist": 0.02}
+    known = {"elbow": replay_at(path, path.moments(1.0)).joints[0].inversion}
+    made = replay_at(path, path.moments(1.0), known=known, max_step=steps)
+    assert made.joints[0].inversion is known["elbow"]
+    assert made.joints[1].inversion.largest_step <= 0.02 * (1.0 + 1e-12)

@@ -51,3 +51,11 @@ def test_a_path_in_as_many_samples_is_itself(circle):
 def test_a_tolerance_above_0_is_needed(leg, circle):
     with pytest.raises(InvalidInput, match="expected more than 0 m"):
         shortest_cycle.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)
+
+
+def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):
+    middle = circle.mean(axis=0)
+    found = shortest_cycle.shortest_cycle(
+        JOINT, leg, lambda count: np.tile(middle, (count, 1)), tolerance=TOLERANCE, samples=16
+    )
+    assert (found.samples, found.too_short) == (shortest_cycle.OPTIONS.fewest, None)

@@ -167,6 +167,35 @@ def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run
         )
 
 
+@pytest.mark.parametrize(
+    "limits",
+    [
+        ("--max-step-deg", 0.9),
+        ("--max-step-deg", 0.9, "--max-request-speed-deg-s", 1000),
+        ("--max-step-deg", 8, "--max-request-speed-deg-s", 112.5),
+    ],
+)
+@pytest.mark.parametrize("method", ["optimal", "foot-optimal"])
+def test_the_smaller_limit_on_steps_is_kept_by_joints_and_feet(
+    run, foot, method, limits, monkeypatch
+):
+    monkeypatch.setattr("planner.run.plan.MOST_SAMPLES_BOUNDED", 0)
+    ask = ("plan", foot, "--leg", "front-left", "--method", method, *limits)
+    assert run(*ask, "-o", "requests.csv").exit_code == 0
+    requests = np.degrees(read_joint_path("requests.csv").angles)
+    steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
+    assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
+
+
+def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, desired, monkeypatch):
+    monkeypatch.setattr("planner.inversion.result.Inversion.lower_bound", 0.5)
+    result = run("plan", desired, "-o", "requests.csv")
+    assert result.exit_code == 1
+    assert "hip: an error of " in result.stderr
+    assert "is below its own lower bound of 28.6479 deg; please report this" in result.stderr
+    assert not desired.with_name("requests.csv").exists()
+
+
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_a_missed_tolerance_of_a_joint_is_reported_in_the_plans_norm_with_its_bound(
     run, walk, norm

@@ -186,6 +186,18 @@ def test_a_history_of_another_path_is_refused(run, desired, brief, execute):
     assert "got the trials of 88 requests of hip, knee, expected 32" in result.stderr
 
 
+def test_a_history_of_a_path_that_differs_by_half_a_degree_is_refused(run, desired, execute):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--no-reidentify", "--history", "all.json")
+    assert run(*line, "--desired", desired, "-o", "next.csv").exit_code == 0
+    path = read_joint_path(desired)
+    write_joint_path("shifted.csv", path.names, path.angles + np.radians(0.5), period=0.008)
+    result = run(*line, "--desired", "shifted.csv")
+    assert result.exit_code == 2
+    assert "got the trials of another desired path; begin another file" in result.stderr
+
+
 @pytest.mark.parametrize("content", ['{"format": "request-planner refine 1"}', "[1, 2]"])
 def test_a_damaged_history_is_refused_in_one_line(run, desired, execute, tmp_path, content):
     run("plan", desired, "-o", "requests.csv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import signal
 import subprocess
@@ -322,6 +323,19 @@ def test_a_replay_that_is_complete_is_not_computed_again(run, dataset, model, ne
     model.write_text(model.read_text() + "# identified again\n")
     with pytest.raises(AssertionError, match="planned again"):
         run(*words, "--resume", catch_exceptions=False)
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_an_episode_changed_in_place_is_planned_again(run, dataset, model):
+    words = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "-o", "planned")
+    assert run(*words, "--workers", 1).exit_code == 0
+    file = dataset / "data/chunk-000/episode_000001.parquet"
+    content, time = bytearray(file.read_bytes()), file.stat().st_mtime_ns
+    content[100] ^= 1
+    file.write_bytes(content)
+    os.utime(file, ns=(time + 1, time + 1))
+    again = run(*words, "--workers", 1, "--resume")
+    assert "nothing is missing" not in again.stderr
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -208,6 +208,15 @@ def test_a_missed_tolerance_is_status_1_and_all_files(run, write, desired, tmp_p
     assert (tmp_path / "it" / "requests.csv").is_file()
 
 
+def test_a_foot_is_planned_with_the_largest_step_of_the_file(run, write, foot, tmp_path):
+    plan = '[plan]\nmethod = "foot-optimal"\nmax_step_deg = 0.9\n'
+    leg = '[leg]\nname = "front-left"\n'
+    assert run("run", write(f'[path]\nfile = "{foot.name}"\n{leg}{plan}')).exit_code == 0
+    requests = np.degrees(read_joint_path(tmp_path / "it" / "requests.csv").angles)
+    steps = np.abs(np.diff(requests, axis=0, append=requests[:1]))
+    assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
+
+
 def test_exports_are_those_of_export(run, write, desired, tmp_path):
     assert desired.exists()
     content = JOINTS + (

@@ -115,3 +115,18 @@ def test_a_table_per_joint_changes_only_what_it_says(tmp_path):
     hip, knee = read_model_file(file).for_joints(["hip", "knee"])
     assert (hip.lag, knee.lag) == (0.03, 0.02)
     assert (hip.v_max, knee.v_max) == (5.0, 5.0)
+
+
+def test_a_joints_own_table_inherits_parameters_and_not_what_is_known_of_them(tmp_path):
+    file = tmp_path / "model.toml"
+    file.write_text(
+        "v_max = 5.0\ntheta_0 = 0.1\nlag = 0.03\nacceleration_time = 0.04\n"
+        "expected_error = 0.01\nv_max_interval = [4.0, 6.0]\n"
+        "[knee]\nv_max = 4.5\n[hip]\nlag = 0.02\nlag_interval = [0.01, 0.03]\n"
+    )
+    models = read_model_file(file)
+    assert models.common.evidence.intervals == {"v_max": (4.0, 6.0)}
+    assert models.by_joint["knee"].theta_0 == 0.1
+    assert models.by_joint["knee"].evidence is None
+    assert models.by_joint["hip"].evidence.intervals == {"lag": (0.01, 0.03)}
+    assert np.isnan(models.by_joint["hip"].evidence.error)

@@ -9,6 +9,7 @@ import pytest
 
 import planner
 from planner.identification.log import TURN, unwrapped
+from planner.identification.timestamps import timing_of
 from tests.identification.made import AIBO, NOISE, changed, rich_log
 
 SAME = 1e-12
@@ -80,3 +81,18 @@ def test_a_log_carries_the_torque_of_every_row_or_none():
 def test_the_first_half_of_a_loaded_log_has_the_load_of_its_rows():
     log = replace(rich_log(noise=NOISE), load=np.linspace(0.0, 1.0, 400))
     assert planner.identify(log).held_out_rms <= 2.0 * NOISE
+
+
+def test_every_row_of_every_piece_with_known_requests_is_used():
+    log = rich_log(noise=NOISE)
+    times = log.times + 2.0 * (np.arange(400) >= 200)
+    found = planner.identify(changed(log, times=times), hold_out=False)
+    used = found.fits[0].used
+    assert used[[198, 199, 398, 399]].all()
+    assert used[:200].sum() >= 170
+    assert used[200:].sum() >= 170
+
+
+def test_the_logs_of_a_joint_leave_room_for_the_delay_of_the_longest_not_of_their_sum():
+    logs = [rich_log(rows=100, seed=seed) for seed in range(3)]
+    assert timing_of(logs, tick=None, hold=None).reach == pytest.approx(0.25 * 99 * AIBO.period)

@@ -164,6 +164,16 @@ def test_single_glitches_do_not_move_the_answer():
     assert found.accepted
 
 
+@pytest.mark.parametrize("rows", [[0, 399], [1, 398]])
+def test_glitches_at_the_ends_of_a_log_are_left_out(rows):
+    log = rich_log()
+    angles = log.angles.copy()
+    angles[rows] += 2.0
+    found = planner.identify(changed(log, angles=angles), hold_out=False)
+    assert not found.fits[0].used[rows].any()
+    assert_close(found.model, AIBO, EXACT)
+
+
 def test_a_request_acts_at_its_own_time_where_the_reading_failed():
     log = rich_log()
     failed = np.diff(log.requests, prepend=log.requests[:1]) != 0.0

@@ -251,3 +251,15 @@ def test_motion_in_one_direction_leaves_friction_open_and_does_not_hold():
     found = planner.identify((AIBO.tick * np.arange(500), requests, angles), hold_out=False)
     assert found.verdict == "usable"
     assert any("leaves dry friction open" in warning for warning in found.warnings)
+
+
+def test_a_log_in_which_the_joint_always_saturates_bounds_theta_0_from_above_only():
+    fast = planner.JointModel(
+        v_max=4.0, theta_0=0.02, lag=0.02, acceleration_time=0.05, tick=AIBO.period
+    )
+    requests = np.where(np.arange(300) // 60 % 2 == 0, 2.0, -2.0)
+    requests[:5] = 0.0
+    angles = planner.simulate(fast, requests, cyclic=False)
+    noisy = measured(angles, np.random.default_rng(0))
+    found = planner.identify((AIBO.period * np.arange(300), requests, noisy), hold_out=False)
+    assert any("theta_0 is only known to be less than" in text for text in found.warnings)

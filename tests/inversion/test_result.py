@@ -48,6 +48,12 @@ def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
     assert plan.gap >= 0.0
 
 
+@pytest.mark.parametrize(("tolerance", "kept"), [(0.09, False), (0.11, True), (None, True)])
+def test_a_plan_says_whether_it_keeps_its_tolerance(tolerance, kept):
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.3), tolerance=tolerance)
+    assert plan.within_tolerance is kept
+
+
 def test_a_perfect_plan_has_no_gap():
     plan = plan_of(np.full(9, 0.2), np.full(9, 0.2))
     assert (plan.rms, plan.lower_bound, plan.gap) == (0.0, 0.0, 0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -183,3 +185,12 @@ def test_a_largest_error_far_below_the_dead_band_is_smoothed_without_overflow():
     desired = 1e-4 * np.array([1.0, 2.1, 1.6, -0.6, 1.2, -2.8])
     plan = invert_optimal(model, desired, norm="max", max_step=1.5e-3)
     assert plan.max_error <= model.dead_band
+
+
+def test_a_leg_with_friction_in_one_joint_does_not_cross_its_dead_band_for_noise():
+    leg, band = reference_walk().leg, np.radians(2.0)
+    noise = 0.05 * band * np.random.default_rng(0).normal(size=40)
+    angles = np.column_stack([np.full(40, 0.1), np.full(40, 0.35), 1.0 + noise])
+    models = [ERS210A, ERS210A, replace(ERS210A, dead_band=band)]
+    plan = invert_foot(models, leg, leg.foot_positions(angles))
+    assert travel(plan.requests[:, 2]) <= 15.0 * band  # 38 where the noise is followed

@@ -100,6 +100,14 @@ def test_a_leg_that_cannot_move_its_foot_in_three_directions_is_searched(joints,
         leg.joint_angles(foot + 0.3)
 
 
+@pytest.mark.parametrize("off", [1e-8, 1e-6, 1e-4])
+def test_a_foot_next_to_its_last_axis_is_reached(off, tmp_path):
+    joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y)]
+    leg = made_up_leg(tmp_path, joints, (0, 0.02, -off))
+    foot = leg.foot_positions(np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3)))
+    np.testing.assert_allclose(leg.foot_positions(leg.joint_angles(foot)), foot, atol=EXACT)
+
+
 def test_the_closed_form_finds_every_pose_that_the_search_finds(closed_shape):
     leg = closed_shape
     free = replace(leg, limits=Limits(np.full(3, -np.pi), np.full(3, np.pi)))

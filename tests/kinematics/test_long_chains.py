@@ -179,6 +179,18 @@ def test_a_pose_names_joints_of_the_leg(arm):
         Leg.from_urdf(arm, **ends, near={"joint_3": float("nan")})
 
 
+def test_joints_that_a_pose_does_not_name_are_at_the_end_of_their_range_nearest_to_0(tmp_path):
+    joints = [
+        Joint((0, 0, 0), X),
+        Joint((0, 0, 0), Y, lower=0.4),
+        Joint((0, 0, -0.1), Y, upper=-0.2),
+    ]
+    path = tmp_path / "bent.urdf"
+    path.write_text(urdf_text(joints, (0, 0, -0.1)))
+    leg = Leg.from_urdf(path, base="link_0", foot="tip", near={"joint_1": 0.1})
+    np.testing.assert_array_equal(leg.near, [0.1, 0.4, -0.2])
+
+
 def test_a_smooth_path_does_not_jump_and_one_between_poses_does():
     leg = reference_leg()
     free = replace(leg, limits=Limits(np.full(3, -2.5), np.full(3, 2.5)))

@@ -137,6 +137,17 @@ def test_a_late_sensor_is_not_learnt_as_motion() -> None:
     assert any("sensor_delay=" in remark for remark in after.learning.remarks)
 
 
+def test_a_delay_well_below_what_the_joint_itself_needs_is_not_taken_for_the_sensors() -> None:
+    """A joint that closes in with 0.1 s, beside which lag and acceleration are short."""
+    slow = replace(KNOWN, lag=0.008, acceleration_time=0.016, theta_0=0.1 * KNOWN.v_max)
+    desired = random_path(5, 88, span=1.0, fastest=0.02)
+    plan = planner.invert_optimal(slow, desired)
+    measured = np.roll(planner.simulate(slow, plan.requests), 5)
+    after = planner.refine(plan, measured, reidentify=False)
+    assert after.learning.delays[0].seconds == pytest.approx(0.04, rel=0.1)
+    assert after.learning.delays[0].removed == 0.0
+
+
 def test_a_joint_that_answers_earlier_than_the_model_is_no_late_sensor() -> None:
     plan = planner.invert_optimal(KNOWN, random_path(5, 88, span=1.0, fastest=0.03))
     after = planner.refine(plan, np.roll(plan.predicted, -1))

@@ -55,8 +55,10 @@ def test_a_task_whose_worker_is_killed_is_tried_again(tmp_path, results):
     assert results.read(tasks[3]) == b"9"
 
 
-def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(results):
-    (failure,) = run(work.kill_always, work.tasks(), results, workers=2)
+def test_a_task_that_kills_every_worker_is_reported_and_no_other_is_lost(tmp_path, results):
+    tasks = [replace(task, argument=(task.argument, tmp_path / "mark")) for task in work.tasks()]
+    (failure,) = run(work.kill_always, tasks, results, workers=2)
+    assert (tmp_path / "mark").read_text().count("killed") == 2
     assert failure.task == "task 3"
     assert "its process died, 2 times" in failure.reason
     assert len(work.held(results.folder)) == 7

@@ -40,9 +40,12 @@ def kill_once(argument):
     return square(number)
 
 
-def kill_always(number):
-    """A task whose process is killed every time."""
+def kill_always(argument):
+    """A task whose process is killed every time, which it notes."""
+    number, mark = argument
     if number == 3:
+        with mark.open("a") as file:
+            file.write("killed\n")
         os.kill(os.getpid(), signal.SIGKILL)
     return square(number)
 

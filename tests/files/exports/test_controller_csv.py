@@ -145,3 +145,9 @@ def test_names_belong_to_columns(schedule):
     for names in (["a", "b"], ["a", "b", "b"]):
         with pytest.raises(InvalidInput, match="expected 3 different names, one per column"):
             schedule.renamed(names)
+
+
+def test_a_period_that_is_written_rounded_loses_no_request():
+    for period in (0.033333333334, 0.033333333333):
+        same = resampled(_numbered(90, period), 30.0)
+        assert same.requests[:, 0].tolist() == list(range(90))
