@@ -23,8 +23,15 @@ WHOLE_TICKS = 1e-9
 LONGEST_WINDOW = 100_000
 """Most ticks that lag and acceleration time may span: beyond it the unit is surely mistaken."""
 
-MOST_HOLD = 10_000
-"""Most ticks that one request may be held for."""
+MOST_HOLD = 1000
+"""Most ticks that one request may be held for: bounds have an unknown for each of them."""
+
+MOST_TERMS = 5000
+"""Most terms of Equation 3 between two requests, ``hold`` times the ticks of the acceleration time:
+a simulation's time grows with them. Models identified by default have at most 3200."""
+
+LEAST, MOST = 1e-15, 1e9
+"""Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""
 
 
 Clip = Callable[[Any, Any, Any], Any]
@@ -155,8 +162,14 @@ class JointModel:
                 object.__setattr__(self, parameter.name, value)
         object.__setattr__(self, "hold", _count("hold", self.hold))
         for name in ("v_max", "theta_0", "acceleration_time", "tick"):
-            if getattr(self, name) <= 0.0:
-                raise InvalidModel(f"{name}: got {getattr(self, name):g}, expected more than 0")
+            value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata["unit"]
+            if value <= 0.0:
+                raise InvalidModel(f"{name}: got {value:g}, expected more than 0")
+            if value < LEAST:
+                raise InvalidModel(
+                    f"{name}: got {value:g} {unit}, expected at least {LEAST:g} {unit}; is it in "
+                    "SI units?"
+                )
         for name in ("lag", "dead_band", "compliance", "speed_per_torque"):
             if getattr(self, name) < 0.0:
                 unit = self.__dataclass_fields__[name].metadata["unit"]
@@ -172,6 +185,13 @@ class JointModel:
             raise InvalidModel(
                 f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
                 f"at most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
+            )
+        window = math.ceil(self.acceleration_ticks)
+        if window * self.hold > MOST_TERMS:
+            raise InvalidModel(
+                f"acceleration_time / tick * hold: got {window} ticks times {self.hold} ticks, "
+                f"expected a product of at most {MOST_TERMS}, as simulations would take too long; "
+                f"use a longer tick than {self.tick:g} s, with a shorter hold"
             )
         if self.v_max * self.tick >= 2.0 * self.theta_0:
             raise InvalidModel(
@@ -465,6 +485,8 @@ def _number(name: str, value: object) -> float:
     number = as_number(value)
     if math.isnan(number):
         raise InvalidModel(f"{name}: got {shown(value)}, expected a finite number in SI units")
+    if abs(number) > MOST:
+        raise InvalidModel(f"{name}: got {shown(value)}, expected at most {MOST:g} in SI units")
     return number
 
 

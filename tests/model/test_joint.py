@@ -213,6 +213,36 @@ def test_a_tick_too_short_for_the_window_is_taken_for_a_mistaken_unit():
         _model(tick=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "window", "hold"),
+    [
+        ({"acceleration_time": 9.9, "tick": 1e-4}, 99000, 1),
+        ({"acceleration_time": 9.9, "tick": 1e-4, "hold": 1000}, 99000, 1000),
+        ({"acceleration_time": 0.099, "tick": 1e-6, "lag": 0.0, "hold": 1000}, 99000, 1000),
+        ({"acceleration_time": 0.4, "tick": 0.001, "hold": 20}, 400, 20),
+    ],
+)
+def test_a_window_and_a_hold_whose_product_no_simulation_ends_with_are_refused(
+    parameters, window, hold
+):
+    expected = rf"^acceleration_time / tick \* hold: got {window} ticks times {hold} ticks, expected"
+    with pytest.raises(InvalidModel, match=expected):
+        _model(**parameters)
+
+
+@pytest.mark.parametrize("value", [5e-324, 1e-300])
+@pytest.mark.parametrize("name", ["v_max", "theta_0", "acceleration_time", "tick"])
+def test_a_parameter_so_small_that_ratios_of_it_overflow_is_refused_by_name(name, value):
+    with pytest.raises(InvalidModel, match=rf"^{name}: got .*, expected at least 1e-15 "):
+        _model(**{name: value})
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_parameter_so_large_that_products_of_it_overflow_is_refused_by_name(name):
+    with pytest.raises(InvalidModel, match=rf"^{name}: got 1e\+300, expected at most"):
+        _model(**{name: 1e300})
+
+
 def test_a_joint_that_would_never_come_to_rest_is_refused():
     with pytest.raises(InvalidModel, match=r"v_max \* tick: got 0.2 rad, expected less than 2"):
         _model(v_max=25.0, theta_0=0.1)
