@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
 import click
@@ -239,6 +240,9 @@ def cli(context: click.Context) -> None:
 def main() -> NoReturn:
     """Run the command line on the process's own arguments."""
     signal.signal(signal.SIGTERM, _terminate)
+    os.environ["MPLBACKEND"] = "agg"  # no window is opened; what is set may not be there
+    for stream in (sys.stdout, sys.stderr):
+        _encode(stream)
     cli.main()
     raise AssertionError("the command line returned")
 
@@ -246,6 +250,16 @@ def main() -> NoReturn:
 def _terminate(*_: object) -> NoReturn:
     """End as an exception does, so that what is half made is cleared away."""
     sys.exit(TERMINATED)
+
+
+def _encode(stream: TextIO | None) -> None:
+    """Have a stream take any text: a pipe or a file as UTF-8, as outputs are written.
+
+    A terminal keeps its encoding, and gets the characters that it has not as escapes.
+    """
+    if isinstance(stream, TextIOWrapper):
+        encoding = stream.encoding if stream.isatty() else "utf-8"
+        stream.reconfigure(encoding=encoding, errors="backslashreplace")
 
 
 add_verbosity(cli)

@@ -131,7 +131,7 @@ class Place(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.
         """Refuse a place that is written and has another use in this command."""
         from planner.files.staging import cannot_write
 
-        place = Path(text).resolve()
+        place = Path(os.path.realpath(text))  # of a link to itself, too
         is_device = place.exists() and not (place.is_file() or place.is_dir())
         if text == "-" or is_device:
             return

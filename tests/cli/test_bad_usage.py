@@ -55,7 +55,27 @@ FILES = {
 }
 """What the commands find, beside ``desired.csv``, ``foot.csv`` and an empty ``folder``."""
 
+LOOPS = {
+    f"a link to itself, in {line.split()[0]}": line
+    for line in (
+        "plan loop",
+        "fit loop",
+        "simulate loop",
+        "identify loop",
+        "replay loop --model from-log",
+        "refine loop d.csv --desired d.csv",
+        "compare loop",
+        "export loop --format csv",
+        "run loop --out out",
+        "sweep loop --out out",
+        "view loop --leg reference --html out",
+        "gait --leg ./loop.urdf --base a --foot b",
+    )
+}
+"""Every command that reads a file, and one that is a link to itself."""
+
 BAD = {
+    **LOOPS,
     "no such command": "bogus",
     "no such option": "gait --sampels 3",
     "no path": "plan",
@@ -218,6 +238,8 @@ def test_bad_input_is_one_line_and_status_2_and_nothing_is_written(
 ):
     assert [desired.name, foot.name] == ["desired.csv", "foot.csv"]
     (tmp_path / "folder").mkdir()
+    for name in ("loop", "loop.urdf"):
+        (tmp_path / name).symlink_to(name)
     for name, content in FILES.items():
         (tmp_path / name).write_bytes(content)
     before = _held(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shlex
@@ -12,7 +13,7 @@ import time
 
 import pytest
 
-from planner.cli import cli
+from planner.cli import cli, main
 from planner.cli.program import COMMANDS
 from tests.docs import shell
 from tests.docs.blocks import PAGES, blocks
@@ -94,6 +95,50 @@ def test_a_full_disk_behind_standard_output_is_one_line_and_status_2(form):
     assert done.returncode == 2
     assert "no space left on device" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+class _Terminal(io.TextIOWrapper):
+    """What a stream is that people read."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(io.TextIOWrapper, "关节"), (_Terminal, r"\u5173\u8282")],
+    ids=["pipe", "screen"],
+)
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["CSV", "JSON"])
+def test_a_pipe_is_utf_8_and_a_terminal_gets_what_it_has_no_characters_for_as_escapes(
+    kind, name, form, tmp_path, monkeypatch
+):
+    path = tmp_path / "关节.csv"
+    path.write_text("t_s,关节_deg\n0,1\n0.008,2\n0.016,1\n", "utf-8")
+    said = {each: io.BytesIO() for each in ("stdout", "stderr")}
+    for each, stream in said.items():
+        monkeypatch.setattr(sys, each, kind(stream, encoding="ascii", errors="strict"))
+    monkeypatch.setattr(sys, "argv", ["request-planner", "simulate", str(path), *form])
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    assert name in said["stdout"].getvalue().decode("utf-8")
+
+
+def test_a_backend_of_matplotlib_that_is_not_there_is_not_asked_for(tmp_path, desired):
+    command = [*RUN, "fit", desired, "--joint", "knee", "--segments", "3", "--figure", "fit.png"]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "fit.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(

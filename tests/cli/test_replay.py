@@ -240,6 +240,32 @@ def test_a_corrupt_episode_is_left_out_and_said(run, dataset, model):
     assert len({log.name for log in kept}) == 2
 
 
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize(
+    "content",
+    [b"nonsense", b"\xff\n", b"[1]\n", b"[" * 10**5, b'{"task_index": "0", "task": "lift"}\n'],
+    ids=["text", "bytes", "list", "nested", "number as text"],
+)
+def test_an_episode_is_planned_though_the_texts_of_tasks_cannot_be_read(
+    content, run, dataset, model
+):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra parquet")
+    for old in (dataset / "meta").glob("tasks.*"):
+        old.unlink()
+    (dataset / "meta" / "tasks.jsonl").write_bytes(content)
+    result = run(
+        *("replay", dataset, "--episodes", "0-1", *UNITS, "--model", model),
+        *("--as", "lerobot", "-o", "planned"),
+    )
+    assert result.exit_code == 0, result.stderr
+    file = dataset / "meta" / "tasks.jsonl"
+    assert f"{file} cannot be read: the task is called 'follow the planned requests'" in (
+        result.stderr
+    )
+    tasks = parquet.read_table(dataset.parent / "planned/meta/tasks.parquet").to_pylist()
+    assert [each["task"] for each in tasks] == ["follow the planned requests"]
+
+
 def _held(folder):
     """Every file of a folder with its bytes."""
     return {name: (folder / name).read_bytes() for name in list_files(folder)}

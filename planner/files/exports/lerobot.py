@@ -140,7 +140,6 @@ class _Writer:
     def add(self, values: Mapping[str, Array], task: str) -> None:
         """Write an episode."""
         import pyarrow as pa
-        from pyarrow import parquet
 
         columns = self._columns(values, task)
         data = pa.table({name: _cells(column) for name, column in columns.items()})
@@ -148,8 +147,7 @@ class _Writer:
             if self._data is not None:
                 self._data.close()
             self._file, self._rows_of_file = self._file + 1, 0
-            place = self._place("data", self._file)
-            self._data = self._stack.enter_context(parquet.ParquetWriter(place, data.schema))
+            self._data = self._writer("data", self._file, data.schema)
         self._data.write_table(data)
         statistics = {name: Statistics.of(column) for name, column in columns.items()}
         chunk, file = divmod(self._file, CHUNK_FILES)
@@ -183,15 +181,13 @@ class _Writer:
     def flush(self) -> None:
         """Write the descriptions of episodes that are kept."""
         import pyarrow as pa
-        from pyarrow import parquet
 
         if not self._about:
             return
         names = self._about[0]
         table = pa.table({name: [each[name] for each in self._about] for name in names})
         if self._described is None:
-            place = self._place("meta/episodes", 0)
-            self._described = self._stack.enter_context(parquet.ParquetWriter(place, table.schema))
+            self._described = self._writer("meta/episodes", 0, table.schema)
         self._described.write_table(table)
         self._about = []
 
@@ -201,9 +197,8 @@ class _Writer:
         from pyarrow import parquet
 
         tasks = pa.table({"task_index": [*self._tasks.values()], "task": [*self._tasks]})
-        parquet.write_table(
-            tasks.replace_schema_metadata(_INDEXED_BY_TASK), self._folder / "meta/tasks.parquet"
-        )
+        with (self._folder / "meta/tasks.parquet").open("wb") as stream:
+            parquet.write_table(tasks.replace_schema_metadata(_INDEXED_BY_TASK), stream)
         statistics = {name: each.to_dict() for name, each in self._statistics.items()}
         for name, content in {"info": self._info(), "stats": statistics}.items():
             text = json.dumps(content, indent=4) + "\n"
@@ -225,11 +220,15 @@ class _Writer:
         )
         return {**columns, **dict(zip(COUNTED, counted, strict=True))}
 
-    def _place(self, kind: str, file: int) -> Path:
+    def _writer(self, kind: str, file: int, schema: Any) -> Any:
+        """A table that grows; opened here, as Arrow takes no name that is not UTF-8."""
+        from pyarrow import parquet
+
         chunk, file = divmod(file, CHUNK_FILES)
         place = self._folder / kind / PLACE.format(chunk_index=chunk, file_index=file)
         place.parent.mkdir(parents=True, exist_ok=True)
-        return place
+        stream = self._stack.enter_context(place.open("wb"))
+        return self._stack.enter_context(parquet.ParquetWriter(stream, schema))
 
     def _info(self) -> dict[str, Any]:
         """``meta/info.json``: what the dataset holds and where."""

@@ -17,7 +17,7 @@ from planner.files.logs.make_log import Columns, Source, make_log
 from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.parquet import read_columns
 from planner.files.logs.units import Scale
-from planner.files.text import read_json
+from planner.files.text import read_json, read_text
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -159,30 +159,31 @@ def read_episode(place: EpisodeFile) -> EpisodeRows:
 
 def _task(file: Path, rows: Rows) -> str:
     """The task of the first of some rows, in words; "" where the dataset does not say."""
-    root = find_dataset(file).root
     try:
         numbers = _one_a_row(file, TASK, read_columns(file, [TASK])[TASK])
-        return _tasks(root).get(int(numbers[rows[0]]), "")
+        return find_dataset(file).tasks().get(int(numbers[rows[0]]), "")
     except (InvalidFile, IndexError):
         return ""
 
 
-def _tasks(root: Path) -> dict[int, str]:
-    """The tasks of a dataset by number: lines of JSON up to v2.1, Parquet from v3.0 on."""
-    lines, table = root / "meta" / "tasks.jsonl", root / "meta" / "tasks.parquet"
-    if lines.is_file():
-        entries = [json.loads(line) for line in lines.read_text("utf-8").splitlines() if line]
-    elif table.is_file():
-        from pyarrow import parquet
+def _task_entries(file: Path) -> list[Any]:
+    """What describes each task: lines of JSON up to v2.1, rows of Parquet from v3.0 on.
 
-        entries = parquet.read_table(table).to_pylist()
-    else:
-        return {}
-    words = ("task", "__index_level_0__")
-    return {
-        int(entry[TASK]): next((str(entry[key]) for key in words if key in entry), "")
-        for entry in entries
-    }
+    Raises:
+        InvalidFile: It cannot be read.
+    """
+    if file.suffix == ".jsonl":
+        try:
+            return [json.loads(line) for line in read_text(file).splitlines() if line.strip()]
+        except (ValueError, RecursionError) as error:
+            raise InvalidFile(file, "not a line of JSON for each task") from error
+    from pyarrow import ArrowException, parquet
+
+    try:
+        entries: list[Any] = parquet.read_table(file).to_pylist()
+    except (OSError, ArrowException) as error:
+        raise InvalidFile(file, "not a Parquet file") from error
+    return entries
 
 
 def lerobot_joints(path: Path | str, options: LogOptions) -> tuple[str, ...]:
@@ -325,6 +326,28 @@ class Dataset:
         if not every:
             raise InvalidFile(self.root, "no data/chunk-*/*.parquet; download the dataset's data")
         return tuple(file for file in every if episodes is None or _may_hold(file, episodes))
+
+    @property
+    def task_file(self) -> Path | None:
+        """What holds the texts of its tasks; None where there is no such file."""
+        names = ("tasks.jsonl", "tasks.parquet")
+        return next((f for name in names if (f := self.root / "meta" / name).is_file()), None)
+
+    def tasks(self) -> dict[int, str]:
+        """The texts of its tasks by number; none of a file that cannot be read.
+
+        An episode is worth more than the text of its task, and is read without it.
+        """
+        try:
+            entries = _task_entries(self.task_file) if self.task_file else []
+        except InvalidFile:
+            return {}
+        words = ("task", "__index_level_0__")
+        return {
+            entry[TASK]: next((str(entry[key]) for key in words if key in entry), "")
+            for entry in entries
+            if isinstance(entry, dict) and isinstance(entry.get(TASK), int)
+        }
 
     def episodes_named(self) -> frozenset[int]:
         """The episodes that files are named after; v3 names no file so."""

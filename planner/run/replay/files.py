@@ -119,8 +119,13 @@ def left_out(recording: Recording) -> str:
     """What a planned dataset does not have of the one that was read, in words; "" for nothing."""
     if not recording.dataset:
         return ""
-    others = find_dataset(recording.place.file).others
-    return f"{', '.join(others)} left out: the frames are of other moments" if others else ""
+    dataset = find_dataset(recording.place.file)
+    words = []
+    if dataset.others:
+        words.append(f"{', '.join(dataset.others)} left out: the frames are of other moments")
+    if dataset.task_file and not dataset.tasks():
+        words.append(f"{dataset.task_file} cannot be read: the task is called '{TASK}'")
+    return "; ".join(words)
 
 
 def as_written(joint: JointReplay, values: Array) -> Array:
