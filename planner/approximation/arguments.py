@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.problem import BARELY, BARELY_SHORT, round_knots
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, angle_text
+from planner.approximation.problem import BARELY, SHORTEST, round_knots
+from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.trajectory import LARGEST, Array, as_trajectory
-from planner.validation import as_number, as_positive, as_whole, freeze, shown
+from planner.validation import as_number, as_positive, as_whole, shown
 
 Required = Iterable[float] | Mapping[float, float | None]
-Ends = tuple[float | None, float | None]
 
 SMALLEST = 1e-30
 """Smallest speed, time or error that is accepted, and half range of samples that are not constant:
@@ -31,7 +30,6 @@ class Arguments:
 
     Attributes:
         desired: Samples [rad], shape (n,).
-        weights: Weights of their squared errors, shape (n,); None where all are the same.
         v_max: Largest slope [rad/s].
         tick: Time between samples [s].
         cyclic: Whether the first sample follows the last.
@@ -41,13 +39,10 @@ class Arguments:
         knots: All knots [samples], if they are given.
         required: Knots that there must be [samples], shape (r,), increasing.
         pins: The curve's values there [rad], shape (r,); NaN where they are free.
-        shortest: Length of the shortest segment [samples].
-        on_samples: Whether knots lie on samples.
         exact: Whether the answer must be proved best.
     """
 
     desired: Array
-    weights: Array | None
     v_max: float
     tick: float
     cyclic: bool
@@ -57,8 +52,6 @@ class Arguments:
     knots: Array | None
     required: Array
     pins: Array
-    shortest: float
-    on_samples: bool
     exact: bool
 
     def __post_init__(self) -> None:
@@ -71,29 +64,10 @@ class Arguments:
             raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
         if self.exact and self.max_error is not None:
             raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
-        if self.shortest < 1.0:
-            raise InvalidInput(f"shortest: got {self.shortest:g}, expected 1 or more [samples]")
-
-
-def checked_weights(weights: npt.ArrayLike | None, n: int) -> Array | None:
-    """The weights of n samples with mean 1, shape (n,), or None where all are the same."""
-    if weights is None:
-        return None
-    values = as_trajectory(weights, name="weights", minimum=1)
-    if values.size != n:
-        raise InvalidTrajectory(f"weights: got {values.size}, expected {n}, one per sample")
-    if not np.all(values > 0.0):
-        k = int(np.argmin(values))
-        raise InvalidInput(f"weights: got {values[k]:g} at sample {k}, expected more than 0")
-    if np.all(values == values[0]):
-        return None
-    weights = values / np.mean(values)
-    freeze(weights)
-    return weights
 
 
 def checked_knots(
-    required: Required, ends: Ends, n: int, *, cyclic: bool, name: str = "required"
+    required: Required, n: int, *, cyclic: bool, name: str = "required"
 ) -> tuple[Array, Array]:
     """Required knots, increasing, and the required values there, NaN where free."""
     if not isinstance(required, Iterable) or getattr(required, "ndim", 1) != 1:
@@ -110,25 +84,6 @@ def checked_knots(
             limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
             raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
         angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
-    try:
-        start, end = ends
-    except (TypeError, ValueError):
-        raise InvalidInput(
-            f"ends: got {shown(ends)}, expected (angle or None, angle or None)"
-        ) from None
-    for place, angle in ((0.0, start), (last, end)):
-        if angle is None:
-            continue
-        if cyclic:
-            raise InvalidInput("ends: a cycle has none; leave them out, or give cyclic=False")
-        pin = _number("ends", angle)
-        other = angles.get(place, math.nan)
-        if not math.isnan(other) and other != pin:
-            raise Infeasible(
-                f"required and ends: got {angle_text(other)} and {angle_text(pin)} at sample "
-                f"{place:g}; leave one of them out"
-            )
-        angles[place] = pin
     places = np.array(sorted(angles))
     return places, np.array([angles[place] for place in places.tolist()])
 
@@ -138,7 +93,7 @@ def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> A
     if knots is None:
         return None
     values = as_trajectory(knots, name="knots", minimum=1)
-    return checked_knots(values.tolist(), (None, None), n, cyclic=cyclic, name="knots")[0]
+    return checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
 
 
 def positive(name: str, value: float, unit: str) -> float:
@@ -182,14 +137,16 @@ def check_feasible(arguments: Arguments) -> None:
     Raises:
         Infeasible: Two required angles are too far apart, two required knots too close, or there is
             no room for so many or so few segments.
-        InvalidInput: A required knot lies between samples where knots must lie on them.
+        InvalidInput: A knot lies between samples where the optimum is to be proved.
     """
-    if arguments.on_samples:
-        between = arguments.required[arguments.required != np.floor(arguments.required)]
-        if between.size:
-            raise InvalidInput(
-                f"required: got a knot at {between[0]:g} with on_samples, expected whole numbers"
-            )
+    if arguments.exact:
+        for name, places in (("required", arguments.required), ("knots", arguments.knots)):
+            between = [] if places is None else places[places != np.floor(places)]
+            if len(between):
+                raise InvalidInput(
+                    f"{name}: got a knot at {between[0]:g} with exact, expected whole numbers; an "
+                    "optimum is proved for knots on samples"
+                )
     _check_slopes(arguments)
     _check_lengths(arguments)
     if arguments.max_error is not None:
@@ -221,7 +178,7 @@ def _check_slopes(arguments: Arguments) -> None:
 
 
 def _check_lengths(arguments: Arguments) -> None:
-    n, shortest = arguments.desired.size, arguments.shortest
+    n = arguments.desired.size
     length = float(n if arguments.cyclic else n - 1)
     places = arguments.required
     if not arguments.cyclic:
@@ -232,39 +189,24 @@ def _check_lengths(arguments: Arguments) -> None:
         places = np.array([0.0, n])
     apart = np.diff(places)
     k = int(np.argmin(apart))
-    if apart.size == 1 and length < shortest - BARELY_SHORT:
-        raise Infeasible(
-            f"shortest: got {shortest:g} samples, but the whole "
-            f"{'cycle' if arguments.cyclic else 'path'} is {length:g} samples long; allow shorter "
-            "segments"
-        )
-    if apart[k] < shortest - BARELY_SHORT:
+    if apart[k] < SHORTEST:
         raise Infeasible(
             f"required knots at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} "
-            f"samples apart, expected at least shortest = {shortest:g}; leave one out or allow "
-            "shorter segments"
+            "samples apart, expected at least 1; leave one out"
         )
-    unit = math.ceil(shortest - BARELY_SHORT) if arguments.on_samples else shortest
-    most = int(np.sum(np.floor(apart / unit + BARELY_SHORT)))
-    fewest = apart.size
+    most = int(np.sum(np.floor(apart + (1.0 - SHORTEST))))
     segments = arguments.segments
-    ceiling = arguments.max_error is not None or arguments.max_rms is not None
-    if segments is not None and segments > most and not ceiling:
+    if segments is None:
+        return
+    if segments > most and arguments.max_error is None and arguments.max_rms is None:
         raise Infeasible(
-            f"segments = {segments} and shortest = {shortest:g} samples: there is room for {most} "
-            f"in {length:g} samples{' between the required knots' if fewest > 1 else ''}; ask for "
-            "fewer or allow shorter ones"
+            f"segments = {segments} and required knots: there is room for {most} of a sample or "
+            f"more in {length:g} samples between them; ask for fewer"
         )
-    if segments is not None and segments < fewest:
+    if segments < apart.size:
         raise Infeasible(
             f"segments = {segments} and {arguments.required.size} required knots: they make at "
-            f"least {fewest} segments; ask for more or leave some out"
-        )
-    constant = 2.0 * (arguments.max_error or 0.0) >= float(np.ptp(arguments.desired))
-    if arguments.cyclic and most < 2 and not constant:
-        raise Infeasible(
-            f"shortest = {shortest:g} and a cycle of {n} samples: there is room for one segment, "
-            "and a closed curve that moves needs two; allow shorter ones"
+            f"least {apart.size} segments; ask for more or leave some out"
         )
 
 

@@ -8,15 +8,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from heapq import heapify, heappop, heappush
-from itertools import accumulate
 
 import numpy as np
 
 from planner.approximation.problem import Problem, even_knots, nearest_samples, with_required
 from planner.trajectory import Array
-
-FINENESS = 2**20
-"""Weights count as multiples of its inverse, so that sums of w k² are exact."""
 
 
 class MergedKnots:
@@ -26,22 +22,16 @@ class MergedKnots:
         """Merge until no knot is left that may go, and note the order."""
         self._problem = problem
         n = problem.samples
-        every = np.arange(n, dtype=np.float64)
-        if problem.shortest > 1.0 or problem.required.size:
-            every = even_knots(
-                replace(
-                    problem,
-                    on_samples=True,
-                    required=nearest_samples(problem.required).astype(np.float64),
-                )
-            )
+        every: Array = np.arange(n, dtype=np.float64)
+        if problem.required.size:
+            nearest = nearest_samples(problem.required).astype(np.float64)
+            every = even_knots(replace(problem, required=nearest))
         last = n if problem.cyclic else n - 1
         self._first = int(every[0])
         self._grid = problem.ends(every)
         self._grid = (self._grid - self._first).astype(np.intp)
         turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
-        weights = np.resize(np.roll(problem.weights, -self._first), last + 1)
-        self._cost = _LineCost(turned, weights, problem.step)
+        self._cost = _LineCost(turned, problem.step)
         fixed = nearest_samples(problem.required) - self._first
         stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
         stays[[0, -1]] = True
@@ -92,31 +82,20 @@ class MergedKnots:
 class _LineCost:
     """Squared error of the best line within the slopes through the samples from i to j."""
 
-    def __init__(self, desired: Array, weights: Array, step: float) -> None:
-        even = bool(np.all(weights == weights[0]))
-        unit = 1 if even else FINENESS
-        multiples = np.ones(desired.size) if even else np.maximum(np.rint(weights * unit), 1.0)
-        heavy = [int(multiple) for multiple in multiples]
-        weights = np.array(heavy, dtype=np.float64) / unit
+    def __init__(self, desired: Array, step: float) -> None:
         k = np.arange(desired.size, dtype=np.float64)
         self._sums: list[list[float]] = [
             np.concatenate([[0.0], np.cumsum(total)]).tolist()
-            for total in (weights * desired, weights * k * desired, weights * desired**2)
+            for total in (desired, k * desired, desired**2)
         ]
-        self._counts: list[list[int]] = [
-            list(accumulate((w * k**power for k, w in enumerate(heavy)), initial=0))
-            for power in range(3)
-        ]
-        self._unit = unit
         self._step = step
 
     def __call__(self, i: int, j: int) -> float:
         s0, s1, s2 = self._sums
-        w0, w1, w2 = (total[j + 1] - total[i] for total in self._counts)
-        weight, middle = w0 / self._unit, w1 / w0
+        count = j + 1 - i
+        middle, sxx = 0.5 * (i + j), count * (count * count - 1) / 12.0
         d0 = s0[j + 1] - s0[i]
         d1 = s1[j + 1] - s1[i] - middle * d0  # about the middle
-        sxx = (w2 * w0 - w1 * w1) / (w0 * self._unit)
         slope = min(max(d1 / sxx, -self._step), self._step)
-        error: float = s2[j + 1] - s2[i] - d0 * d0 / weight + slope * (slope * sxx - 2.0 * d1)
+        error: float = s2[j + 1] - s2[i] - d0 * d0 / count + slope * (slope * sxx - 2.0 * d1)
         return max(error, 0.0)

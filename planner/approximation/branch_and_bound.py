@@ -95,8 +95,8 @@ def proved_best(problem: Problem, start: Candidate) -> Candidate:
     than the best curve known are struck out; the rest is halved.
 
     Args:
-        problem: What to approximate; ``on_samples``, required knots on samples.
-        start: A curve with whole knots.
+        problem: What to approximate, required knots on samples.
+        start: A curve from whose knots, put on samples, the search begins.
 
     Returns:
         The best curve; its squared error exceeds the least possible by no more than
@@ -113,15 +113,14 @@ class _BranchAndBound:
         self._problem = problem
         self._relaxation = Relaxation(problem)
         self._curves = KnotsOnSamples(problem)
-        order = np.argsort(np.mod(start.knots, problem.samples) if problem.cyclic else start.knots)
-        knots = start.knots[order]
-        knots = np.mod(knots, problem.samples) if problem.cyclic else knots
+        knots = np.floor(start.knots + 0.5)
+        knots = np.sort(np.mod(knots, problem.samples)) if problem.cyclic else knots
         self.best = self._curves.moved(knots)
         if problem.cyclic:
             knots = np.sort(np.mod(self.best.knots, problem.samples))
             self.best = self._curves.curve(knots)
         ideal = ideal_of(problem)
-        if float(problem.weights @ (ideal - problem.desired) ** 2) < self._enough:
+        if float(np.sum((ideal - problem.desired) ** 2)) < self._enough:
             self._search()
 
     @property

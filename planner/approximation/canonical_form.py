@@ -78,14 +78,10 @@ class CanonicalForm:
 
     def apply(self, samples: Array) -> Array:
         """Samples, shape (n,), in this form."""
-        return self.sign * self.in_order(samples)
-
-    def in_order(self, values: Array) -> Array:
-        """What belongs to samples, shape (n,), in the order of this form."""
-        ordered = np.roll(values, -self.first)
+        ordered = np.roll(samples, -self.first)
         if self.backwards:
             ordered = np.roll(ordered[::-1], 1) if self.cyclic else ordered[::-1]
-        return np.ascontiguousarray(ordered)
+        return self.sign * ordered
 
     def of_problem(self, problem: Problem) -> Problem:
         """A problem in this form."""
@@ -97,7 +93,6 @@ class CanonicalForm:
         return replace(
             problem,
             desired=self.apply(problem.desired),
-            weights=self.in_order(problem.weights),
             required=places[order],
             pins=pins[order],
         )
@@ -137,15 +132,9 @@ def to_means(problem: Problem) -> Problem:
     cuts = np.ceil(at - 0.5 * spacing).astype(np.intp)
     first = -int(cuts[0]) if problem.cyclic else 0
     cuts = np.maximum(cuts + first, 0)[:MEANS]
-    weights = np.roll(problem.weights, first)
-    weighed = np.add.reduceat(np.roll(problem.weights * problem.desired, first), cuts)
-    totals = np.add.reduceat(weights, cuts)
-    return replace(
-        problem,
-        desired=weighed / totals,
-        weights=totals / np.mean(totals),
-        step=problem.step * spacing,
-    )
+    sums = np.add.reduceat(np.roll(problem.desired, first), cuts)
+    counts = np.diff(np.append(cuts, problem.samples))
+    return replace(problem, desired=sums / counts, step=problem.step * spacing)
 
 
 def from_means(problem: Problem, knots: Array, values: Array) -> Candidate:

@@ -92,7 +92,7 @@ class ChainProposals:
         fixed = nearest_samples(problem.required)
         self.nodes = np.union1d(nodes, np.mod(fixed, last) if problem.cyclic else fixed)
         count = self.nodes.size - 1
-        sides = [problem.desired, ideal, problem.weights]
+        sides = [problem.desired, ideal]
         if not problem.cyclic:
             self._starts = np.zeros(1, dtype=np.intp)
             nodes = self.nodes
@@ -109,7 +109,7 @@ class ChainProposals:
         self._came_from: dict[CostKind, list[Nodes]] = {}
         # Sums, taken at the nodes once: of a path's segments by end and start, of a cycle's by end
         # and place of the start among as many nodes before it, as they recur.
-        totals = [each.take(nodes, axis=-1) for each in running(np.array(sides[:2]), sides[2])]
+        totals = [each.take(nodes, axis=-1) for each in running(np.array(sides))]
         if problem.cyclic:
             begun = [_windows(each, count) for each in totals]
             start = _windows(nodes, count)
@@ -240,11 +240,10 @@ def lattice_chain(
             if problem.cyclic and node == 0:
                 states[-1, 0] = pin
     desired = np.resize(np.roll(problem.desired, -first), last + 1)
-    weights = np.resize(np.roll(problem.weights, -first), last + 1)
-    table = _state_costs(desired, weights, states, nodes, problem.step)
+    table = _state_costs(desired, states, nodes, problem.step)
     possible = segment_allowed(problem, nodes[:, None] + first, nodes[None, :] + first)
     table.transpose(0, 2, 1, 3)[~possible] = np.inf
-    at_start = weights[0] * (states[0] - desired[0]) ** 2
+    at_start = (states[0] - desired[0]) ** 2
     path = _cheapest(table, at_start, segments)
     if path is None:
         return None
@@ -274,10 +273,10 @@ def _cheapest(table: Array, at_start: Array, segments: int) -> Nodes | None:
     return path
 
 
-def _state_costs(desired: Array, weights: Array, states: Array, nodes: Nodes, step: float) -> Array:
+def _state_costs(desired: Array, states: Array, nodes: Nodes, step: float) -> Array:
     """Squared error of a segment between any two states, shape (m, g, m, g)."""
     start, end = nodes[:, None], nodes[None, :]
-    sums = moments(desired, weights, start, end)
+    sums = moments(desired, start, end)
     length = np.maximum(end - start, 1).astype(np.float64)
     k1, k2, d1 = sums.w1 / length, sums.w2 / length**2, sums.d1 / length
     usable = np.isfinite(states)

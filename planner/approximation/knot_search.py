@@ -15,10 +15,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.bottom_up_merging import MergedKnots
-from planner.approximation.branch_and_bound import KnotsOnSamples
 from planner.approximation.canonical_form import (
     EQUAL,
     CanonicalForm,
@@ -30,7 +28,7 @@ from planner.approximation.canonical_form import (
 from planner.approximation.curve import PiecewiseLinear
 from planner.approximation.dynamic_programming import CHAINS, ChainProposals, lattice_chain
 from planner.approximation.problem import (
-    BARELY_SHORT,
+    SHORTEST,
     Candidate,
     Problem,
     candidate,
@@ -40,7 +38,6 @@ from planner.approximation.problem import (
     least_count,
     most_segments,
     required_knots,
-    residuals,
     round_knots,
 )
 from planner.approximation.qp import solve_values, within_slopes
@@ -56,7 +53,7 @@ STRAIGHT = 1e-10
 class SearchOptions:
     """Tuning of the search. Effects are those on 640 fits of 2 to 12 segments.
 
-    Those of few, many, rough, apart, kept, helps and kink were measured on a quarter of them.
+    Those of few, many, rough, apart, kept and helps were measured on a quarter of them.
 
     Attributes:
         few: Evaluations after which starts and moves are compared. 3: 0.02 % more error in the
@@ -79,8 +76,6 @@ class SearchOptions:
             24: no change.
         helps: Relative decrease of the squared error that is worth another turn. 1e-2: 0.01 % more
             error in the mean, 2.5 % more of the fits worse by 0.1 %, a tenth fewer curves.
-        kink: Distance from a sample at which a knot may be held by the kink there [samples]. 0.05:
-            no change; 0.2: 0.001 % more error in the mean.
         proposed: Segments up to which knots are sought by chains; beyond, by merging. 80 fits of 14
             to 40 segments: 16: 0.7 % more error in the mean, 27 % at worst, in half the time; 64:
             0.1 % more in the same time.
@@ -100,7 +95,6 @@ class SearchOptions:
     turns: int = 3
     kept: int = 12
     helps: float = 1e-3
-    kink: float = 0.1
     proposed: int = 32
     many_samples: int = 2000
     none: float = 1e-22
@@ -130,17 +124,14 @@ class KnotSearch:
         self.unrounded = self.form.of_problem(problem)
         self.fewest = least_count(self.problem)
         self.most = most_segments(self.problem)
-        self.ideal_error = float(self.problem.weights @ (self.ideal - self.problem.desired) ** 2)
+        self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
         self._found: dict[int, Candidate] = {}
         self._begun: dict[int, list[Candidate]] = {}
 
     def curve(self, segments: int) -> Candidate:
         """The best curve found with this number of segments."""
         if segments not in self._found:
-            curve = self._best(segments)
-            if self.problem.on_samples and curve.knots.size <= SQP.window:
-                curve = min(curve, self._on_samples.moved(curve.knots), key=by_error)
-            self._found[segments] = curve
+            self._found[segments] = self._best(segments)
         return self._found[segments]
 
     def rough_error(self, segments: int, limit: float) -> float:
@@ -185,17 +176,13 @@ class KnotSearch:
     def _of_means(self) -> KnotSearch | None:
         """Curves through fewer samples, where there are very many and any knots will do."""
         problem = self.problem
-        if problem.samples <= SEARCH.many_samples or not problem.free_knots:
+        if problem.samples <= SEARCH.many_samples or problem.required.size:
             return None
         return KnotSearch(to_means(problem))
 
     @cached_property
     def _proposals(self) -> ChainProposals:
         return ChainProposals(self.problem, self.ideal)
-
-    @cached_property
-    def _on_samples(self) -> KnotsOnSamples:
-        return KnotsOnSamples(self.problem)
 
     @cached_property
     def _merged(self) -> MergedKnots:
@@ -215,7 +202,7 @@ class KnotSearch:
             return best
         if self._of_means is None and best.error > SEARCH.close * self.ideal_error:
             best = improved(problem, self.ideal, starts)
-        return descended_from_kinks(problem, best)
+        return descend(problem, [best], rounds=SEARCH.many)[0]
 
     def _starts(self, segments: int) -> list[Candidate]:
         """Curves a few evaluations from what is proposed, the best first; found once."""
@@ -261,7 +248,7 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
     begun = sorted(
         descend(problem, starts, rounds=SEARCH.many, progress=SEARCH.rough), key=by_error
     )
-    if not problem.free_knots:
+    if problem.required.size:
         return begun[0]
     return with_moved_knots(problem, _apart(begun)[: SEARCH.finalists])
 
@@ -321,41 +308,10 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     values = np.tile(curve.values, (which.size, 1))
     values[row, which] = along(knots[row, which])
     ends = np.column_stack([knots, knots[:, 0] + problem.samples]) if problem.cyclic else knots
-    allowed = np.min(np.diff(ends, axis=1), axis=1) >= problem.shortest - BARELY_SHORT
+    allowed = np.min(np.diff(ends, axis=1), axis=1) >= SHORTEST
     return [
         Candidate(k, v, curve.error) for k, v in zip(knots[allowed], values[allowed], strict=True)
     ]
-
-
-def descended_from_kinks(problem: Problem, curve: Candidate) -> Candidate:
-    """A curve downhill of ``curve``, also where knots at kinks held the others back."""
-    best = descend(problem, [curve], rounds=SEARCH.many)[0]
-    here, hold = knots_at_kinks(problem, best)
-    if not np.any(hold):
-        return best
-    return min(best, *descend(problem, [here], rounds=SEARCH.many, hold=hold), key=by_error)
-
-
-def knots_at_kinks(problem: Problem, curve: Candidate) -> tuple[Candidate, npt.NDArray[np.bool_]]:
-    """The curve with the knots that lie next to a convex kink put into it, and which those are.
-
-    A knot moved past a sample takes it from one line to the other, so the derivative of the squared
-    error jumps there by twice the residual times the change of slope. Where it jumps upwards, the
-    local minimum is at the sample itself, which Newton's method jumps over back and forth, while
-    damping holds all other knots back too.
-    """
-    knots = curve.knots
-    whole = np.floor(knots + 0.5)
-    values = np.append(curve.values, curve.values[0]) if problem.cyclic else curve.values
-    slopes = np.diff(values) / np.diff(problem.ends(knots))
-    bend = slopes - np.roll(slopes, 1) if problem.cyclic else np.diff(slopes, prepend=0, append=0)
-    residual = residuals(problem, knots, curve.values)[whole.astype(np.intp) % problem.samples]
-    hold = (np.abs(knots - whole) <= SEARCH.kink) & (residual * bend > 0.0)
-    hold &= ~fixed_variables(problem, knots)[0]
-    knots = np.where(hold, whole, knots)
-    if not np.any(hold) or not problem.long_enough(knots):
-        return curve, np.zeros(knots.size, dtype=bool)
-    return candidate(problem, knots, _along(problem, curve)(knots)), hold
 
 
 def _along(problem: Problem, curve: Candidate) -> PiecewiseLinear:
@@ -381,7 +337,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
         The curve; None if it is too steep somewhere or has more than one segment in three samples.
     """
     d, n = problem.desired, problem.samples
-    if problem.required.size or problem.on_samples:
+    if problem.required.size:
         return None
     bent = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1)) > STRAIGHT
     if not problem.cyclic:
@@ -432,4 +388,4 @@ def _within_problem(problem: Problem, knots: Array, values: Array) -> Candidate 
     lengths = np.diff(problem.ends(knots))
     steep = np.abs(rises) > problem.step * lengths * (1.0 + 1e-9)
     off = curve.error > problem.samples * (100.0 * STRAIGHT) ** 2
-    return None if np.any(steep) or np.any(lengths < problem.shortest) or off else curve
+    return None if np.any(steep) or np.any(lengths < 1.0) or off else curve

@@ -65,18 +65,18 @@ class Relaxation:
         n = self.samples = problem.samples
         self.nodes = np.arange(n) if nodes is None else nodes
         self.cyclic, self.step = problem.cyclic, problem.step
-        desired, weights = problem.desired, problem.weights
+        desired = problem.desired
         nodes = self.nodes
         if problem.cyclic:
-            desired, weights = np.resize(desired, 2 * n), np.resize(weights, 2 * n)
+            desired = np.resize(desired, 2 * n)
             nodes = np.append(nodes, nodes + n)
         count = nodes.size
         start, end = nodes[:, None], nodes[None, :]
-        sums = moments(desired, weights, start, end)
+        sums = moments(desired, start, end)
         first, last = np.full(count, 0.5), np.full(count, 0.5)
         if not problem.cyclic:
             first[0], last[-1] = 1.0, 0.0
-        first, last = first[:, None] * weights[start], last[None, :] * weights[end]
+        first, last = first[:, None], last[None, :]
         length = (end - start).astype(np.float64)
         possible = segment_allowed(problem, start, end)
         d_i, d_j = desired[start], desired[end]
@@ -210,10 +210,10 @@ def first_multipliers(
 ) -> Multipliers:
     """The multipliers at ``nodes`` that make ``curve`` the cheapest chain with its own knots.
 
-    A segment is optimal if twice the sum of its residuals, w (P - d), equals the multiplier at its
+    A segment is optimal if twice the sum of its residuals, P - d, equals the multiplier at its
     start less that at its end; the first one follows from a segment whose slope is free.
     """
-    residual = problem.weights * residuals(problem, curve.knots, curve.values)
+    residual = residuals(problem, curve.knots, curve.values)
     along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
     if problem.cyclic:
         along += _first_of_cycle(problem, curve, residual, along)

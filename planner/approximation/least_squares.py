@@ -1,7 +1,7 @@
 """The squared error of piecewise-linear curves, and its derivatives by knots and values.
 
 Between the knots t_j and t_{j+1} the curve at sample k is P(k) = (1 - u) y_j + u y_{j+1} with the
-share u = (k - t_j) / (t_{j+1} - t_j). The error is E = Σ_k w_k (P(k) - D(k))². Its derivatives need
+share u = (k - t_j) / (t_{j+1} - t_j). The error is E = Σ_k (P(k) - D(k))². Its derivatives need
 five sums over the samples of each segment only. Many curves of as many knots are evaluated at once;
 one alone takes as long as a function of its own would.
 """
@@ -61,15 +61,13 @@ def evaluate(problem: Problem, knots: Array, values: Array) -> Evaluation:
         since = np.mod(since, n)
     share = (since + (first - knots[:, start]).ravel()[cells]) / lengths.ravel()[cells]
     residual = values[:, start].ravel()[cells] + share * rises.ravel()[cells] - problem.desired
-    weighed = residual * problem.weights
-    errors = np.einsum("mk,mk->m", residual, weighed)
+    errors = np.einsum("mk,mk->m", residual, residual)
 
-    # Σ w r, Σ w r u, Σ w, Σ w u and Σ w u² of every segment.
+    # Σ r, Σ r u, Σ 1, Σ u and Σ u² of every segment.
     sums = np.empty((5, count, n))
-    sums[0], sums[2] = weighed, problem.weights
-    np.multiply(weighed, share, out=sums[1])
-    np.multiply(problem.weights, share, out=sums[3])
-    np.multiply(sums[3], share, out=sums[4])
+    sums[0], sums[2], sums[3] = residual, 1.0, share
+    np.multiply(residual, share, out=sums[1])
+    np.multiply(share, share, out=sums[4])
     places = cells + count * start.size * np.arange(5)[:, None, None]
     tables = sums_by(sums, places, 5 * count * start.size)
     r0, r1, w0, w1, w2 = tables.reshape(5, count, start.size)
@@ -167,49 +165,45 @@ def slacks(problem: Problem, knots: Array, values: Array) -> Array:
         length[..., -1] += problem.samples
     rise = values[..., end] - values[..., start]
     limit = problem.step * length
-    return np.concatenate([limit - rise, limit + rise, length - problem.shortest], axis=-1)
+    return np.concatenate([limit - rise, limit + rise, length - 1.0], axis=-1)
 
 
 class Moments(NamedTuple):
     """Sums over stretches of samples, time counted from the first node of each; any shape."""
 
-    w0: Array  # Σ w
-    w1: Array  # Σ w k
-    w2: Array  # Σ w k²
-    d0: Array  # Σ w d
-    d1: Array  # Σ w k d
-    d2: Array  # Σ w d²
+    w0: Array  # Σ 1
+    w1: Array  # Σ k
+    w2: Array  # Σ k²
+    d0: Array  # Σ d
+    d1: Array  # Σ k d
+    d2: Array  # Σ d²
 
 
-def moments(
-    desired: Array, weights: Array, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
-) -> Moments:
+def moments(desired: Array, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]) -> Moments:
     """Sums over the samples after ``start`` up to ``end``, with k = 0 at ``start``.
 
     Args:
         desired: Samples, shape (..., n); their sums have the same leading axes.
-        weights: Their weights, shape (n,).
         start: Sample before each stretch, of any shape that broadcasts with ``end``.
         end: Last sample of each.
 
     Returns:
         The sums, each of the common shape. Cost O(n) and a few operations per stretch.
     """
-    totals = running(desired, weights)
+    totals = running(desired)
     begun = [total[..., start] for total in totals]
     ended = [total[..., end] for total in totals]
     return between(start, begun, ended)
 
 
-def running(desired: Array, weights: Array) -> tuple[Array, Array]:
+def running(desired: Array) -> tuple[Array, Array]:
     """Sums over the samples up to each, with k = 0 at the first.
 
-    Those of w, w k and w k², shape (3, n), and of w d, w k d and w d², shape (3, ..., n).
+    Those of 1, k and k², shape (3, n), and of d, k d and d², shape (3, ..., n).
     """
     k = np.arange(desired.shape[-1], dtype=np.float64)
-    wk, wd = weights * k, weights * desired
-    of_weights, of_samples = [weights, wk, wk * k], [wd, wk * desired, wd * desired]
-    return np.cumsum(of_weights, axis=-1), np.cumsum(of_samples, axis=-1)
+    of_index, of_samples = [np.ones(k.size), k, k * k], [desired, k * desired, desired * desired]
+    return np.cumsum(of_index, axis=-1), np.cumsum(of_samples, axis=-1)
 
 
 def between(

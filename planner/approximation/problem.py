@@ -1,7 +1,7 @@
 """The samples in units of the search, and the constraints on knots besides the slopes.
 
-The samples are of size one; time is counted in samples. Knots may be fixed: the ends of a path,
-required knots, and all of them where knots lie on samples. Values may be fixed at required knots.
+The samples are of size one; time is counted in samples. The ends of a path and required knots are
+fixed, and at required knots values may be, too.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from planner.trajectory import Array
 SAME_PLACE = 1e-6
 """Distance [samples] at which a knot counts as one that is required."""
 
-BARELY_SHORT = 1e-9
-"""By how much a segment may be shorter than the shortest one [samples]: rounding."""
+SHORTEST = 1.0 - 1e-9
+"""Length of the shortest segment [samples]: a sample, less rounding."""
 
 KNOT_UNIT = 2.0**-32
 """Knots are rounded to multiples of this [samples], so that their sums are exact."""
@@ -38,41 +38,20 @@ class Problem:
         desired: Samples D, shape (n,).
         step: Largest change per sample v.
         cyclic: Whether the first sample follows the last.
-        weights: Weight of every sample's squared error, mean 1, shape (n,); by default all 1.
-        shortest: Length of the shortest segment [samples].
         required: Where there must be a knot [samples], shape (r,), increasing.
         pins: The curve's values there, shape (r,); NaN where they are free.
-        on_samples: Whether knots lie on samples.
     """
 
     desired: Array
     step: float
     cyclic: bool
-    weights: Array = None  # type: ignore[assignment]
-    shortest: float = 1.0
     required: Array = field(default_factory=lambda: np.zeros(0))
     pins: Array = field(default_factory=lambda: np.zeros(0))
-    on_samples: bool = False
-
-    def __post_init__(self) -> None:
-        """Weigh all samples alike where no weights are given."""
-        if self.weights is None:
-            object.__setattr__(self, "weights", np.ones(self.desired.size))
 
     @property
     def samples(self) -> int:
         """Number of samples n."""
         return self.desired.size
-
-    @property
-    def free_knots(self) -> bool:
-        """Whether knots may lie anywhere, a sample or more apart."""
-        return not self.on_samples and self.shortest <= 1.0 and not self.required.size
-
-    @property
-    def unit_length(self) -> float:
-        """Length of the shortest segment that knots allow [samples]."""
-        return math.ceil(self.shortest - BARELY_SHORT) if self.on_samples else self.shortest
 
     def ends(self, knots: Array) -> Array:
         """Ends of the segments [samples]: the knots, and of a cycle the first a period later."""
@@ -83,8 +62,8 @@ class Problem:
         return knots.size if self.cyclic else knots.size - 1
 
     def long_enough(self, knots: Array) -> bool:
-        """Whether no segment between these knots is too short."""
-        return bool(np.min(np.diff(self.ends(knots))) >= self.shortest - BARELY_SHORT)
+        """Whether no segment between these knots is shorter than a sample."""
+        return bool(np.min(np.diff(self.ends(knots))) >= SHORTEST)
 
 
 class Candidate(NamedTuple):
@@ -96,9 +75,9 @@ class Candidate(NamedTuple):
 
 
 def candidate(problem: Problem, knots: Array, values: Array) -> Candidate:
-    """A curve with its squared error Σ w (P - D)²; O(n + K)."""
+    """A curve with its squared error Σ (P - D)²; O(n + K)."""
     residual = residuals(problem, knots, values)
-    return Candidate(knots, values, float(residual @ (problem.weights * residual)))
+    return Candidate(knots, values, float(residual @ residual))
 
 
 def residuals(problem: Problem, knots: Array, values: Array) -> Array:
@@ -120,7 +99,7 @@ def fixed_variables(
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """Which knots may not move, and which of their values, each shape (K,)."""
     required, pins = required_knots(problem, knots)
-    return required | problem.on_samples, np.isfinite(pins)
+    return required, np.isfinite(pins)
 
 
 def required_knots(problem: Problem, knots: Array) -> tuple[npt.NDArray[np.bool_], Array]:
@@ -166,7 +145,7 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
     Returns:
         Values at the knots [unit of the samples], shape (k,).
     """
-    mean = float(np.average(problem.desired, weights=problem.weights))
+    mean = float(np.mean(problem.desired))
     if not problem.required.size:
         return np.full(knots.size, mean)
     lower, upper = reachable_interval(problem, knots)
@@ -212,8 +191,7 @@ def segment_allowed(
     problem: Problem, start: npt.NDArray[np.intp], end: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.bool_]:
     """Whether a segment may lead from one node to another, by length and required knots."""
-    moves = bool(np.any(problem.required != np.floor(problem.required)))  # by half a sample or less
-    possible = end - start >= max(problem.shortest - 0.5 * moves, 1.0)
+    possible = end - start >= 1
     for node in nearest_samples(problem.required):
         turns = range(-1, 4) if problem.cyclic else (0,)
         for turn in turns:
@@ -230,7 +208,7 @@ def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
         places = np.append(first, first[0] + n)
     else:
         places = np.unique(np.concatenate([[0.0], fixed, [n - 1.0]]))
-    most = np.floor(np.diff(places) / problem.unit_length + BARELY_SHORT).astype(np.intp)
+    most = np.floor(np.diff(places) + (1.0 - SHORTEST)).astype(np.intp)
     return places, most
 
 
@@ -240,12 +218,12 @@ def least_count(problem: Problem) -> int:
 
 
 def most_segments(problem: Problem) -> int:
-    """Most segments that the samples and the shortest segment allow."""
+    """Most segments of a sample or more."""
     return int(np.sum(segment_capacity(problem)[1]))
 
 
 def even_knots(problem: Problem, segments: int | None = None) -> Array:
-    """Knots as evenly spread as required knots and the shortest segment allow.
+    """Knots as evenly spread as required knots allow.
 
     Args:
         problem: What to approximate.
@@ -270,7 +248,6 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
             heapreplace(queue, (share, k))
     pieces = []
     for start, size, count in zip(places[:-1], length, parts, strict=True):
-        inner = start + size * np.arange(count) / count
-        pieces.append(np.floor(inner + 1e-9) if problem.on_samples else inner)
+        pieces.append(start + size * np.arange(count) / count)
     knots = np.concatenate(pieces)
     return knots if problem.cyclic else np.append(knots, places[-1])

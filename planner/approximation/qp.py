@@ -1,6 +1,6 @@
 """The values at given knots that are best within the slopes: a convex QP.
 
-    minimise  Σ_k w_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
+    minimise  Σ_k (P(k) - D(k))²    subject to    |y' - y| <= v (t' - t) for every segment
 
 The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
 the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
@@ -146,7 +146,7 @@ def build_values_qp(
     rest = 1.0 - share
 
     def total(products: Array) -> Array:
-        return sums_by(problem.weights * products, segment, start.size)
+        return sums_by(products, segment, start.size)
 
     s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
     diagonal = sums_by(s00, start, size) + sums_by(s11, end, size)

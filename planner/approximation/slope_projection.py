@@ -16,8 +16,7 @@ LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
 
 PIN_WEIGHT = 1e5
-"""Weight, in units of the mean, of a sample at which the curve's value is required. 28 fits with a
-required angle: 1e4 and 1e6: no change."""
+"""Weight of a sample at which the curve's value is required."""
 
 
 def ideal_of(problem: Problem) -> Array:
@@ -27,16 +26,13 @@ def ideal_of(problem: Problem) -> Array:
     on samples are penalised by :data:`PIN_WEIGHT`, so the others are at least as close, and the
     sequence is the pin's value there. Beside a pin it may exceed ``step`` slightly.
     """
-    desired, weights = problem.desired, problem.weights
+    desired, weights = problem.desired, np.ones(problem.samples)
     pinned = np.isfinite(problem.pins) & (problem.required == np.floor(problem.required))
     at = problem.required[pinned].astype(np.intp)
     if at.size:
-        desired, weights = desired.copy(), weights.copy()
+        desired = desired.copy()
         desired[at], weights[at] = problem.pins[pinned], PIN_WEIGHT
-    even = bool(np.all(weights == weights[0]))
-    ideal = slope_bounded(
-        desired, problem.step, cyclic=problem.cyclic, weights=None if even else weights
-    )
+    ideal = slope_bounded(desired, problem.step, cyclic=problem.cyclic, weights=weights)
     ideal[at] = problem.pins[pinned]
     return ideal
 
@@ -78,8 +74,13 @@ def _closed(desired: Array, weights: Array, step: float, near: Array) -> Array:
     """The ideal of a cycle as a QP; ``near`` if that is not solved."""
     middle = 0.5 * (float(desired.max()) + float(desired.min()))
     unit = 0.5 * float(np.ptp(desired))
+    at = np.flatnonzero(weights > 1.0)
     problem = Problem(
-        desired=(desired - middle) / unit, step=step / unit, cyclic=True, weights=weights
+        desired=(desired - middle) / unit,
+        step=step / unit,
+        cyclic=True,
+        required=at.astype(np.float64),
+        pins=(desired[at] - middle) / unit,
     )
     try:
         values = solve_values(problem, np.arange(desired.size, dtype=np.float64))

@@ -133,7 +133,6 @@ def descend(
     rounds: int,
     progress: float = SQP.progress,
     keep: int | None = None,
-    hold: Mask | None = None,
 ) -> list[Candidate]:
     """Move knots and values downhill until there is no progress; the ends of a path stay.
 
@@ -143,7 +142,6 @@ def descend(
         rounds: Most evaluations of each.
         progress: Relative decrease of the squared error below which a descent ends.
         keep: How many go on after ``SQP.race`` evaluations, the best; None for all.
-        hold: Knots that stay, shape (K,), besides those that must.
 
     Returns:
         The best curve found from each start; never worse than it.
@@ -151,7 +149,7 @@ def descend(
     if not starts:
         return []
     knots, values = np.array([s.knots for s in starts]), np.array([s.values for s in starts])
-    free = _each(knots, lambda row: _free_variables(problem, row, hold), problem)
+    free = _each(knots, lambda row: _free_variables(problem, row), problem)
     here = _newton(problem, knots, values, free, rounds=rounds, progress=progress, keep=keep)
     rows = zip(here.knots, here.values, here.errors.tolist(), strict=True)
     return [Candidate(*row) for row in rows]
@@ -174,7 +172,7 @@ def descend_by_windows(
     if start.knots.size <= SQP.window:
         return descend(problem, [start], rounds=rounds)[0]
     size, n = start.knots.size, problem.samples
-    fixed = ~_free_variables(problem, start.knots, None)
+    fixed = ~_free_variables(problem, start.knots)
     knots, values = start.knots.copy(), start.values.copy()
     for first in range(0, size if problem.cyclic else size - 2, SQP.window // 2):
         last = first + SQP.window - 1
@@ -189,7 +187,6 @@ def descend_by_windows(
         window = replace(
             problem,
             desired=problem.desired[inside],
-            weights=problem.weights[inside],
             cyclic=False,
         )
         free = ~np.concatenate([fixed[number % size], fixed[size + number % size]])
@@ -220,9 +217,8 @@ def _each(
     return np.tile(of(several[0]), (len(several), 1))
 
 
-def _free_variables(problem: Problem, knots: Array, hold: Mask | None) -> Mask:
-    fixed, pinned = fixed_variables(problem, knots)
-    return ~np.concatenate([fixed if hold is None else fixed | hold, pinned])
+def _free_variables(problem: Problem, knots: Array) -> Mask:
+    return ~np.concatenate(fixed_variables(problem, knots))
 
 
 def _newton(

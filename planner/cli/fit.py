@@ -13,10 +13,8 @@ from planner.cli.console import Progress, deliver, naming
 
 if TYPE_CHECKING:
     from planner.approximation.fit import PiecewiseLinearFit
-    from planner.files.table import Table
     from planner.run.desired import Desired
     from planner.run.settings import Run
-    from planner.trajectory import Array
 
 
 def _knot(text: str) -> tuple[float, float | None]:
@@ -62,21 +60,6 @@ def _knot(text: str) -> tuple[float, float | None]:
     metavar="S[=DEG]",
     help="Time at which there must be a knot, and perhaps its angle; several times for more.",
 )
-@click.option(
-    "--shortest-s",
-    "shortest_s",
-    type=types.above_0("seconds"),
-    metavar="S",
-    help="Duration of the shortest line.  [default: one sample]",
-)
-@click.option("--start-deg", type=float, metavar="DEG", help="Angle at the start of a path.")
-@click.option("--end-deg", type=float, metavar="DEG", help="Angle at the end of a path.")
-@click.option(
-    "--weights",
-    metavar="COLUMN|FILE",
-    help="How much each sample's squared error counts: a column of DESIRED, or a CSV of one.",
-)
-@click.option("--on-samples", is_flag=True, help="Put knots on samples only.")
 @click.option("--exact", is_flag=True, help="Prove that no other knots on samples are better.")
 @click.option(
     "--knots",
@@ -112,7 +95,6 @@ def fit(
     import numpy as np
 
     from planner.files.paths import write_joint_path
-    from planner.files.table import read_table
     from planner.report.table import text_table
     from planner.run.desired import check_angles, load_joints
     from planner.run.models import model_words
@@ -121,10 +103,7 @@ def fit(
         raise click.UsageError(
             f"--figure: got '{figure}', expected a name that ends in .svg or .png."
         )
-    weights, table = _weighed(given["weights"], read_table(desired))
-    path = load_joints(
-        desired, run.model, joints=run.path.joints, table=table, cyclic=run.plan.cyclic
-    )
+    path = load_joints(desired, run.model, joints=run.path.joints, cyclic=run.plan.cyclic)
     options.warn_of(path.remarks)
     check_angles(path.names, path.units)
     cyclic = path.cyclic
@@ -133,7 +112,7 @@ def fit(
             f"--knots writes one joint, got {', '.join(path.names)}; choose one with --joint."
         )
     question = _asked({**given, "cyclic": cyclic, "segments": run.plan.segments}, path.period)
-    fits = _fits(path, weights, question)
+    fits = _fits(path, question)
     document = {
         "cyclic": cyclic,
         "period_s": path.period,
@@ -166,67 +145,19 @@ def _asked(options: dict[str, Any], period: float) -> dict[str, Any]:
     Args:
         options: What click read.
         period: Time between samples [s].
-
-    Raises:
-        click.UsageError: A cycle is to have ends.
     """
-    ends = options["start_deg"], options["end_deg"]
-    for name, angle in zip(("--start-deg", "--end-deg"), ends, strict=True):
-        if options["cyclic"] and angle is not None:
-            raise click.UsageError(f"{name}: a cycle has no ends; add --no-cyclic.")
     given: dict[str, Any] = {
         "cyclic": options["cyclic"],
         "segments": options["segments"],
         "required": {_samples(time, period): angle for time, angle in options["required_s"]},
-        "ends": tuple(None if angle is None else math.radians(angle) for angle in ends),
-        "on_samples": options["on_samples"],
         "exact": options["exact"],
     }
     for name in ("max_error", "max_rms"):
         if options[name] is not None:
             given[name] = math.radians(options[name])
-    if options["shortest_s"] is not None:
-        given["shortest"] = _samples(options["shortest_s"], period)
     if options["knot_s"]:
         given["knots"] = [_samples(time, period) for time in options["knot_s"]]
     return given
-
-
-def _weighed(weights: str | None, table: Table) -> tuple[Array | None, Table]:
-    """The weights of the samples, and the table without their column.
-
-    Args:
-        weights: The option: a column's name, or else a CSV file with one column besides its clock.
-        table: What was read from DESIRED.
-
-    Raises:
-        InvalidFile: A weight is no number, or the file has no single column.
-    """
-    from dataclasses import replace
-
-    from planner.exceptions import InvalidFile
-    from planner.files.clock import time_columns
-    from planner.files.paths import COUNTERS
-    from planner.files.table import read_table
-
-    if weights is None:
-        return None, table
-    if weights in table.names:
-        place = table.names.index(weights)
-        rows = tuple((*row[:place], *row[place + 1 :]) for row in table.rows)
-        names = (*table.names[:place], *table.names[place + 1 :])
-        return table.numbers([weights])[:, 0], replace(table, names=names, rows=rows)
-    if not Path(weights).exists():
-        raise click.UsageError(
-            f"--weights: got '{weights}', expected a column of {table.path} "
-            f"({', '.join(table.names)}) or a CSV file."
-        )
-    own = read_table(weights)
-    others = (*time_columns(own.names), *COUNTERS)
-    columns = [name for name in own.names if name not in others]
-    if len(columns) != 1:
-        raise InvalidFile(weights, f"got columns {', '.join(own.names)}, expected one of weights")
-    return own.numbers(columns)[:, 0], table
 
 
 def _samples(time: float, period: float) -> float:
@@ -237,9 +168,7 @@ def _samples(time: float, period: float) -> float:
     return float(round(count)) if abs(count - round(count)) < 1e-6 else count
 
 
-def _fits(
-    path: Desired, weights: Array | None, question: dict[str, Any]
-) -> dict[str, PiecewiseLinearFit]:
+def _fits(path: Desired, question: dict[str, Any]) -> dict[str, PiecewiseLinearFit]:
     from planner.approximation.fit import fit_pwl
 
     fits = {}
@@ -248,11 +177,7 @@ def _fits(
             progress(name)
             with naming(name):
                 fits[name] = fit_pwl(
-                    path.angles[:, j],
-                    v_max=joint.v_max,
-                    tick=joint.period,
-                    weights=weights,
-                    **question,
+                    path.angles[:, j], v_max=joint.v_max, tick=joint.period, **question
                 )
     return fits
 

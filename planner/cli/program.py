@@ -93,7 +93,6 @@ ARGUMENTS = {
     "required": "--required-s",
     "resolution": "--resolution-deg",
     "segments": "--segments",
-    "shortest": "--shortest-s",
     "start": "--start-deg",
     "ticks per turn": "--ticks-per-turn",
     "topic": "--topic",

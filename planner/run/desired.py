@@ -19,7 +19,7 @@ from planner.files.paths import (
     joint_path,
     write_joint_path,
 )
-from planner.files.table import Table, read_table
+from planner.files.table import read_table
 from planner.files.units import LEAST_DEG, SHARES
 from planner.gait import half_ellipse
 from planner.model.evidence import refusal
@@ -299,7 +299,6 @@ def load_joints(
     model: settings.Model,
     *,
     joints: tuple[str, ...] = (),
-    table: Table | None = None,
     rate_hz: float | None = None,
     cyclic: bool | None = None,
 ) -> Desired:
@@ -308,7 +307,7 @@ def load_joints(
     Raises:
         InvalidFile: The file holds no joint path, or its rate is not the models'.
     """
-    table = read_table(file) if table is None else table
+    table = read_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
     given = joint_path(table, joints=joints)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.approximation.fit import fit_pwl
-from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.samples import KINDS, problems, samples_of
 
 SLOPE_ROUNDING = 1e-12
@@ -27,11 +27,11 @@ def closed(fit):
     return np.append(fit.knots, fit.knots[0] + fit.samples), np.append(fit.values, fit.values[0])
 
 
-def check(fit, v_max, shortest):
+def check(fit, v_max):
     knots, values = closed(fit)
     slopes = np.diff(values) / (np.diff(knots) * fit.tick)
     assert np.max(np.abs(slopes)) <= v_max * (1.0 + SLOPE_ROUNDING)
-    assert np.min(np.diff(knots)) >= shortest - PLACE
+    assert np.min(np.diff(knots)) >= 1.0 - PLACE
 
 
 @settings(max_examples=80)
@@ -40,7 +40,6 @@ def test_whatever_is_required_at_once_holds_on_the_curve(problem, segments, seed
     desired, step, cyclic = problem
     n = desired.size
     rng = np.random.default_rng(seed)
-    shortest = float(rng.choice([1.0, 1.5, 2.0]))
     places = np.sort(rng.choice(np.arange(4, n - 4, 3.0), rng.integers(0, 3), replace=False))
     places = places + (0.0 if whole else rng.uniform(0.0, 0.4))
     first = rng.choice(desired)
@@ -53,8 +52,7 @@ def test_whatever_is_required_at_once_holds_on_the_curve(problem, segments, seed
     pieces = np.diff(
         np.r_[places, places[:1] + n] if cyclic and places.size else np.r_[0, places, n - 1]
     )
-    unit = np.ceil(shortest) if whole else shortest
-    room = int(np.sum(np.floor(pieces / unit)))
+    room = int(np.sum(np.floor(pieces)))
     fit = fit_pwl(
         desired,
         v_max=step,
@@ -62,33 +60,28 @@ def test_whatever_is_required_at_once_holds_on_the_curve(problem, segments, seed
         cyclic=cyclic,
         segments=min(max(segments, places.size + 1), room),
         required=pins,
-        shortest=shortest,
-        weights=rng.uniform(0.2, 3.0, n),
-        on_samples=whole,
     )
-    check(fit, step, shortest)
+    check(fit, step)
     scale = max(np.max(np.abs(desired)), np.ptp(desired))
     for place, pin in pins.items():
         assert np.min(np.abs(fit.knots - place)) <= PLACE
         if pin is not None:
             assert fit(place) == pytest.approx(pin, rel=1e-9, abs=1e-9 * scale)
-    if whole:
-        assert np.array_equal(fit.knots, np.round(fit.knots))
 
 
-@pytest.mark.parametrize("ends", [(0.3, None), (None, -0.2), (0.3, -0.2)])
-def test_clamped_ends_are_met(ends):
-    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, cyclic=False, segments=5, ends=ends)
-    check(fit, 0.2, 1.0)
-    for angle, end in zip(ends, (fit.values[0], fit.values[-1]), strict=True):
-        assert angle is None or end == pytest.approx(angle, abs=1e-14)
+@pytest.mark.parametrize("ends", [{0: 0.3}, {59: -0.2}, {0: 0.3, 59: -0.2}])
+def test_required_angles_at_the_ends_of_a_path_are_met(ends):
+    fit = fit_pwl(SINE, v_max=0.2, tick=1.0, cyclic=False, segments=5, required=ends)
+    check(fit, 0.2)
+    for place, angle in ends.items():
+        assert fit(place) == pytest.approx(angle, abs=1e-14)
     free = fit_pwl(SINE, v_max=0.2, tick=1.0, cyclic=False, segments=5)
     assert fit.rms >= free.rms * (1.0 - 1e-6)
 
 
 def test_ends_that_a_straight_line_at_v_max_just_joins_are_met():
-    fit = fit_pwl(SINE, v_max=0.01, tick=1.0, cyclic=False, segments=4, ends=(0.0, 0.59))
-    check(fit, 0.01, 1.0)
+    fit = fit_pwl(SINE, v_max=0.01, tick=1.0, cyclic=False, segments=4, required={0: 0.0, 59: 0.59})
+    check(fit, 0.01)
     assert (fit.values[0], fit.values[-1]) == (0.0, 0.59)
 
 
@@ -111,11 +104,9 @@ def test_fixed_knots_are_kept_and_their_values_are_best():
             assert np.mean(other**2) >= fit.rms**2
 
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_the_other_values_are_best_for_what_is_required_of_one(whole):
-    place = 17.0 if whole else 17.5
-    asked = {"v_max": 5.0, "tick": 1.0, "on_samples": whole, "segments": 5}
-    fit = fit_pwl(SINE, required={place: 0.5}, **asked)
+@pytest.mark.parametrize("place", [17.0, 17.5])
+def test_the_other_values_are_best_for_what_is_required_of_one(place):
+    fit = fit_pwl(SINE, v_max=5.0, tick=1.0, segments=5, required={place: 0.5})
     (pin,) = np.flatnonzero(fit.knots == place)
     for k in set(range(5)) - {int(pin)}:
         for nudge in (1e-3, -1e-3):
@@ -133,34 +124,6 @@ def test_fixed_knots_flatten_until_they_keep_a_largest_error():
     assert fit.rms >= plain.rms
 
 
-def test_a_weight_counts_like_that_many_samples():
-    desired = samples_of("walk", 40, np.random.default_rng(4))
-    weights = np.where(np.arange(40) < 20, 3.0, 1.0)
-    knots = [0.0, 12.0, 25.5]
-    fit = fit_pwl(desired, v_max=1.0, tick=1.0, cyclic=False, knots=knots, weights=weights)
-    for k in range(4):
-        values = fit.values + 1e-4 * (np.arange(4) == k)
-        other = np.interp(np.arange(40), fit.knots, values) - desired
-        assert np.average(other**2, weights=weights) >= fit.rms**2
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_weights_all_alike_are_no_weights(kind):
-    desired = samples_of(kind, 40, np.random.default_rng(4))
-    plain = fit_pwl(desired, v_max=0.2, tick=1.0, segments=4)
-    weighted = fit_pwl(desired, v_max=0.2, tick=1.0, segments=4, weights=np.full(40, 7.0))
-    assert np.array_equal(weighted.values, plain.values)
-
-
-def test_heavy_samples_are_met_more_closely():
-    desired = samples_of("noisy sine", 60, np.random.default_rng(2))
-    weights = np.where(np.arange(60) // 15 == 1, 50.0, 1.0)
-    plain = fit_pwl(desired, v_max=1.0, tick=1.0, segments=5)
-    fit = fit_pwl(desired, v_max=1.0, tick=1.0, segments=5, weights=weights)
-    heavy = weights > 1.0
-    assert np.sum(fit.residuals[heavy] ** 2) < np.sum(plain.residuals[heavy] ** 2)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_max_rms_is_kept_with_no_more_segments_than_it_takes(kind, cyclic):
@@ -172,18 +135,15 @@ def test_max_rms_is_kept_with_no_more_segments_than_it_takes(kind, cyclic):
     assert fit.segments <= 5
 
 
-@pytest.mark.parametrize("shortest", [1.0, 3.0, 4.5])
-def test_hundreds_of_segments_are_as_good_as_few_and_keep_what_is_required(shortest):
+def test_hundreds_of_segments_are_as_good_as_few_and_keep_what_is_required():
     """The six segments of one period, twenty times, are a fit too; the search may lose a fifth."""
     noise = 0.01 * np.random.default_rng(1).normal(size=1200)
     desired = np.resize(SINE, 1200) + noise
     one_period = fit_pwl(SINE, v_max=0.3, tick=1.0, segments=6)
     known = np.hypot(one_period.rms, np.sqrt(np.mean(noise**2)))
     for required in ((), (100.5, 701.0)):
-        fit = fit_pwl(
-            desired, v_max=0.3, tick=1.0, segments=120, shortest=shortest, required=required
-        )
-        check(fit, 0.3, shortest)
+        fit = fit_pwl(desired, v_max=0.3, tick=1.0, segments=120, required=required)
+        check(fit, 0.3)
         assert fit.segments == 120
         assert set(required) <= set(fit.knots.tolist())
         residuals = fit(np.arange(1200)) - desired
@@ -191,25 +151,23 @@ def test_hundreds_of_segments_are_as_good_as_few_and_keep_what_is_required(short
 
 
 REFUSED = [
-    ({"ends": (0.0, 30.0), "cyclic": False}, "at sample 0 and 30 rad at sample 59: got a slope"),
     (
-        {"ends": (1.0, None), "required": {0: 0.0}, "cyclic": False},
-        "required and ends: got 0 rad and 1 rad at sample 0",
+        {"required": {0: 0.0, 59: 30.0}, "cyclic": False},
+        "at sample 0 and 30 rad at sample 59: got a slope",
     ),
     ({"required": {5: 0.0, 8: 2.0}}, "at sample 5 and 2 rad at sample 8: got a slope of 0.666"),
     ({"required": {2: 1.0, 58: 0.0}}, "at sample 58 and 1 rad at sample 2: got a slope of 0.25"),
-    ({"required": [5, 7], "shortest": 3.0}, "knots at samples 5 and 7: 2 samples apart"),
+    ({"required": [5, 5.5]}, "knots at samples 5 and 5.5: 0.5 samples apart, expected at least 1"),
     (
-        {"segments": 9, "shortest": 7.0},
-        "segments = 9 and shortest = 7 samples: there is room for 8",
+        {"segments": 60, "required": [0.5, 10]},
+        "segments = 60 and required knots: there is room for 59",
     ),
     ({"segments": 2, "required": [1, 9, 20]}, "segments = 2 and 3 required knots"),
-    ({"shortest": 40.0}, "shortest = 40 and a cycle of 60 samples"),
     (
         {"knots": [0, 30], "max_error": 0.1},
         r"knots and max_error: with these knots samples 1[3-6] and 4[4-7]",
     ),
-    ({"knots": [0, 2, 30], "shortest": 4.0}, "knots at samples 0 and 2"),
+    ({"knots": [0, 2, 2.5, 30]}, "knots at samples 2 and 2.5: 0.5 samples apart"),
     ({"knots": [0, 30], "max_rms": 0.1}, "knots and max_rms: got 0.1 rad"),
     ({"max_rms": 0.01, "segments": 3}, "max_rms and the number of segments: got 0.01 rad"),
     ({"required": {30: 2.0}, "max_error": 0.2}, "required angle 2 rad at sample 30 and max_error"),
@@ -220,6 +178,24 @@ REFUSED = [
 def test_what_cannot_be_met_is_infeasible_and_names_the_pair(asked, named):
     with pytest.raises(Infeasible, match=named):
         fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
+
+
+@settings(max_examples=40)
+@given(problems(least=12), st.floats(0.0, 0.99), st.floats(0.01, 0.2))
+def test_a_largest_error_is_kept_beside_a_required_knot_between_samples(problem, place, share):
+    desired, step, cyclic = problem
+    bound = share * max(float(np.ptp(desired)), 1e-6)
+    bound += fit_pwl(
+        desired, v_max=step, tick=1.0, cyclic=cyclic, knots=range(desired.size)
+    ).max_error
+    asked = {"v_max": step, "tick": 1.0, "cyclic": cyclic, "max_error": bound}
+    free = fit_pwl(desired, **asked)
+    fit = fit_pwl(desired, **asked, required=[5.0 + place])
+    assert fit.max_error <= bound * (1.0 + 1e-9)
+    assert np.max(np.abs(fit.slopes)) <= step * (1.0 + SLOPE_ROUNDING)
+    assert np.min(np.abs(fit.knots - 5.0 - place)) <= PLACE
+    assert max(free.fewest_segments, fit.fewest_segments) <= fit.segments
+    assert fit.segments <= free.segments + 1 + cyclic
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -244,17 +220,13 @@ def test_an_rms_error_below_the_slope_bounded_ideal_is_infeasible():
     [
         ({"max_error": 1.0, "max_rms": 1.0}, "max_error, max_rms: got both"),
         ({"knots": [1, 2], "segments": 2}, "knots, segments: got both"),
-        ({"exact": "no", "on_samples": True, "segments": 2}, "exact: got 'no', expected True or"),
+        ({"exact": "no", "segments": 2}, "exact: got 'no', expected True or"),
         ({"exact": True}, "exact: expected segments or max_rms"),
         ({"exact": True, "segments": 2, "max_error": 1.0}, "exact: got max_error"),
-        ({"shortest": 0.5}, r"shortest: got 0\.5, expected 1 or more"),
         ({"required": [60]}, "required: got a knot at 60, expected 0 up to, without, 60"),
-        ({"required": [3.5], "on_samples": True}, r"required: got a knot at 3\.5 with on_samples"),
-        ({"knots": [3.5, 20], "on_samples": True}, r"knots: got 3\.5 with on_samples"),
+        ({"required": [3.5], "exact": True, "segments": 3}, r"required: got a knot at 3\.5 with"),
+        ({"knots": [3.5, 20], "exact": True}, r"knots: got a knot at 3\.5 with exact"),
         ({"required": ["first"]}, "required knots: got 'first'"),
-        ({"ends": (0.0, 0.0)}, "ends: a cycle has none"),
-        ({"ends": 3.0, "cyclic": False}, r"ends: got 3\.0, expected"),
-        ({"weights": np.zeros(60)}, "weights: got 0 at sample 0"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(asked, message):
@@ -262,28 +234,10 @@ def test_arguments_that_make_no_sense_are_refused(asked, message):
         fit_pwl(SINE, **{"v_max": 0.2, "tick": 1.0, **asked})
 
 
-def test_weights_must_be_one_per_sample():
-    with pytest.raises(InvalidTrajectory, match="weights: got 3, expected 60"):
-        fit_pwl(SINE, v_max=0.2, tick=1.0, weights=np.ones(3))
-
-
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_a_constant_takes_every_requirement(cyclic):
-    asked = {"cyclic": cyclic, "required": {7.5: 0.1}, "shortest": 2.0, "segments": 4}
+    asked = {"cyclic": cyclic, "required": {7.5: 0.1}, "segments": 4}
     fit = fit_pwl(np.full(30, 0.1), v_max=1.0, tick=1.0, **asked)
     assert (fit.segments, fit.max_error) == (4, 0.0)
     assert 7.5 in fit.knots
-    check(fit, 1.0, 2.0)
-
-
-def test_a_cycle_with_room_for_one_segment_may_be_a_constant():
-    fit = fit_pwl([0.0, 0.02, 0.01], v_max=5.0, tick=0.008, max_error=0.0101, shortest=2.0)
-    assert fit.slopes.tolist() == [0.0]
-    with pytest.raises(Infeasible, match="moves needs two"):
-        fit_pwl([0.0, 0.02, 0.01], v_max=5.0, tick=0.008, max_error=0.0099, shortest=2.0)
-
-
-@pytest.mark.parametrize(("cyclic", "length"), [(True, "cycle is 60"), (False, "path is 59")])
-def test_a_shortest_segment_longer_than_all_samples_is_refused_with_their_length(cyclic, length):
-    with pytest.raises(Infeasible, match=f"shortest: got 100 samples, but the whole {length}"):
-        fit_pwl(SINE, v_max=50.0, tick=0.008, cyclic=cyclic, segments=3, shortest=100.0)
+    check(fit, 1.0)

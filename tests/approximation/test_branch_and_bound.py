@@ -53,23 +53,12 @@ def test_the_search_comes_within_one_percent_of_the_oracle_in_95_of_100_instance
     assert np.max(ratios) <= 1.05
 
 
-def test_the_search_on_samples_never_beats_the_oracle_and_mostly_reaches_it():
-    ratios = []
-    for each, stored in list(zip(oracle_instances(), TABLE, strict=True))[::3]:
-        fit = fit_pwl(each.desired, **each.settings, segments=each.segments, on_samples=True)
-        ratios.append((fit.rms + ZERO) / (stored["rms"] + ZERO))
-    assert np.min(ratios) >= 1.0 - BRANCHES.proved
-    assert np.mean(np.array(ratios) <= CLOSE) >= 0.9
-
-
 @settings(max_examples=10)
 @given(st.integers(1000, 10**6))
 def test_on_random_instances_nothing_beats_the_proof(seed):
     each = oracle_instance(seed, n=40)
     asked = {**each.settings, "segments": each.segments}
     proved = fit_pwl(each.desired, **asked, exact=True)
-    sought = fit_pwl(each.desired, **asked, on_samples=True)
-    assert proved.rms <= sought.rms * (1.0 + BRANCHES.proved) + ZERO
     rng = np.random.default_rng(seed)
     for _ in range(20):
         last = 40 if proved.cyclic else 39
@@ -83,20 +72,16 @@ def test_on_random_instances_nothing_beats_the_proof(seed):
 def test_the_proof_respects_what_is_required(cyclic):
     desired = samples_of("walk", 24, np.random.default_rng(8))
     pin = float(desired[9])
-    asked = {"cyclic": cyclic, "required": {9: pin}, "shortest": 3.0, "segments": 4}
+    asked = {"cyclic": cyclic, "required": {9: pin}, "segments": 4}
     fit = fit_pwl(desired, v_max=0.3, tick=1.0, exact=True, **asked)
     assert fit(9.0) == pytest.approx(pin, abs=1e-12)
-    assert np.min(fit.lengths) >= 3.0
     rng = np.random.default_rng(0)
-    tried = 0
-    while tried < 30:
-        knots = np.sort(np.append(rng.choice(24, 3 if cyclic else 2, replace=False), 9))
-        ends = np.append(knots, knots[0] + 24) if cyclic else np.r_[0, knots, 23]
-        if np.min(np.diff(ends)) >= 3:
-            tried += 1
-            settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
-            other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
-            assert fit.rms <= other.rms * (1.0 + BRANCHES.proved)
+    others = [k for k in range(24) if k != 9] if cyclic else [k for k in range(1, 23) if k != 9]
+    for _ in range(30):
+        knots = np.sort(np.append(rng.choice(others, 3 if cyclic else 2, replace=False), 9))
+        settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
+        other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
+        assert fit.rms <= other.rms * (1.0 + BRANCHES.proved)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -173,10 +158,3 @@ def test_a_joint_that_can_hardly_move_has_its_proof_at_once(cyclic, steepness):
     desired = samples_of("noise", 40, np.random.default_rng(0))
     fit = fit_pwl(desired, v_max=steepness / 40, tick=1.0, cyclic=cyclic, segments=5, exact=True)
     assert fit.rms == pytest.approx(np.std(desired), rel=2.0 * steepness)
-
-
-def test_the_proof_keeps_a_fractional_shortest_length_between_clamped_ends():
-    desired = samples_of("noise", 40, np.random.default_rng(4))
-    asked = {"cyclic": False, "segments": 2, "shortest": 1.49, "ends": (0.1, None)}
-    fit = fit_pwl(desired, v_max=1e-4, tick=1.0, exact=True, **asked)
-    assert np.min(fit.lengths) >= 1.49

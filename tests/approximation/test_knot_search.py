@@ -1,4 +1,4 @@
-"""The search for knots: moves, kinks of the squared error at samples, many samples."""
+"""The search for knots: moves, many samples."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.knot_search import knots_at_kinks, moved, with_moved_knots
+from planner.approximation.knot_search import moved, with_moved_knots
 from planner.approximation.problem import Problem, candidate
 from tests.approximation.enumeration import enumerated
 from tests.approximation.samples import samples_of
@@ -26,32 +25,7 @@ def tent_with(at_corner, knot):
     return problem, candidate(problem, np.array([0.0, knot, 20.0]), np.array([0.0, 1.0, 0.0]))
 
 
-def test_a_knot_next_to_a_convex_kink_is_put_into_it_and_stays():
-    # The curve bends down and lies below the sample: a step to either side costs at once.
-    problem, curve = tent_with(1.5, 10.05)
-    here, hold = knots_at_kinks(problem, curve)
-    np.testing.assert_array_equal(here.knots, [0.0, 10.0, 20.0])
-    np.testing.assert_array_equal(hold, [False, True, False])
-
-
-@pytest.mark.parametrize(("at_corner", "knot"), [(0.5, 10.05), (1.5, 10.3)])
-def test_a_knot_at_a_concave_kink_or_far_from_a_sample_is_free(at_corner, knot):
-    problem, curve = tent_with(at_corner, knot)
-    here, hold = knots_at_kinks(problem, curve)
-    assert here is curve
-    assert not np.any(hold)
-
-
-def test_a_kink_too_near_another_knot_is_left_alone():
-    problem, _ = tent_with(1.5, 10.05)
-    knots = np.array([0.0, 10.05, 11.05, 20.0])
-    curve = candidate(problem, knots, np.array([0.0, 1.0, 0.9, 0.0]))
-    here, hold = knots_at_kinks(problem, curve)
-    assert np.min(np.diff(here.knots)) >= problem.shortest - 1e-9
-    assert hold.shape == knots.shape
-
-
-def test_moves_keep_the_ends_and_the_shortest_segment():
+def test_moves_keep_the_ends_and_leave_a_sample_between_knots():
     problem, curve = tent_with(1.0, 1.5)
     for each in moved(problem, curve):
         assert each.knots[0] == 0.0

@@ -12,8 +12,7 @@ from planner.approximation.problem import Problem, candidate
 @pytest.mark.parametrize("cyclic", [True, False])
 def test_gradient_and_hessian_are_those_of_finite_differences(cyclic):
     rng = np.random.default_rng(0)
-    weights = rng.uniform(0.5, 1.5, size=40)
-    problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic, weights=weights)
+    problem = Problem(desired=rng.normal(size=40), step=1.0, cyclic=cyclic)
     at = np.r_[0.3, 7.2, 18.9, 30.4, 38.6, rng.normal(size=5)]
     here = evaluate(problem, at[None, :5], at[None, 5:])
     if cyclic:
@@ -44,8 +43,7 @@ def test_a_step_along_the_rows_uses_up_the_slacks(cyclic):
 @pytest.mark.parametrize("size", [2, 3, 7])
 def test_many_curves_are_evaluated_as_each_alone(size, cyclic):
     rng = np.random.default_rng(size)
-    weights = rng.uniform(0.5, 1.5, size=60)
-    problem = Problem(desired=rng.normal(size=60), step=0.08, cyclic=cyclic, weights=weights)
+    problem = Problem(desired=rng.normal(size=60), step=0.08, cyclic=cyclic)
     knots = np.sort(rng.uniform(0.0, 57.0, size=(5, size)) + np.arange(size))
     knots[:, -1] += 1.0
     if not cyclic:

@@ -51,9 +51,9 @@ CASES = {
     ],
     "export-yaml": "export requests.csv --format yaml --rate-hz 250 --lead-s 2 --joint-names a,b,c "
     "--velocities",
-    "fit-exact": "fit path.csv --segments 4 --on-samples --exact --joint hip --knots knots.csv",
+    "fit-exact": "fit path.csv --segments 4 --exact --joint hip --knots knots.csv",
     "fit-figure": "fit path.csv --max-error 2 --figure fit.svg --json",
-    "fit-path": "fit path.csv --no-cyclic --max-rms 9 --start-deg 0 --required-s 0.08 --model "
+    "fit-path": "fit path.csv --no-cyclic --max-rms 9 --required-s 0=0 --required-s 0.08 --model "
     "joint.toml",
     "gait": "gait --samples 8",
     "gait-json": "gait --samples 6 --heading-deg 90 --length 0.03 --json",

@@ -26,7 +26,7 @@ from planner.approximation.minimum_link.path import (
     meeting,
     next_link,
 )
-from planner.approximation.problem import BARELY_SHORT
+from planner.approximation.problem import SHORTEST
 
 
 def fewest_links_around(gates: Gates) -> Course | None:
@@ -56,7 +56,7 @@ def fewest_links_around(gates: Gates) -> Course | None:
             for line in (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5)):
                 cycle = _around([*lines, line, _later(eave, n).line], joints, n)
                 cycles.append(_turned(cycle, n))
-                if cycles[-1].shortest(n) >= 1.0 - BARELY_SHORT:
+                if cycles[-1].shortest(n) >= SHORTEST:
                     return cycles[-1]
         turn, before = link.touched // n, link
         own = _later(link, -n * turn)
@@ -110,14 +110,15 @@ def _turned(cycle: Course, n: int) -> Course:
     One is turned until it meets the line before it at the gate before, or the line after it at the
     gate after, if that line is not too short then.
     """
+    rounding = 1.0 - SHORTEST
     knots, values = cycle.knots.copy(), cycle.values.copy()
     size = knots.size
-    for k in np.flatnonzero(np.diff(np.append(knots, knots[0] + n)) < 1.0 - BARELY_SHORT):
+    for k in np.flatnonzero(np.diff(np.append(knots, knots[0] + n)) < SHORTEST):
         number = np.arange(k - 1, k + 3)  # knots of the line before, of this one, of that after
         x = knots[number % size] + n * (number // size)
         y = values[number % size]
-        gate = math.ceil(x[1] - BARELY_SHORT)
-        if size < 4 or gate > x[2] + BARELY_SHORT:
+        gate = math.ceil(x[1] - rounding)
+        if size < 4 or gate > x[2] + rounding:
             continue
         before, after = (Line(x[i], y[i], (y[i + 1] - y[i]) / (x[i + 1] - x[i])) for i in (0, 2))
         pivot = float(np.interp(gate, x, y))
@@ -128,10 +129,7 @@ def _turned(cycle: Course, n: int) -> Course:
             met = gate + (other.at(gate) - pivot) / turn if turn else math.inf
             ends = sorted([place, met])
             crosses = abs(2.0 * met - 3.0 * gate + place) <= 1.0  # from the gate to the next
-            if (
-                crosses
-                and min(ends[0] - x[0], ends[1] - ends[0], x[3] - ends[1]) >= 1.0 - BARELY_SHORT
-            ):
+            if crosses and min(ends[0] - x[0], ends[1] - ends[0], x[3] - ends[1]) >= SHORTEST:
                 inner = number[1:3]
                 knots[inner % size] = np.array(ends) - n * (inner // size)
                 values[inner % size] = [line.at(end) for end in ends]

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from planner.approximation.minimum_link.cycle import fewest_links_around
-from planner.approximation.minimum_link.cycle_on_samples import (
-    Cut,
-    fewest_links_on_cycle,
-    shortest_window,
-)
 from planner.approximation.minimum_link.path import LINKS, Course, Gates, fewest_links
-from planner.approximation.minimum_link.path_on_samples import fewest_links_on, stride
 from planner.approximation.minimum_link.tube_least_squares import least_squares_within
 from planner.approximation.problem import (
     BARELY,
-    BARELY_SHORT,
     Candidate,
     Problem,
     candidate,
@@ -48,7 +40,7 @@ def within_largest_error(
 
     Returns:
         The curve, no error above ``bound`` (1 + :data:`BARELY`), and a lower bound on the segments
-        of any: their number itself for paths whose segments may be a sample long.
+        of any: for paths their number itself.
 
     Raises:
         Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
@@ -61,13 +53,7 @@ def within_largest_error(
             "v_max"
         )
     widest = max(bound, attainable) * (1.0 + TIE) + ROUNDING
-    course = fewest_segment_curve(problem, widest)
-    if course is None:
-        raise Infeasible(
-            f"max_error and shortest: got {angle_text(bound * unit)}, but no curve found with "
-            f"segments of at least {problem.shortest:g} samples keeps it; allow more error or "
-            "shorter ones"
-        )
+    course = minimum_link(problem, widest)
     count = _segments(problem, course)
     if most is not None and count > most:
         known = "needed" if course.fewest > most else "found"
@@ -80,24 +66,23 @@ def within_largest_error(
     tight = course
     low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + ROUNDING, widest
     if spare > low:
-        other = fewest_segment_curve(problem, spare)
-        if other is not None and _segments(problem, other) == count:
+        other = minimum_link(problem, spare)
+        if _segments(problem, other) == count:
             tight, high = other, spare
-    if not problem.on_samples and problem.shortest <= 1.0:
-        for _ in range(LINKS.halvings):
-            middle = 0.5 * (low + high)
-            other = fewest_segment_curve(problem, middle)
-            if other is not None and _segments(problem, other) == count:
-                tight, high = other, middle
-            else:
-                low = middle
+    for _ in range(LINKS.halvings):
+        middle = 0.5 * (low + high)
+        other = minimum_link(problem, middle)
+        if _segments(problem, other) == count:
+            tight, high = other, middle
+        else:
+            low = middle
     kept = spare if high <= spare else high
     if tight.knots.size > 1:
         curve = candidate(problem, tight.knots, tight.values)
         return least_squares_within(problem, curve, kept), course.fewest
     middle = 0.5 * (float(np.max(problem.desired)) + float(np.min(problem.desired)))
     room = max(spare - float(np.max(np.abs(problem.desired - middle))), 0.0)
-    mean = float(np.average(problem.desired, weights=problem.weights))
+    mean = float(np.mean(problem.desired))
     value = min(max(mean, middle - room), middle + room)
     return candidate(problem, tight.knots, np.array([value])), course.fewest
 
@@ -108,94 +93,6 @@ def _by_pins(problem: Problem) -> float:
     away = distances(problem, np.arange(problem.samples, dtype=np.float64))[:, pinned]
     apart = np.abs(problem.desired[:, np.newaxis] - problem.pins[pinned])
     return float(np.max(apart - problem.step * away, initial=0.0))
-
-
-def fewest_segment_curve(problem: Problem, bound: float) -> Course | None:
-    """The curve of fewest segments within a largest error that is found, with a lower bound.
-
-    With knots anywhere, a sample or more apart, see :func:`minimum_link`. With knots on samples it
-    is exact for paths; for cycles, it has at most one segment more than the lower bound in all
-    instances measured, see :func:`_cycle_on_samples`. With other requirements, knots are sought on
-    samples and required places. None if there is no such curve.
-    """
-    course = minimum_link(problem, bound)
-    period = problem.samples if problem.cyclic else None
-    if not problem.on_samples and course.shortest(period) >= problem.shortest - BARELY_SHORT:
-        return course
-    longest = 2.0 * problem.samples / course.fewest
-    fewest = course.fewest
-    if problem.cyclic and problem.on_samples and problem.shortest <= 1.0:
-        cycle, fewest = _cycle_on_samples(problem, bound, course, longest)
-        if cycle is not None:
-            return cycle._replace(fewest=fewest)
-    searches = 4 * LINKS.cuts if problem.cyclic else 1
-    apart = stride(searches * problem.samples, longest)
-
-    def path(gates: Gates, breaks: list[int]) -> Course | None:
-        may_be = [k % apart == 0 for k in range(len(gates.places))]
-        for number in (0, -1, *breaks):
-            may_be[number] = True
-        return fewest_links_on(gates, breaks, problem.shortest, may_be)
-
-    if not problem.cyclic:
-        best = path(*gates_of(problem, bound))
-    else:
-        required = [float(place) for place in problem.required[:1]]
-        cuts = (
-            required or (np.unique(np.rint(course.knots)) % problem.samples).tolist()[: LINKS.cuts]
-        )
-        cycles = [_cut(problem, bound, place, path) for place in cuts]
-        best = min(filter(None, cycles), key=lambda cycle: cycle.knots.size, default=None)
-    if best is None:
-        return None
-    exact = problem.on_samples and not problem.cyclic and apart == 1
-    return best if exact else best._replace(fewest=fewest)
-
-
-def _cycle_on_samples(
-    problem: Problem, bound: float, course: Course, longest: float
-) -> tuple[Course | None, int]:
-    """The cycle of fewest segments with knots on samples, and a lower bound on their number.
-
-    Of 1,000 random cycles (n = 20 to 300; sines, noise, walks, noisy sines) the number is equal to
-    the bound in 998 and one above it in 2. Cut at three knots and closed there, 4 % of 150 cycles
-    take one segment more, and the search six times the time. The time is bounded by
-    ``LINKS.work``: a search for a path takes O(n · longest segment) at most, and where fewer than
-    ``LINKS.cuts`` of them are within that work, none is made and the bound is that for knots
-    anywhere.
-
-    Args:
-        problem: What to approximate.
-        bound: Largest error at any sample.
-        course: The cycle of fewest segments with knots anywhere.
-        longest: About the length of its longest segment [samples].
-
-    Returns:
-        The cycle, None if none was found, and the bound.
-    """
-    n = problem.samples
-    searches = int(LINKS.work / (n * longest))
-    if course.knots.size == 1 and not problem.required.size:
-        return course, course.fewest
-    if searches < LINKS.cuts:
-        return None, course.fewest
-    cuts = _cuts(problem, bound)
-    starts = np.array([[cut.gates.places[0]] for cut in cuts])
-    away = np.abs(np.mod(starts - course.knots + n / 2, n) - n / 2)
-    order = np.argsort(np.min(away, axis=1), kind="stable").tolist()
-    return fewest_links_on_cycle(cuts, order, course.fewest, searches)
-
-
-def _cuts(problem: Problem, bound: float) -> list[Cut]:
-    """Cuts of a cycle at places of which one is a knot of every cycle with knots at samples."""
-    if problem.required.size:
-        places = [float(problem.required[0])]
-    else:
-        places = [float(k % problem.samples) for k in shortest_window(gates_of(problem, bound)[0])]
-    return [
-        Cut(*gates_of(problem, bound, start=place, ends=_values_at(problem, bound, place)))
-        for place in places
-    ]
 
 
 def _values_at(problem: Problem, bound: float, place: float) -> tuple[float, float]:
@@ -214,7 +111,7 @@ def minimum_link(problem: Problem, bound: float) -> Course:
     """The curve of fewest segments with no error above ``bound``; O(n).
 
     Args:
-        problem: What to approximate. Its weights, ``shortest`` and ``on_samples`` do not count.
+        problem: What to approximate.
         bound: Largest error at any sample, which slopes within the bound can keep.
 
     Returns:
@@ -225,18 +122,12 @@ def minimum_link(problem: Problem, bound: float) -> Course:
     if not problem.cyclic:
         return fewest_links(*gates_of(problem, bound))
     if problem.required.size:
-        cycle = _cut(problem, bound, float(problem.required[0]), fewest_links)
-        assert cycle is not None, "slopes within the bound can pass the gates"
-        return cycle
+        return _cut(problem, bound, float(problem.required[0]))
     gates, _ = gates_of(problem, bound)
     least, most = max(gates.lower), min(gates.upper)
     if least <= most:
         return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
-    cycle = fewest_links_around(gates)
-    if cycle is None:
-        cycle = _cut(problem, bound, 0.0, fewest_links)
-        assert cycle is not None, "slopes within the bound can pass the gates"
-    return cycle
+    return fewest_links_around(gates) or _cut(problem, bound, 0.0)
 
 
 def gates_of(
@@ -275,9 +166,7 @@ def gates_of(
     return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
 
 
-def _cut(
-    problem: Problem, bound: float, place: float, path: Callable[[Gates, list[int]], Course | None]
-) -> Course | None:
+def _cut(problem: Problem, bound: float, place: float) -> Course:
     """A cycle with a knot at a place, as a path from there back to it.
 
     A path whose ends are free needs no more segments; one that comes back to where it began takes
@@ -287,28 +176,20 @@ def _cut(
         problem: What to approximate, a cycle.
         bound: Largest error at any sample.
         place: Where to cut.
-        path: What finds a path through gates with knots at some of them.
 
     Returns:
-        The cycle, its ``fewest`` for any place where no knot is required; None if ``path`` finds
-        none.
+        The cycle, its ``fewest`` for any place where no knot is required.
     """
     least, most = _values_at(problem, bound, place)
-    here = problem.required == place
-    free = path(*gates_of(problem, bound, start=place, ends=(least, most)))
-    if free is None:
-        return free
+    free = fewest_links(*gates_of(problem, bound, start=place, ends=(least, most)))
     starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
-    closed = [
-        path(*gates_of(problem, bound, start=place, ends=(value, value)))
+    cycles = [
+        fewest_links(*gates_of(problem, bound, start=place, ends=(value, value)))
         for value in (*starts, 0.5 * sum(starts))
     ]
-    cycles = [course for course in closed if course is not None]
-    if not cycles:
-        return closed[0]
     best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
-    fewest = free.fewest - (not np.any(here))
-    return Course(best.knots[:-1], best.values[:-1], fewest)
+    here = bool(np.any(problem.required == place))
+    return Course(best.knots[:-1], best.values[:-1], free.fewest - (not here))
 
 
 def _segments(problem: Problem, course: Course) -> int:

@@ -30,13 +30,6 @@ class LinkOptions:
     Attributes:
         eaves: Eaves from which a cycle with no short segment is sought. 400 cycles of 20 to 300
             samples: 4 and 16: the same cycles have none.
-        work: Gates times the length of a segment in gates up to which every gate may be a knot on
-            a sample; about 5 s.
-        trials: Searches at the first cut of a cycle with knots on samples for one that meets the
-            lower bound for knots anywhere, before exact counts are computed. 4 and 16: the same
-            time and segments; none: cycles of 1,000 samples and few segments take two to four times
-            as long.
-        cuts: Knots of a cycle at which it is cut where the exact search would take too long.
         halvings: Bisections for the smallest error that so many segments keep, as the curve in the
             middle of its bounds is where least squares begin. 48 paths and cycles: 6: 1 % larger
             rms errors in the mean; 24: no change for a quarter more time. 4 series of 12,000: 3:
@@ -44,9 +37,6 @@ class LinkOptions:
     """
 
     eaves: int = 8
-    work: int = 3_000_000
-    trials: int = 8
-    cuts: int = 3
     halvings: int = 12
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.problem import (
-    BARELY_SHORT,
+    SHORTEST,
     Candidate,
     Problem,
     candidate,
@@ -170,13 +170,13 @@ def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
     fixed, after = fixed_variables(problem, curve.knots)[0][number], after[number]
     x = problem.ends(curve.knots)
     y = curve.values[number]
-    whole = np.abs(x - np.rint(x)) <= BARELY_SHORT
+    whole = np.abs(x - np.rint(x)) <= 1.0 - SHORTEST
     x = np.where(whole & ~fixed, np.rint(x), x)
     low = np.where(whole, np.rint(x) - ~after, np.floor(x))
     last = np.where(fixed, np.ceil(x) - 1.0 + after * (x == np.rint(x)), low)
     high = low + 1.0
-    spare = 0.5 * np.maximum(np.diff(x) - problem.shortest, 0.0)
-    tight = low[1:] - high[:-1] < problem.shortest
+    spare = 0.5 * np.maximum(np.diff(x) - 1.0, 0.0)
+    tight = low[1:] - high[:-1] < 1.0
     high[:-1] = np.where(tight, np.minimum(high[:-1], x[:-1] + spare), high[:-1])
     low[1:] = np.where(tight, np.maximum(low[1:], x[1:] - spare), low[1:])
     low, high = np.where(fixed, x, low), np.where(fixed, x, high)
@@ -216,10 +216,9 @@ def _line_qp(
     index = np.arange(lines.first[0], lines.last[-1] + 1)
     line = np.repeat(np.arange(size), lines.last - lines.first + 1)
     share = (index - lines.middle[line]) / lines.half[line]
-    weights = problem.weights[index % problem.samples]
     missing = (problem.desired[index % problem.samples] - lines.at(line, index)) / bound
     s0, s1, s2, d0, d1 = (
-        np.bincount(line, weights * product, minlength=size)
+        np.bincount(line, product, minlength=size)
         for product in (np.ones(index.size), share, share * share, missing, missing * share)
     )
     scale = float(np.max(s0))
@@ -303,10 +302,10 @@ def _one_by_one(problem: Problem, curve: Candidate, bound: float) -> Candidate:
         y = values[number % knots.size]
         places = np.arange(np.floor(x[0]) + 1.0, np.ceil(x[2]))
         index = places.astype(np.intp) % problem.samples
-        desired, weights = problem.desired[index], problem.weights[index]
+        desired = problem.desired[index]
         to_left, to_right = places - x[0], x[2] - places
-        left = _lines_from(to_left, desired - y[0], weights, room)
-        right = _lines_from(to_right[::-1], (desired - y[2])[::-1], weights[::-1], room)
+        left = _lines_from(to_left, desired - y[0], room)
+        right = _lines_from(to_right[::-1], (desired - y[2])[::-1], room)
         right = np.append(right[:, -2::-1], [[-np.inf], [np.inf], [0.0], [0.0], [0.0]], axis=1)
         lowest, highest = (
             np.maximum(
@@ -325,22 +324,22 @@ def _one_by_one(problem: Problem, curve: Candidate, bound: float) -> Candidate:
         cost = np.zeros(places.size)
         for side, rise in ((left, (value - y[0]) / to_left), (right, (value - y[2]) / to_right)):
             cost += side[2] - 2.0 * side[3] * rise + side[4] * rise**2
-        near = np.minimum(to_left, to_right) < problem.shortest - BARELY_SHORT
+        near = np.minimum(to_left, to_right) < SHORTEST
         cost[near | (lowest > highest)] = np.inf
         own = np.interp(places, x, y) - desired
         best = int(np.argmin(cost))
-        if cost[best] < float(own @ (weights * own)):
+        if cost[best] < float(own @ own):
             knots[k], values[k] = places[best], value[best]
     moved = candidate(problem, knots, values)
     return moved if moved.error < curve.error else curve
 
 
-def _lines_from(run: Array, rise: Array, weights: Array, room: float) -> Array:
-    """Least and largest slope, Σ w rise², Σ w run rise and Σ w run² by sample, shape (5, samples).
+def _lines_from(run: Array, rise: Array, room: float) -> Array:
+    """Least and largest slope, Σ rise², Σ run rise and Σ run² by sample, shape (5, samples).
 
     Of lines from a point at a distance of ``run`` and ``rise`` that pass all samples up to each.
     """
-    sums = np.cumsum(weights * np.stack([rise * rise, run * rise, run * run]), axis=1)
+    sums = np.cumsum([rise * rise, run * rise, run * run], axis=1)
     least = np.maximum.accumulate((rise - room) / run)
     return np.vstack([least, np.minimum.accumulate((rise + room) / run), sums])
 

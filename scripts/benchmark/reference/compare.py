@@ -191,18 +191,8 @@ def _fits(section: Compared) -> list[Check]:
 
 
 def _optima(section: Compared) -> list[Check]:
-    free, on_samples = (
-        [
-            new["over optimum"]
-            for name, _, new in section.pairs("over optimum")
-            if ("on samples" in name) is kind
-        ]
-        for kind in (False, True)
-    )
-    return [
-        Check("excess over the proved optimum", summed(max, free), 0.011),
-        Check("the same with knots on samples", summed(max, on_samples), 0.02),
-    ]
+    excess = [new["over optimum"] for _, _, new in section.pairs("over optimum")]
+    return [Check("excess over the proved optimum", summed(max, excess), 0.011)]
 
 
 def _questions(section: Compared) -> list[Check]:

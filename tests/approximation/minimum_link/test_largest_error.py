@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.minimum_link.largest_error import fewest_segment_curve, minimum_link
+from planner.approximation.minimum_link.largest_error import minimum_link
 from planner.approximation.problem import Problem
 from planner.approximation.slope_projection import attainable_error
 from planner.exceptions import Infeasible
@@ -135,37 +135,6 @@ def test_thousands_of_samples_need_few_segments_for_a_largest_error(cyclic):
     assert fit.max_error <= 0.1 * (1.0 + 1e-9)
     short = fit_pwl(desired[:90], v_max=2.0, tick=1.0, max_error=0.1)
     assert fit.segments <= 1.1 * 30 * short.segments
-
-
-@pytest.mark.parametrize("cyclic", [True, False])
-@pytest.mark.parametrize("seed", range(6))
-def test_no_fewer_knots_on_samples_have_values_that_keep_the_error(seed, cyclic):
-    problem, bound = instance(seed, 5, 8, cyclic=cyclic)
-    desired, n = problem.desired, problem.samples
-    settings = {"v_max": problem.step, "tick": 1.0, "cyclic": cyclic, "max_error": bound}
-    fit = fit_pwl(desired, **settings, on_samples=True)
-    np.testing.assert_array_equal(fit.knots, np.round(fit.knots))
-    assert fit.fewest_segments == fit.segments
-    places, ends = (range(n), []) if cyclic else (range(1, n - 1), [0, n - 1])
-    size = fit.segments - 1 - (not cyclic)
-    for inner in combinations(places, size) if fit.segments > 1 and size >= 0 else ():
-        with pytest.raises(Infeasible, match="knots and max_error"):
-            fit_pwl(desired, **settings, knots=sorted([*inner, *ends]))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_cycle_with_knots_on_samples_is_within_one_segment_of_its_lower_bound(kind):
-    for samples, seed in ((40, 1), (88, 2), (200, 3)):
-        rng = np.random.default_rng(seed)
-        desired = samples_of(kind, samples, rng)
-        desired = desired / np.ptp(desired)
-        for steepness, share in ((2.0, 0.003), (5.0, 0.05), (200.0, 0.03)):
-            step = steepness / samples
-            bound = attainable_error(desired, step, cyclic=True) * (1.0 + 1e-9) + share
-            problem = Problem(desired=desired, step=step, cyclic=True, on_samples=True)
-            course = fewest_segment_curve(problem, bound)
-            assert minimum_link(problem, bound).fewest <= course.fewest
-            assert course.fewest <= count(course, cyclic=True) <= course.fewest + 1
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
