@@ -223,7 +223,8 @@ class JointModel:
         """
         if not as_number(period) > 0.0:
             raise InvalidModel(f"period: got {shown(period)}, expected more than 0 s")
-        least = (self.lag + self.acceleration_time) / LONGEST_WINDOW
+        window = self.lag + self.acceleration_time
+        least = max(window / LONGEST_WINDOW, self.acceleration_time / MOST_TERMS)
         most = MOST_HOLD * self.tick
         if not least <= period <= most:
             raise InvalidModel(
