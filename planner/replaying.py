@@ -16,7 +16,7 @@ from planner.inversion.error_norm import error_norm
 from planner.inversion.load_of_pose import LoadOfPose
 from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import path_speeds, simulate
 from planner.planning import Limits, plan
 from planner.recorded_path import (
     Models,
@@ -325,10 +325,8 @@ class JointReplay:
     def too_fast(self) -> tuple[Span, ...]:
         """Parts in which the desired angles are faster than the joint can be [s]."""
         model = self._model
-        steps = np.diff(self.desired) / model.period
         load = None if self.inversion is None else self.inversion.load
-        low, high = model.speed_limits(0.0 if load is None else load[1:])
-        beyond = (steps < low) | (steps > high)
+        beyond = path_speeds(model, self.desired, cyclic=False, load=load).too_fast
         edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
         return tuple(
             Span(float(a * model.period), float(b * model.period)) for a, b in edges.reshape(-1, 2)

@@ -14,8 +14,8 @@ from planner.evaluation.metrics import RequestMotion, request_motion
 from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
-from planner.model.response import simulate_joints
-from planner.trajectory import Array, steps
+from planner.model.response import PathSpeeds, path_speeds, simulate_joints
+from planner.trajectory import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,17 +130,18 @@ class PlanOutcome:
         return {"direct": self.direct - self.desired, "planned": self.predicted - self.desired}
 
     @cached_property
-    def speeds(self) -> Array:
-        """Largest speed of every joint on the desired path [rad/s], shape (k,)."""
-        return np.asarray(np.abs(steps(self.desired, cyclic=self.cyclic)).max(axis=0) / self.period)
-
-    @cached_property
-    def too_fast(self) -> Array:
-        """Share of the desired path that is faster than the joint's top speed, shape (k,)."""
-        top = np.array([model.v_max for model in self.models])
-        return np.asarray(
-            (np.abs(steps(self.desired, cyclic=self.cyclic)) > top * self.period).mean(axis=0)
+    def speeds(self) -> tuple[PathSpeeds, ...]:
+        """Speeds of every joint on the desired path, and how fast it can be."""
+        loads = [None] * len(self.models) if self.loads is None else list(self.loads.T)
+        return tuple(
+            path_speeds(model, self.desired[:, j], cyclic=self.cyclic, load=load)
+            for j, (model, load) in enumerate(zip(self.models, loads, strict=True))
         )
+
+    @property
+    def too_fast(self) -> Array:
+        """Share of the desired path that is faster than the joint can be, shape (k,)."""
+        return np.array([float(np.mean(each.too_fast)) for each in self.speeds])
 
     @property
     def motions(self) -> tuple[RequestMotion, ...]:

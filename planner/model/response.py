@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, SpeedLaw, Window, checked_model
 from planner.model.load import Loads, checked_load
-from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
 
 CYCLE_TOLERANCE = 1e-12
@@ -274,6 +274,51 @@ def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
     (start, end), (before, ended) = other, one
     slope = (end - ended) / (start - before) if start != before else 1.0
     return start + (end - start) / (1.0 - slope) if slope < 1.0 else math.inf
+
+
+class PathSpeeds(NamedTuple):
+    """How fast a path is, and how fast the joint can be in the same direction.
+
+    Attributes:
+        speeds: Speed from each sample to the next [rad/s], shape (m,), with the sign of the motion.
+        limits: The joint's top speed in that direction, under its load [rad/s], shape (m,).
+    """
+
+    speeds: Array
+    limits: Array
+
+    @property
+    def shares(self) -> Array:
+        """The speeds over the top speeds [-], shape (m,), 0 or more."""
+        return np.asarray(self.speeds / self.limits)
+
+    @property
+    def too_fast(self) -> Mask:
+        """Where the path is faster than the joint can be, shape (m,)."""
+        return np.asarray(self.shares > 1.0 + SAME)
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """Speed and top speed where their ratio is largest [rad/s], both 0 or more."""
+        k = int(np.argmax(self.shares))
+        return abs(float(self.speeds[k])), abs(float(self.limits[k]))
+
+
+def path_speeds(
+    model: JointModel, desired: Array, *, cyclic: bool, load: Array | None = None
+) -> PathSpeeds:
+    """The speeds of a path beside -v^- and v^+ of (1a), by which it is too fast or not.
+
+    Args:
+        model: The joint.
+        desired: Desired angles [rad], shape (n,).
+        cyclic: Whether the path repeats: then the step from the last sample to the first counts.
+        load: Torque on the joint in the period that ends in each sample [N m], shape (n,).
+    """
+    speeds = steps(desired, cyclic=cyclic) / model.period
+    torques = 0.0 if load is None else np.roll(load, -1)[: len(speeds)]
+    low, high = model.speed_limits(torques)
+    return PathSpeeds(speeds, np.where(speeds < 0.0, low, high))
 
 
 def checked_start(start: float | None, *, cyclic: bool) -> float | None:

@@ -42,8 +42,9 @@ class JointRow(NamedTuple):
     """A joint under the plan: angles in degrees, speeds in degrees per second.
 
     ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
-    infinite. ``too_fast`` is the share of the desired path above the top speed, ``at_limit`` the
-    number of requests at one of the ``limits``, which are infinite where there is none.
+    infinite. ``speed`` and ``top_speed`` are the desired and the top speed, by direction, where their
+    ratio is largest; ``too_fast`` is the share of the desired path above the top speed, ``at_limit``
+    the number of requests at one of the ``limits``, which are infinite where there is none.
     """
 
     name: str
@@ -74,6 +75,7 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
         bound = outcome.bounds.get(name)
         error = math.radians(planned.rms if outcome.norm == "rms" else planned.largest)
         requests = outcome.requests[:, j]
+        speed, top_speed = outcome.speeds[j].highest
         near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
         rows.append(
             JointRow(
@@ -82,8 +84,8 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
                 direct=direct,
                 bound=None if bound is None else math.degrees(bound),
                 gap=None if bound is None else relative_gap(error, bound),
-                speed=math.degrees(float(outcome.speeds[j])),
-                top_speed=math.degrees(outcome.models[j].v_max),
+                speed=math.degrees(speed),
+                top_speed=math.degrees(top_speed),
                 too_fast=float(outcome.too_fast[j]),
                 limits=(math.degrees(lower), math.degrees(upper)),
                 at_limit=int(np.sum(near)),

@@ -10,6 +10,7 @@ import numpy as np
 from planner.inversion.error_norm import error_norm
 from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.response import path_speeds
 from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
 from planner.run.models import model_words
@@ -116,7 +117,7 @@ def summary(run: settings.Run, answer: Answer) -> str:
         text += "\non the robot: rms error to expect, by what the models were tested on"
     if words := untested_words(desired.names, answer.expected):
         text += f"\n{words}"
-    if unknown := _unknown_top_speeds(desired):
+    if unknown := _unknown_top_speeds(answer):
         text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
     if answer.bound_withdrawn:
         text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
@@ -127,14 +128,16 @@ def summary(run: settings.Run, answer: Answer) -> str:
     return text
 
 
-def _unknown_top_speeds(desired: Desired) -> list[str]:
+def _unknown_top_speeds(answer: Answer) -> list[str]:
     """Joints whose path is faster than a top speed that is only known to be at least so large."""
-    speeds = np.max(np.abs(np.diff(desired.angles, axis=0)), axis=0) / desired.period
-    return [
-        name
-        for name, model, speed in zip(desired.names, desired.models, speeds, strict=True)
-        if model.evidence and model.evidence.leaves_top_speed_open and speed > model.v_max
-    ]
+    desired, loads = answer.desired, answer.loads
+    open_ones = []
+    for j, (name, model) in enumerate(zip(desired.names, desired.models, strict=True)):
+        load = None if loads is None else loads[:, j]
+        speeds = path_speeds(model, desired.angles[:, j], cyclic=desired.cyclic, load=load)
+        if model.evidence and model.evidence.leaves_top_speed_open and speeds.too_fast.any():
+            open_ones.append(name)
+    return open_ones
 
 
 def _label(desired: Desired, joint: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
@@ -103,6 +104,31 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
 
 
 @pytest.mark.usefixtures("undrawn_pages")
+def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
+    """7 rad/s up and 3 rad/s down: of a path at 4 rad/s the way down is too fast, not that up."""
+    joint = replace(SERVO, v_max=5.0, v_offset=2.0)
+    times = joint.period * np.arange(121)
+    path = 0.08 * np.arcsin(np.sin(2.0 * np.pi * times / 0.32)) / np.pi * 8.0  # ±4 rad/s
+    (replayed,) = planner.replay(planner.Log(times, path, path), joint).joints
+    plan = replayed.inversion
+    outcome = PlanOutcome(
+        names=("joint",),
+        models=(joint,),
+        desired=plan.desired[:, np.newaxis],
+        requests=plan.requests[:, np.newaxis],
+        predicted=plan.predicted[:, np.newaxis],
+        cyclic=False,
+    )
+    (row,) = joint_rows(outcome)
+    assert row.too_fast == pytest.approx(0.5, abs=0.05)
+    assert math.radians(row.speed) == pytest.approx(4.0)
+    assert math.radians(row.top_speed) == pytest.approx(3.0)
+    (said,) = [text for text in remarks(outcome) if "too fast" in text or "faster" in text]
+    assert "229 of 172 deg/s" in said
+    spans = sum(span.last - span.first for span in replayed.too_fast)
+    assert spans / (len(plan.desired) - 1) / joint.period == pytest.approx(row.too_fast)
+
+
 def test_what_goes_wrong_is_remarked(outcome, page):
     free = replace(WALK.leg, limits=Limits(np.full(3, -3.0), np.full(3, 3.0)))
     mirrored = replace(free, near=WALK.desired[0] * [1.0, 1.0, -1.0]).joint_angles(
