@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, print_json, summarise
+from planner.cli.console import Progress, print_json, summarise, terminal_width
 from planner.files.text import to_json
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ def compare(
     from planner.files.staging import claimed
     from planner.files.text import write_text
     from planner.report.comparison_tables import comparison_text, verdict_line
+    from planner.report.table import fitted_to
     from planner.run.comparison import comparison_of, steps_of, write_picture
     from planner.run.desired import check_angles
     from planner.run.models import model_words
@@ -103,7 +105,8 @@ def compare(
     if as_json:
         print_json(document)
     else:
-        click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
+        with fitted_to(terminal_width(sys.stdout)):
+            click.echo(f"{model_words(run.model)}\n{comparison_text(check)}")
         if unreachable:
             summarise(f"{unreachable} samples were out of the leg's reach")
     if not check.passed:

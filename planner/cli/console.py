@@ -13,8 +13,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Literal
+from contextlib import contextmanager, suppress
+from typing import Any, Literal, TextIO
 
 import click
 
@@ -34,6 +34,9 @@ REDRAWN = 0.5
 
 BRIEF = 2.0
 """Work that has taken less time than this [s] has no estimate."""
+
+WIDTH = 80
+"""Characters of a line of a terminal that does not say it."""
 
 _ERASE = "\r\x1b[K"
 
@@ -114,6 +117,17 @@ def print_line(text: str) -> None:
     if Progress.shown is not None:
         Progress.shown.erase()
     click.echo(text, err=True, color=coloured())
+
+
+def terminal_width(stream: TextIO | None) -> int | None:
+    """Characters of a line where a stream goes to a terminal; None where it goes elsewhere."""
+    if stream is None or not stream.isatty():
+        return None
+    with suppress(KeyError, ValueError):
+        return int(os.environ["COLUMNS"]) or WIDTH
+    with suppress(OSError, ValueError):
+        return os.get_terminal_size(stream.fileno()).columns or WIDTH
+    return WIDTH
 
 
 def verbosity() -> Verbosity:

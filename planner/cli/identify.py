@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,9 +13,14 @@ from planner.cli import options, types
 from planner.cli.console import Progress, deliver, naming, remark, warn
 
 if TYPE_CHECKING:
+    from planner.exceptions import PlannerError
     from planner.files.logs.options import LogOptions
     from planner.identification.log import Log
     from planner.identification.result import Identification
+    from planner.run.results import Task
+
+FEW_ROWS = 5000
+"""Up to so many rows the joints of a log are identified before other processes would have begun."""
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -132,7 +138,7 @@ def identify(
     with page:
         deliver(
             _document(found, every=choices["joint"] == "all"),
-            identification_text(found),
+            identification_text(found, "joint.toml" if output == "-" else output),
             lambda file: write_text(file, text),
             output=output,
             as_json=as_json,
@@ -217,32 +223,72 @@ def _identified(
         PlannerError: None can.
     """
     from planner.exceptions import PlannerError
-    from planner.identification.identify import identify as run
+    from planner.run.results import Task
 
     tick_ms = choices["tick_ms"]
-    found: dict[str, Identification] = {}
-    left_out: dict[str, PlannerError] = {}
-    progress = Progress(f"identifying {joint or 'the joint'}" for joint in logs)
-    try:
-        for joint, own in logs.items():
-            progress(f"identifying {joint or 'the joint'}")
-            try:
-                with naming(joint) if joint else nullcontext():
-                    found[joint] = run(
-                        own,
-                        tick=None if tick_ms is None else 1e-3 * tick_ms,
-                        hold=choices["hold"],
-                        hold_out=choices["hold_out"],
-                    )
-            except PlannerError as error:
-                left_out[joint] = error
-    finally:
-        progress.done()
+    options = {
+        "tick": None if tick_ms is None else 1e-3 * tick_ms,
+        "hold": choices["hold"],
+        "hold_out": choices["hold_out"],
+    }
+    tasks = [
+        Task(joint or "the joint", (joint, tuple(own), options)) for joint, own in logs.items()
+    ]
+    rows = sum(len(log.times) for own in logs.values() for log in own)
+    if len(tasks) > 1 and rows > FEW_ROWS:
+        outcomes = _in_parallel(tasks)
+    else:
+        outcomes = []
+        with Progress(f"identifying {task.name}" for task in tasks) as progress:
+            for task in tasks:
+                progress(f"identifying {task.name}")
+                outcomes.append(outcome_of(task.argument))
+    by_joint = dict(zip(logs, outcomes, strict=True))
+    found = {joint: each for joint, each in by_joint.items() if not isinstance(each, PlannerError)}
+    left_out = {joint: each for joint, each in by_joint.items() if isinstance(each, PlannerError)}
     if not found:  # the only joint, or the first of as many as there are
         raise next(iter(left_out.values()))
     for joint, reason in left_out.items():
         warn(f"{joint} is left out: {reason}")
     return found
+
+
+Question = tuple[str, Sequence["Log"], Mapping[str, Any]]
+"""A joint, its logs and the options of :func:`planner.identify`."""
+
+
+def outcome_of(question: Question) -> Identification | PlannerError:
+    """What is found of a joint, or why nothing is."""
+    from planner.exceptions import PlannerError
+    from planner.identification.identify import identify as run
+
+    joint, logs, options = question
+    try:
+        with naming(joint) if joint else nullcontext():
+            return run(logs, **options)
+    except PlannerError as error:
+        return error
+
+
+def pickled_outcome(question: Question) -> bytes:
+    """The outcome of a joint, for another process: a task of :mod:`planner.run.tasks`."""
+    return pickle.dumps(outcome_of(question))
+
+
+def _in_parallel(tasks: Sequence[Task]) -> list[Identification | PlannerError]:
+    """The outcomes of the joints in their order, one process for each processor."""
+    from planner.exceptions import PlannerError
+    from planner.run.tasks import Failure, engine_of
+
+    outcomes: dict[int, Identification | PlannerError] = {}
+    with Progress(count=len(tasks)) as progress, engine_of() as engine:
+        for (number, task), outcome in engine.run(pickled_outcome, enumerate(tasks)):
+            if isinstance(outcome, Failure):
+                outcomes[number] = PlannerError(outcome.reason)
+            else:
+                outcomes[number] = pickle.loads(outcome)  # of a process of our own
+            progress(task.name)
+    return [outcomes[number] for number in range(len(tasks))]
 
 
 def _page(found: Mapping[str, Identification], page: str, files: Sequence[tuple[str, str]]) -> str:

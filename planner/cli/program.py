@@ -17,7 +17,14 @@ import click
 
 from kinematics.exceptions import KinematicsError
 from planner._version import __version__
-from planner.cli.console import add_verbosity, coloured, complain, detail, warn
+from planner.cli.console import (
+    add_verbosity,
+    coloured,
+    complain,
+    detail,
+    terminal_width,
+    warn,
+)
 from planner.exceptions import (
     ANGLE_UNIT,
     InvalidFile,
@@ -25,6 +32,7 @@ from planner.exceptions import (
     OutsideEquation13,
     PlannerError,
 )
+from planner.report.table import fitted_to
 from planner.run.faults import BadSetting, FailedCheck
 
 COMMANDS = {
@@ -170,7 +178,7 @@ class Commands(click.Group):
             return super().main(args, prog_name, complete_var, standalone_mode, **extra)
         unit = ANGLE_UNIT.set("deg")
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), fitted_to(terminal_width(sys.stderr)):
                 show: Any = _Warnings().show
                 warnings.showwarning = show
                 warnings.simplefilter("default", OutsideEquation13)

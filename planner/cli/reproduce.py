@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from planner.cli import options, types
-from planner.cli.console import Progress, print_json
+from planner.cli.console import Progress, print_json, terminal_width
 from planner.files.text import to_json
 
 if TYPE_CHECKING:
@@ -104,11 +105,12 @@ def reproduce(*, out: str, robot: str, as_json: bool) -> None:
     """  # noqa: D301
     from planner.files.staging import list_files, output_folder
     from planner.files.text import write_text
+    from planner.report.table import fitted_to
 
     progress = Progress(DURATIONS[robot])
     experiment = on_virtual_robot if robot == "virtual" else on_model
     try:
-        with output_folder(out) as folder:
+        with output_folder(out) as folder, fitted_to(terminal_width(sys.stdout)):
             document, text, failures = experiment(folder, progress)
             document["files"] = list_files(folder)
             write_text(folder / "results.json", to_json(document))

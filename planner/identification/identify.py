@@ -27,7 +27,7 @@ from planner.identification.least_squares import Fit
 from planner.identification.log import FASTEST, SLOWEST, Log, as_logs, unwrapped
 from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
 from planner.identification.residual_patterns import patterns, shaken, stops
-from planner.identification.result import Alternative, Identification, Interval, LogFit
+from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
 from planner.identification.robust_loss import rms
 from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
@@ -123,7 +123,7 @@ def identify(
         )
     if hold_out and held is None:
         notes.append("nothing was held out: the first half of the log holds no motion to fit")
-    notes += patterns(model, fits, noise, unit, unmodelled(fit))
+    shown = patterns(model, fits, noise, unit, unmodelled(fit))
     return Identification(
         model=model,
         fits=fits,
@@ -139,7 +139,11 @@ def identify(
         covariance=_covariance(fit, bounds, uncertainty),
         correlations=_correlations(fit, uncertainty),
         alternatives=_alternatives(simple, errors, held),
-        warnings=(*judged.warnings, *notes),
+        findings=(
+            *judged.findings,
+            *(Finding("log", words) for words in notes),
+            *(Finding("pattern", words) for words in shown),
+        ),
         verdict=judged.verdict,
         reason=judged.reason,
         terms=tuple(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,38 @@ class Interval(NamedTuple):
     def bounded(self) -> bool:
         """Whether the data bounds the parameter on both sides."""
         return math.isfinite(self.lower) and math.isfinite(self.upper)
+
+
+Topic = Literal[
+    "sign",
+    "columns",
+    "fit",
+    "error",
+    "motion",
+    "simpler",
+    "friction",
+    "shaken",
+    "top speed",
+    "threshold",
+    "delays",
+    "search",
+    "held out",
+    "log",
+    "pattern",
+]
+"""What a finding is about, the most important first."""
+
+
+class Finding(NamedTuple):
+    """What to know before a model is used.
+
+    Attributes:
+        topic: What it is about.
+        words: A sentence, for people.
+    """
+
+    topic: Topic
+    words: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +166,7 @@ class Identification:
             they are not known, shape (p, p); empty where none is.
         alternatives: Simpler descriptions of the same rows.
         terms: What dry friction, asymmetry and load would bring, those that were tried.
-        warnings: What to know before the model is used, in words.
+        findings: What to know before the model is used, the most important first.
         fastest: Highest speed of the joint in the logs [rad/s].
         heaviest: Largest torque on it in the logs [N m]; 0 where none is known.
         verdict: "holds"; "usable", not exact, but to plan with: ``expected_error`` tells how far
@@ -153,7 +185,7 @@ class Identification:
     gain_interval: Interval
     covariance: Array | None
     alternatives: tuple[Alternative, ...]
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
     terms: tuple[Term, ...] = ()
     unexplained: float = 0.0
     fastest: float = math.nan
@@ -163,7 +195,10 @@ class Identification:
     correlations: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        """Freeze the array, and let the model carry what it was tested on."""
+        """Freeze the array, order the findings, and let the model carry what it was tested on."""
+        topics = get_args(Topic)
+        found = sorted(self.findings, key=lambda each: topics.index(each.topic))
+        object.__setattr__(self, "findings", tuple(found))
         freeze(self.covariance)
         object.__setattr__(self, "model", self.model.with_evidence(self.tested))
 
@@ -171,6 +206,11 @@ class Identification:
     def accepted(self) -> bool:
         """Whether the model is one to plan with: it holds, or is usable."""
         return self.verdict in ACCEPTED
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(each.words for each in self.findings)
 
     @property
     def expected_error(self) -> float:

@@ -17,7 +17,7 @@ from planner.identification.least_squares import Fit
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid
-from planner.identification.result import Interval
+from planner.identification.result import Finding, Interval, Topic
 from planner.identification.robust_loss import sound_rms
 from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
@@ -96,7 +96,7 @@ class Judgement(NamedTuple):
 
     verdict: Verdict
     reason: str
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def verdict_on(
@@ -136,12 +136,17 @@ def verdict_on(
         friction: By how much the dead band may be larger than that of the model [rad].
         shaken: What speaks for a joint that is shaken at rest, in words.
     """
-    warnings = [*shaken]
+    found = [Finding("shaken", words) for words in shaken]
+
+    def note(topic: Topic, words: str) -> None:
+        found.append(Finding(topic, words))
+
     if held is not None and held.beyond:
-        warnings.append(
+        note(
+            "held out",
             "the part that was held out calls for faster motion than the part that was fitted, "
             "which does not say how fast the joint can be: it is predicted with the top speed of "
-            "the fit to all rows"
+            "the fit to all rows",
         )
     errors = [(sound_rms(fit.residuals), "")]
     if held is not None:
@@ -153,42 +158,47 @@ def verdict_on(
     fits = missed <= OPTIONS.refused and not useless
     share = f"{missed:.0%} of the motion's standard deviation{where} (rms {said(error, unit)})"
     if useless:
-        warnings.append(
+        note(
+            "fit",
             f"the model does not fit: it misses {share}, and a mere delay hardly more "
-            f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {REASONS}"
+            f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {REASONS}",
         )
     elif not fits:
-        warnings.append(
+        note(
+            "fit",
             f"the model does not fit: it misses {share}; more than {OPTIONS.refused:.0%} is not "
-            f"accepted; {REASONS}"
+            f"accepted; {REASONS}",
         )
     elif missed > OPTIONS.suspect:
-        warnings.append(f"the model misses {share}; {REASONS}")
+        note("error", f"the model misses {share}; {REASONS}")
     if not fits and (span := float(np.ptp(fit.grid.angles))) < OPTIONS.little_motion:
-        warnings.append(
+        note(
+            "motion",
             f"the joint hardly moves in this log, by {said(span, unit)} in all: record requests "
             f"that span {said(OPTIONS.spans * error, unit, digits=1)} or more, of which friction, "
-            "play and the sensor's steps are a smaller part"
+            "play and the sensor's steps are a smaller part",
         )
     if against is not None:
-        warnings.insert(0, against.words)
+        note("sign", against.words)
     elif exchanged and missed > OPTIONS.suspect:
-        warnings.insert(0, exchanged)
+        note("columns", exchanged)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten = ours > OPTIONS.simpler_wins * others[name]
     if beaten:
-        warnings.append(
+        note(
+            "simpler",
             f"{WORDS[name]} predicts better than the model (rms {said(others[name], unit)} "
-            f"against {said(ours, unit)}): the log is too short or too gentle for more"
+            f"against {said(ours, unit)}): the log is too short or too gentle for more",
         )
     hidden = friction > OPTIONS.suspect * signal
     if fits and hidden:
-        warnings.append(
+        note(
+            "friction",
             "the log leaves dry friction open: the dead band may be larger by "
             f"{said(friction, unit) if math.isfinite(friction) else 'any amount'}, and slow motion "
             "further off; record motion that is slow and reverses, such as excite --kind "
-            "slow-triangle"
+            "slow-triangle",
         )
     misses = f"it misses {missed:.0%} of the motion{where}"
     doubts = {
@@ -210,14 +220,18 @@ def verdict_on(
         reason = f"the error of a pure delay is {others['delay'] / ours:.0%} of its own{on}"
     else:
         verdict, reason = ("usable", reason) if reason else ("holds", misses)
-    return Judgement(verdict, reason, (*warnings, *_undetermined(fit, bounds, uncertainty, unit)))
+    return Judgement(verdict, reason, (*found, *_undetermined(fit, bounds, uncertainty, unit)))
 
 
 def _undetermined(
     fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty, unit: str
-) -> list[str]:
+) -> list[Finding]:
     """A sentence for each parameter that the log leaves open."""
-    found = []
+    found: list[Finding] = []
+
+    def note(topic: Topic, words: str) -> None:
+        found.append(Finding(topic, words))
+
     at, called = fit.parameters, peak_command(fit)
     gain, v_max = bounds["gain"], bounds["v_max"]
     if math.isinf(v_max.upper):
@@ -227,25 +241,29 @@ def _undetermined(
             if gain.bounded
             else "neither v_max nor theta_0 is known"
         )
-        found.append(
+        note(
+            "top speed",
             f"the joint {hardly} saturates in this log: {known}; v_max is at least "
             f"{said(v_max.lower, unit, '/s')}, and the model has {said(at.v_max, unit, '/s')}, no "
             "more than this log shows or calls for; record steps larger than about "
-            f"{said(max(2.0 * called / at.gain, fit.grid.span), unit, digits=1)}"
+            f"{said(max(2.0 * called / at.gain, fit.grid.span), unit, digits=1)}",
         )
     elif math.isinf(gain.upper) and gain.lower > 0.0:
-        found.append(
+        note(
+            "threshold",
             "theta_0 is only known to be less than "
             f"{said(v_max.upper / gain.lower, unit)}: record small steps, or slow "
-            "motion, in which the joint does not saturate"
+            "motion, in which the joint does not saturate",
         )
-    found += [
-        f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do not say "
-        "how much further it would go, and the joint is hardly like the model"
-        for name in fit.free_names
-        if at_edge(fit, Parameters._fields.index(name))
-    ]
-    return [*found, *open_delays(fit, bounds, uncertainty)]
+    for name in fit.free_names:
+        if at_edge(fit, Parameters._fields.index(name)):
+            note(
+                "search",
+                f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do "
+                "not say how much further it would go, and the joint is hardly like the model",
+            )
+    delays = open_delays(fit, bounds, uncertainty)
+    return [*found, *(Finding("delays", words) for words in delays)]
 
 
 def open_delays(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> list[str]:

@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from itertools import groupby
 from operator import attrgetter
 
 NOTHING = "–"
 """What stands in a cell that has no value."""
+
+_WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
+"""Characters of a line; None, as for files, for any number."""
+
+
+@contextmanager
+def fitted_to(width: int | None) -> Iterator[None]:
+    """Let tables that are drawn as text in the block be at most so wide; None for any width."""
+    token = _WIDTH.set(width)
+    try:
+        yield
+    finally:
+        _WIDTH.reset(token)
 
 
 @dataclass(frozen=True)
@@ -78,7 +93,7 @@ class Table:
                     parts = (subject, _with_note(row.about))
                     rows.append([", ".join(part for part in parts if part), *cells])
         header = [self.about, *([""] if self.apart else []), *(each.title for each in self.columns)]
-        return text_table(header, rows)
+        return text_table(header, rows, about=2 if self.apart else 1)
 
     def subjects(self) -> list[tuple[str, list[Row]]]:
         """The rows of every subject together."""
@@ -127,23 +142,43 @@ class Table:
         return f'<tr>{"".join(cells)}</tr><tr class="sub"><td{across}></td>{below}</tr>'
 
 
-def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
     """Columns as wide as their widest cell, two blanks apart, under a header line.
+
+    Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow below,
+    in tables that begin with the same first columns.
 
     Args:
         header: The columns' names; the first stands on the left, the others on the right.
         rows: Their cells, as many per row as names.
+        about: Columns that say what a row is about.
     """
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[j]) for row in cells) for j in range(len(header))]
-    lines = [
-        "  ".join(
-            cell.ljust(width) if j == 0 else cell.rjust(width)
-            for j, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in cells
-    ]
-    return "\n".join(lines)
+    blocks = []
+    for columns in _blocks(widths, about):
+        lines = [
+            "  ".join(
+                row[j].ljust(widths[j]) if j == 0 else row[j].rjust(widths[j]) for j in columns
+            ).rstrip()
+            for row in cells
+        ]
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
+
+
+def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:
+    """Which columns stand side by side, each time after those that say what a row is about."""
+    most, first = _WIDTH.get(), list(range(about))
+    used = sum(widths[:about]) + 2 * (about - 1)
+    blocks, taken = [first.copy()], used
+    for j in range(about, len(widths)):
+        if most is not None and taken + 2 + widths[j] > most and len(blocks[-1]) > about:
+            blocks.append(first.copy())
+            taken = used
+        blocks[-1].append(j)
+        taken += 2 + widths[j]
+    return blocks
 
 
 def number(value: float | None, digits: int = 2) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import os
+import sys
 import tomllib
 
 import numpy as np
@@ -202,6 +205,40 @@ def test_a_model_that_a_pure_delay_beats_is_not_accepted_and_its_file_says_why(r
     assert f"do not plan with the model of the joint ({reason})" in result.stderr
     keys = tomllib.loads((tmp_path / "late.toml").read_text())
     assert (keys["verdict"], keys["verdict_reason"]) == ("worse than a delay", reason)
+
+
+class Terminal(io.StringIO):
+    """What is written on a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_the_table_of_many_joints_fits_a_terminal_of_80_columns(tmp_path, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("NO_COLOR", "1")
+    write_log(tmp_path / "arm.csv", joints=("hip", "knee"))
+    with pytest.raises(SystemExit):
+        cli.main(["identify", str(tmp_path / "arm.csv"), "--joint", "all", "-o", os.devnull])
+    lines = terminal.getvalue().splitlines()
+    tables = [line for line in lines if line.startswith(("joint  ", "hip  ", "knee  "))]
+    assert len(tables) == 6
+    assert max(map(len, tables)) <= 80
+    assert "best delay" in tables[3]
+
+
+def test_joints_identified_in_processes_are_those_identified_one_by_one(run, tmp_path, monkeypatch):
+    write_log("arm.csv", joints=("hip", "knee"))
+    answers = []
+    for few in (0, 10_000):
+        monkeypatch.setattr("planner.cli.identify.FEW_ROWS", few)
+        result = run("identify", "arm.csv", "--joint", "all", "-o", f"{few}.toml")
+        assert result.exit_code == 0, result.stderr
+        answers.append(result.stderr.replace(f"{few}.toml", "arm.toml"))
+    assert answers[0] == answers[1]
+    assert (tmp_path / "0.toml").read_text() == (tmp_path / "10000.toml").read_text()
 
 
 RUN_FILE = """

@@ -11,6 +11,7 @@ from planner.identification.excitation import at_period, excite
 from planner.identification.log import Log
 from planner.identification.result import (
     Alternative,
+    Finding,
     Identification,
     Interval,
     LogFit,
@@ -100,7 +101,7 @@ def made_up(*logs, **changes):
                 parameters={"delay": 0.05, "time_constant": 0.06, "offset": 0.001},
             ),
         ),
-        "warnings": (),
+        "findings": (),
     }
     return Identification(**{**fields, **changes})
 
@@ -116,8 +117,11 @@ def never_saturated():
             "theta_0": Interval(0.07, math.inf),
         },
         covariance=None,
-        warnings=(
-            "the joint never saturates in this log: only v_max/theta_0 = 44.6 per second is known; "
-            "record steps larger than about 0.5 rad",
+        findings=(
+            Finding(
+                "top speed",
+                "the joint never saturates in this log: only v_max/theta_0 = 44.6 per second is "
+                "known; record steps larger than about 0.5 rad",
+            ),
         ),
     )

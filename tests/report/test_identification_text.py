@@ -10,7 +10,7 @@ import pytest
 
 from planner.exceptions import InvalidFile
 from planner.files.joint_model import models_text, read_model_file
-from planner.identification.result import Alternative, Interval
+from planner.identification.result import Alternative, Finding, Interval
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.report.identification.text import identification_text, model_comments, remarks
@@ -108,7 +108,7 @@ def test_parameters_that_not_every_joint_has_are_explained_below_the_table():
     right = made_up()
     uneven = made_up(intervals={**right.intervals, "v_offset": Interval(-1.0, 1.0)})
     text = identification_text({"hip": right, "knee": uneven})
-    assert text.endswith("v offset: top speed up, less v_max")
+    assert text.splitlines()[-2].endswith("v offset: top speed up, less v_max")
 
 
 def test_what_is_not_determined_is_named():
@@ -122,10 +122,14 @@ def test_what_is_not_determined_is_named():
     assert "say little" in known(made_up(verdict="refused"))
 
 
-def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_the_warnings():
+def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_and_what_to_do():
     lines = identification_text({"hip": never_saturated()}).splitlines()
     assert lines[0].startswith("hip: the model holds: ")
-    assert lines[-1].startswith("warning: the joint never saturates")
+    assert lines[-2].startswith("warning: the joint never saturates")
+    assert lines[-1] == (
+        "next: record `excite --kind steps` with hip, which shows top speed; then identify from "
+        "all logs"
+    )
     told = {line.split("  ")[0]: line for line in lines}
     assert "at least 172" in told["top speed v_max"]
     assert "only bounded from below" in told["threshold theta_0"]
@@ -140,6 +144,45 @@ def test_several_joints_stand_in_one_table():
     assert lines[2].split()[:2] == ["hip", "holds"]
     assert lines[3].split()[:7] == ["knee", "DOES", "NOT", "FIT", "≥", "172", "deg/s"]
     assert lines[4].startswith("knee: warning: the joint never")
+
+
+def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_next():
+    finding = never_saturated().findings[0]
+    friction = Finding("friction", "the log leaves dry friction open")
+    log, drift = Finding("log", "a.csv: torque is off in 20%"), Finding("pattern", "backlash")
+    every = {
+        f"joint{k}": made_up(findings=(log, friction, finding) if k else (drift, log))
+        for k in range(6)
+    }
+    text = identification_text(every)
+    told = [line for line in text.splitlines() if "warning: " in line]
+    assert [line.partition(": warning: ")[::2] for line in told] == [
+        ("joint1, joint2, joint3 and 2 more", friction.words),
+        ("joint1, joint2, joint3 and 2 more", finding.words),
+        ("joint0, joint1, joint2 and 3 more", log.words),
+        ("joint0", drift.words),
+    ]
+    assert text.splitlines()[-1] == (
+        "next: record `excite --kind steps` with joint1, joint2, joint3 and 2 more, which shows "
+        "top speed; `excite --kind slow-triangle` with joint1, joint2, joint3 and 2 more, which "
+        "shows dry friction; then identify from all logs"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "line"),
+    [
+        ({}, "next: request-planner plan PATH --model arm.toml -o requests.csv"),
+        ({"verdict": "refused"}, "next: find out what holds or loads hip, and record again"),
+        (
+            {"findings": (Finding("friction", ""), Finding("sign", ""))},
+            "next: check the columns of hip, as the first warning says",
+        ),
+    ],
+)
+def test_what_to_do_next_is_to_plan_unless_the_model_is_refused_or_a_column_wrong(changes, line):
+    text = identification_text({"hip": made_up(**changes)}, "arm.toml")
+    assert text.splitlines()[-1] == line
 
 
 def test_the_model_file_is_read_again_to_the_last_digit_and_says_where_it_comes_from(tmp_path):

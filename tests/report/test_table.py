@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import re
 
-from planner.report.table import NOTHING, Column, Row, Table, percent, text_table
+import pytest
+
+from planner.report.table import NOTHING, Column, Row, Table, fitted_to, percent, text_table
 
 PARTS = ("ours", "paper", "diff.")
 
@@ -56,3 +58,28 @@ def test_a_share_of_nothing_is_no_percentage():
     assert percent(0.0125) == "1.25 %"
     assert percent(0.5, 0) == "50 %"
     assert percent(math.inf) == "bound 0"
+
+
+WIDE = ["joint", *(f"column{k}" for k in range(12))]
+ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in range(3)]
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(width):
+    whole = text_table(WIDE, ROWS)
+    with fitted_to(width):
+        blocks = [block.splitlines() for block in text_table(WIDE, ROWS).split("\n\n")]
+    assert max(map(len, whole.splitlines())) > width
+    assert len(blocks) > 1
+    assert all(len(line) <= width for block in blocks for line in block)
+    for j, row in enumerate([WIDE, *ROWS]):
+        assert all(block[j].startswith(row[0]) for block in blocks)
+        cells = [cell for block in blocks for cell in block[j][len(row[0]) :].split("  ") if cell]
+        assert [cell.strip() for cell in cells] == row[1:]
+    assert text_table(WIDE, ROWS) == whole
+
+
+def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
+    with fitted_to(20):
+        blocks = text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]).split("\n\n")
+    assert [block.splitlines()[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]

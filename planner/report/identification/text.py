@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import get_args
 
 import numpy as np
 
 from planner._version import __version__
 from planner.identification.excitation import Excitation
-from planner.identification.result import Identification, Interval
+from planner.identification.result import Identification, Interval, Topic
 from planner.report.identification.words import (
     SYMBOLS,
     Parameter,
@@ -54,12 +56,74 @@ HEADERS = {
 """What a column of the table of several joints is called, where the key's words do not do."""
 
 
-def identification_text(identifications: Mapping[str, Identification]) -> str:
-    """What was found, the verdict first.
+RECORD: dict[str, dict[Topic, str]] = {
+    "steps": {
+        "motion": "larger motion",
+        "simpler": "more motion",
+        "top speed": "top speed",
+        "delays": "delays",
+    },
+    "slow-triangle": {
+        "friction": "dry friction",
+        "shaken": "calm motion",
+        "threshold": "theta_0",
+    },
+}
+"""Signals of `excite` that settle a topic, and what each shows."""
+
+NAMED = 3
+"""Joints that a line about several names."""
+
+
+def identification_text(
+    identifications: Mapping[str, Identification], model: str = "joint.toml"
+) -> str:
+    """What was found, the verdict first, what to do next last.
 
     Args:
-        identifications: By joint; "" for one without a name. Several share a table.
+        identifications: By joint; "" for one without a name. Several share a table, and warnings.
+        model: The file of the models.
     """
+    return f"{_found(identifications)}\n{next_step(identifications, model)}"
+
+
+def next_step(identifications: Mapping[str, Identification], model: str) -> str:
+    """What to do next, in a line: look at the columns, record what is open, or plan.
+
+    Args:
+        identifications: By joint; "" for one without a name.
+        model: The file of the models.
+    """
+    topics = {
+        joint or "the joint": {each.topic for each in found.findings}
+        for joint, found in identifications.items()
+    }
+    wrong = [joint for joint, open_ in topics.items() if open_ & {"sign", "columns"}]
+    if wrong:
+        return f"next: check the columns of {_names(wrong)}, as the first warning says"
+    signals = []
+    for kind, shows in RECORD.items():
+        joints = [joint for joint, open_ in topics.items() if open_ & shows.keys()]
+        settled = [what for topic, what in shows.items() if any(topic in topics[j] for j in joints)]
+        if joints:
+            what = ", ".join(settled)
+            signals.append(f"`excite --kind {kind}` with {_names(joints)}, which shows {what}")
+    if signals:
+        return f"next: record {'; '.join(signals)}; then identify from all logs"
+    refused = [joint or "the joint" for joint, each in identifications.items() if not each.accepted]
+    if refused:
+        return f"next: find out what holds or loads {_names(refused)}, and record again"
+    return f"next: request-planner plan PATH --model {model} -o requests.csv"
+
+
+def _names(joints: Sequence[str]) -> str:
+    """The first of the joints, and how many more there are."""
+    if len(joints) > NAMED + 1:
+        return f"{', '.join(joints[:NAMED])} and {len(joints) - NAMED} more"
+    return " and ".join(filter(None, [", ".join(joints[:-1]), joints[-1]]))
+
+
+def _found(identifications: Mapping[str, Identification]) -> str:
     if len(identifications) > 1:
         return _several(identifications)
     ((joint, identification),) = identifications.items()
@@ -91,9 +155,23 @@ def _several(identifications: Mapping[str, Identification]) -> str:
         text_table([*header, "rms", "held out", "best delay"], rows),
         *filter(None, [explained(names)]),
     ]
+    return "\n".join([*lines, *_shared_warnings(identifications)])
+
+
+def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]:
+    """A line for each warning, once for all joints that it is about, in the first one's numbers."""
+    shared: dict[tuple[Topic, str], tuple[str, list[str]]] = {}
     for joint, each in identifications.items():
-        lines += [f"{joint}: warning: {warning}" for warning in each.warnings]
-    return "\n".join(lines)
+        for found in each.findings:
+            own = found.topic in ("log", "pattern")  # of which there are many kinds
+            key = found.topic, re.sub(r"[\d.]+", "", found.words) if own else ""
+            _, joints = shared.setdefault(key, (found.words, []))
+            joints.append(joint)
+    topics = get_args(Topic)
+    ordered = sorted(shared.items(), key=lambda entry: topics.index(entry[0][0]))
+    return [
+        f"{_names(list(dict.fromkeys(joints)))}: warning: {words}" for _, (words, joints) in ordered
+    ]
 
 
 def _errors(identification: Identification) -> list[str]:
