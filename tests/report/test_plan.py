@@ -109,7 +109,7 @@ def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     joint = replace(SERVO, v_max=5.0, v_offset=2.0)
     times = joint.period * np.arange(121)
     path = 0.08 * np.arcsin(np.sin(2.0 * np.pi * times / 0.32)) / np.pi * 8.0  # ±4 rad/s
-    (replayed,) = planner.replay(planner.Log(times, path, path), joint).joints
+    (replayed,) = planner.replay(planner.Log(times=times, requests=path, angles=path), joint).joints
     plan = replayed.inversion
     outcome = PlanOutcome(
         names=("joint",),
@@ -123,7 +123,7 @@ def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     assert row.too_fast == pytest.approx(0.5, abs=0.05)
     assert math.radians(row.speed) == pytest.approx(4.0)
     assert math.radians(row.top_speed) == pytest.approx(3.0)
-    (said,) = [text for text in remarks(outcome) if "too fast" in text or "faster" in text]
+    (said,) = [text for text in remarks(outcome, unreachable=0, missed=[]) if "too fast" in text or "faster" in text]
     assert "229 of 172 deg/s" in said
     spans = sum(span.last - span.first for span in replayed.too_fast)
     assert spans / (len(plan.desired) - 1) / joint.period == pytest.approx(row.too_fast)
