@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.exceptions import InvalidInput, InvalidModel
 from planner.files.table import nearest
-from planner.identification.log import Log, as_logs, pieces_of, unwrapped
+from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.identification.resampling import sound_rows
 from planner.identification.timestamps import timing_of
 from planner.inversion.arguments import range_of_each
@@ -20,7 +20,7 @@ from planner.inversion.error_norm import error_norm
 from planner.inversion.load_of_pose import LoadOfPose
 from planner.model.joint import JointModel
 from planner.planning import Limits
-from planner.trajectory import Array
+from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, freeze, is_one_of, shown
 
 Track = Literal["state", "action"]
@@ -50,14 +50,11 @@ class RecordingOptions:
         whole_rate: A rate this close to a whole number [share] is that number: LeRobot writes times
             in 32 bits, from which 30 Hz is read as 29.99999.
         least_rows: Requests of a replay at least.
-        most_rows: Requests of a replay at most: five hours at 50 Hz. A plan takes some 6 kB of
-            memory for each, and so twice as many 12 GB.
     """
 
     same_period: float = 0.01
     whole_rate: float = 1e-4
     least_rows: int = 3
-    most_rows: int = 1_000_000
 
 
 OPTIONS = RecordingOptions()
@@ -168,10 +165,10 @@ def _rows(name: str, duration: float, period: float, speed: float) -> int:
         InvalidInput: They are too many or too few.
     """
     count = duration / speed / period
-    if count > OPTIONS.most_rows:
+    if count > MOST_SAMPLES:
         raise InvalidInput(
             f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second the "
-            f"replay has {count:.3g} requests, expected at most {OPTIONS.most_rows}; choose a "
+            f"replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose a "
             "shorter part, a higher speed or a lower rate"
         )
     rows = math.floor(count + 1e-6) + 1
@@ -191,9 +188,11 @@ def check_length(
     """Make sure that a replay has a number of requests that can be planned; see :func:`replay`.
 
     Raises:
-        InvalidInput: They are too many or too few, or the part or the rate is none.
+        InvalidInput: They are too many or too few, the part or the rate is none, or the rows are
+            too far apart or too close to be of a joint.
     """
     logs = as_logs(recording)
+    check_periods(logs)
     first, last = _part(logs, min(float(log.times[0]) for log in logs), begin, end)
     _rows(logs[0].name, last - first, _period(logs, rate), speed)
 

@@ -17,8 +17,9 @@ LARGEST = 1e9
 SAME = 1e-6
 """Relative difference of two values that are equally large to a reader."""
 
-MOST_SAMPLES = 10_000_000
-"""Longest trajectory that is made from a number alone [samples]: a day at 100 Hz and more."""
+MOST_SAMPLES = 1_000_000
+"""Longest trajectory that is read, or made from a number alone [samples]: five hours at 50 Hz. A
+plan takes some 5 kB of memory for each."""
 
 
 def as_trajectory(

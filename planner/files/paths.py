@@ -21,6 +21,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.clock import TIME, read_clock, time_column, time_columns
+from planner.files.limits import MOST_JOINTS, MOST_ROWS
 from planner.files.logs.column_names import pairs
 from planner.files.table import Table, nearest, read_table, write_table
 from planner.files.text import write_text
@@ -133,7 +134,12 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPat
     Raises:
         InvalidFile: The file is no joint path; the message says where and why.
     """
-    return joint_path(read_table(path), joints=joints)
+    return joint_path(path_table(path), joints=joints)
+
+
+def path_table(path: Path | str) -> Table:
+    """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
+    return read_table(path, most_rows=MOST_ROWS)
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:
@@ -151,12 +157,18 @@ def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -
         columns = pick(table, joints, JOINT_UNITS)
     else:
         _check_no_log(table)
-        others = (*time_columns(table.names), *COUNTERS)
+        others = {*time_columns(table.names), *COUNTERS}
         columns = [name for name in table.names if not (name in others or name.endswith(LOAD))]
     if not columns:
         raise InvalidFile(
             table.path,
             f"only {', '.join(table.names)}; expected columns <joint>_deg or <joint>_rad",
+            line=1,
+        )
+    if len(columns) > MOST_JOINTS:
+        raise InvalidFile(
+            table.path,
+            f"{len(columns)} joints, expected at most {MOST_JOINTS}; choose some with --joint",
             line=1,
         )
     names, units, values = with_unit(table, columns, JOINT_UNITS)
@@ -264,7 +276,7 @@ def read_foot_path(path: Path | str) -> FootPath:
     Raises:
         InvalidFile: The file is no foot path; the message says where and why.
     """
-    return foot_path(read_table(path))
+    return foot_path(path_table(path))
 
 
 def foot_path(table: Table, *, even: bool = True) -> FootPath:

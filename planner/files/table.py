@@ -10,11 +10,13 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from planner.exceptions import InvalidFile
+from planner.files.limits import MOST_CELLS, MOST_COLUMNS
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
 
@@ -74,13 +76,17 @@ class Table:
         Raises:
             InvalidFile: There is none.
         """
-        if name not in self.names:
+        if name not in self._places:
             raise InvalidFile(
                 self.path,
                 f"no column '{name}'{nearest(name, self.names)}; columns: {', '.join(self.names)}",
                 line=1,
             )
-        return self.names.index(name)
+        return self._places[name]
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {name: place for place, name in enumerate(self.names)}
 
     def _number(self, cell: str, name: str, line: int) -> float:
         try:
@@ -98,7 +104,7 @@ class Table:
         return number
 
 
-def read_table(path: Path | str) -> Table:
+def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
     Lines above the header that begin with ``#`` are comments; where numbers follow at once, the
@@ -106,8 +112,13 @@ def read_table(path: Path | str) -> Table:
     :data:`DELIMITERS` in the header, says what stands between the cells. Where that is no comma,
     numbers may have decimal commas.
 
+    Args:
+        path: The file.
+        most_rows: Rows that it may have; by default any number that fits :data:`.MOST_CELLS`.
+
     Raises:
-        InvalidFile: Not a text file, empty, without names, or with rows of different lengths.
+        InvalidFile: Not a text file, empty, too large, without names, or with rows of different
+            lengths.
     """
     text = read_text(path)
     named = _NAMED_DELIMITER.match(text)
@@ -120,24 +131,38 @@ def read_table(path: Path | str) -> Table:
     lines: list[int] = []
     try:
         for cells in reader:
-            if not any(cell.strip() for cell in cells) and len(cells) <= 1:
-                continue  # a blank line
+            if not _is_row(cells):
+                continue
             if named and reader.line_num == 1:
                 continue
             if not names:
                 names = _checked_names(path, [cell.strip() for cell in cells], reader.line_num)
                 continue
+            if len(cells) != len(names):
+                line = reader.line_num
+                cut = len(cells) < len(names) and not any(map(_is_row, reader))
+                raise _ragged(path, names, len(cells), line, cut=cut)
             rows.append(tuple(cells) if delimiter == "," else tuple(map(_with_point, cells)))
             lines.append(reader.line_num)
+            if len(rows) * len(names) > MOST_CELLS:
+                raise InvalidFile(
+                    path, f"more than {MOST_CELLS} cells; split the file, or leave columns out"
+                )
+            if most_rows is not None and len(rows) > most_rows:
+                raise InvalidFile(
+                    path,
+                    f"more than {most_rows} rows, expected at most so many samples; split the "
+                    "file, or take fewer samples a second",
+                )
     except csv.Error as error:
         raise InvalidFile(
             path, f"not CSV ({error}); expected comma-separated numbers", line=reader.line_num
         ) from error
     if not names:
         raise InvalidFile(path, "empty; expected a line of column names and one row per sample")
-    table = Table(str(path), names, tuple(rows), tuple(lines))
-    _check_rows(table)
-    return table
+    if len(rows) < 2:
+        raise InvalidFile(path, f"rows of samples: got {len(rows)}, expected at least 2")
+    return Table(str(path), names, tuple(rows), tuple(lines))
 
 
 def _without_comments(text: str, start: int) -> str:
@@ -190,7 +215,18 @@ def nearest(name: str, names: Sequence[str]) -> str:
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 
+def _is_row(cells: Sequence[str]) -> bool:
+    """Whether a line is not blank."""
+    return len(cells) > 1 or any(cell.strip() for cell in cells)
+
+
 def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, ...]:
+    if len(names) > MOST_COLUMNS:
+        raise InvalidFile(
+            path,
+            f"{len(names)} columns, expected at most {MOST_COLUMNS}; leave out what is not needed",
+            line=line,
+        )
     if "" in names:
         raise InvalidFile(
             path, f"column {names.index('') + 1} has no name; name or remove it", line=line
@@ -210,21 +246,17 @@ def _checked_names(path: Path | str, names: list[str], line: int) -> tuple[str, 
     return tuple(names)
 
 
-def _check_rows(table: Table) -> None:
-    for row, line in zip(table.rows, table.lines, strict=True):
-        if len(row) != len(table.names):
-            cut = line == table.lines[-1] and len(row) < len(table.names)
-            raise InvalidFile(
-                table.path,
-                f"got {len(row)} {'cell' if len(row) == 1 else 'cells'}, expected "
-                f"{len(table.names)} ({_shortened(', '.join(table.names))}); "
-                + ("is the file cut short?" if cut else "mend the row or its commas"),
-                line=line,
-            )
-    if len(table.rows) < 2:
-        raise InvalidFile(
-            table.path, f"rows of samples: got {len(table.rows)}, expected at least 2"
-        )
+def _ragged(
+    path: Path | str, names: Sequence[str], cells: int, line: int, *, cut: bool
+) -> InvalidFile:
+    """The error that a row has not a cell for each column."""
+    return InvalidFile(
+        path,
+        f"got {cells} {'cell' if cells == 1 else 'cells'}, expected {len(names)} "
+        f"({_shortened(', '.join(names))}); "
+        + ("is the file cut short?" if cut else "mend the row or its commas"),
+        line=line,
+    )
 
 
 def _with_point(cell: str) -> str:

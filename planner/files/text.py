@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from planner.exceptions import InvalidFile
+from planner.files.limits import MOST_BYTES
 from planner.files.staging import cannot_write, reason, staged
 
 STANDARD_STREAM = "-"
 """The name that stands for standard input or standard output."""
-
-MOST_BYTES = 64 * 2**20
-"""Longest text that is read [bytes]: a million requests for three joints come to half of it."""
 
 CHUNK = 2**15
 """Characters that go to standard output at once: where Python does not buffer it, the rest of a

@@ -10,12 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from planner.exceptions import InvalidFile
+from planner.files.limits import MOST_PARTS
 from planner.files.text import read_text
 
 Place = tuple[str | int, ...]
 """Where a value stands: the keys that lead to it, and the numbers of tables that repeat."""
 
 _KEY = r"(?:\"[^\"]*\"|'[^']*'|[A-Za-z0-9_-]+)"
+_DEEP = re.compile(
+    r"(?<![A-Za-z0-9_-])(?:(?:\"[^\"\n]*+\"|'[^'\n]*+'|[A-Za-z0-9_-]++)[ \t]*+\.[ \t]*+)"
+    rf"{{{MOST_PARTS}}}"
+)
 _PATH = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
 
 
@@ -50,6 +55,12 @@ def read_toml(path: Path | str, *, example: str) -> Toml:
         InvalidFile: The file cannot be read, or is not TOML.
     """
     text = read_text(path)
+    if deep := _DEEP.search(text):
+        raise InvalidFile(
+            path,
+            f"a key of more than {MOST_PARTS} parts, expected tables and keys such as '{example}'",
+            line=text.count("\n", 0, deep.start()) + 1,
+        )
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:

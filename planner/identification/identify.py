@@ -24,7 +24,7 @@ from planner.identification.intervals import (
     uncertainty_of,
 )
 from planner.identification.least_squares import Fit
-from planner.identification.log import FASTEST, SLOWEST, Log, as_logs, unwrapped
+from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
@@ -79,7 +79,7 @@ def identify(
     hold_out = as_flag("hold_out", hold_out)
     logs = as_logs(logs)
     _check_alike(logs)
-    _check_periods(logs)
+    check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     timing = timing.ticking(fit.grid.tick)
@@ -223,16 +223,6 @@ def _check_alike(logs: Sequence[Log]) -> None:
             raise InvalidInput(
                 f"logs: got {name}s {', '.join(map(repr, found))}, expected logs of one joint in "
                 "one unit: identify each joint by itself"
-            )
-
-
-def _check_periods(logs: Sequence[Log]) -> None:
-    for log in logs:
-        if not FASTEST <= log.period <= SLOWEST:
-            raise InvalidInput(
-                f"{log.name}: one row every {log.period:.3g} s, expected one every {FASTEST:g} to "
-                f"{SLOWEST:g} s, which show how a joint moves; give the times in seconds, or in a "
-                "CSV say their unit: --time COLUMN:ms"
             )
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidTrajectory
+from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.trajectory import LARGEST, Array, as_trajectory
 from planner.validation import is_one_of, shown
 
@@ -227,6 +227,21 @@ def _as_log(given: Any, number: int) -> Log:
         f"{name}: got {type(given).__name__}, expected a planner.Log, a triple of arrays or a "
         "mapping with the keys times, requests and angles"
     )
+
+
+def check_periods(logs: Sequence[Log]) -> None:
+    """Make sure that rows are so close, and so far apart, that they show how a joint moves.
+
+    Raises:
+        InvalidInput: They are not; their times are probably in another unit.
+    """
+    for log in logs:
+        if not FASTEST <= log.period <= SLOWEST:
+            raise InvalidInput(
+                f"{log.name}: one row every {log.period:.3g} s, expected one every {FASTEST:g} to "
+                f"{SLOWEST:g} s, which show how a joint moves; give the times in seconds, or in a "
+                "CSV say their unit: --time COLUMN:ms"
+            )
 
 
 def pieces_of(log: Log) -> list[slice]:

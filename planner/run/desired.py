@@ -17,9 +17,9 @@ from planner.files.paths import (
     foot_path,
     is_foot_path,
     joint_path,
+    path_table,
     write_joint_path,
 )
-from planner.files.table import read_table
 from planner.files.units import LEAST_DEG, SHARES
 from planner.gait import half_ellipse
 from planner.model.evidence import refusal
@@ -240,7 +240,7 @@ def load_desired(
         InvalidFile: The file is neither, or its rate is not the models'.
         KinematicsError: The leg cannot reach the path.
     """
-    table, even = read_table(file), rate_hz is None and speed is None
+    table, even = path_table(file), rate_hz is None and speed is None
     if is_foot_path(table):
         if leg is None:
             raise BadSetting(f"{file} is a foot path: name its leg with ", Key("leg.name"))
@@ -307,7 +307,7 @@ def load_joints(
     Raises:
         InvalidFile: The file holds no joint path, or its rate is not the models'.
     """
-    table = read_table(file)
+    table = path_table(file)
     if is_foot_path(table):
         raise InvalidFile(file, "a foot path, expected columns <joint>_deg or <joint>_rad")
     given = joint_path(table, joints=joints)

@@ -159,7 +159,7 @@ def test_a_curves_json_gives_it_back_to_the_last_digit_and_its_csv_the_knots(tmp
 
 
 def test_too_many_samples_are_refused_before_they_are_made():
-    with pytest.raises(InvalidInput, match="expected at most 10000000 samples; ask for a lower"):
+    with pytest.raises(InvalidInput, match="expected at most 1000000 samples; ask for a lower"):
         resampled(np.arange(3.0), np.zeros((3, 1)), 1e-9, cyclic=True)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import json
 import struct
 import sys
 
@@ -65,15 +66,24 @@ def _parquet_bomb(folder):
     pa = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
+    (folder / "meta").mkdir()
+    (folder / "meta" / "info.json").write_text(
+        json.dumps(
+            {
+                "codebase_version": "v2.1",
+                "features": {key: {"shape": [30]} for key in ("action", "observation.state")},
+            }
+        )
+    )
     row = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(30 * 10**6)), 30)
+    times = pa.array(np.zeros(10**6))
     table = pa.table(
-        {"action": row, "observation.state": row, "timestamp": pa.array(np.zeros(10**6))}
+        {"action": row, "observation.state": row, "timestamp": times, "episode_index": times}
     )
     with parquet.ParquetWriter(
         folder / "bomb.parquet", table.schema, compression="zstd", use_dictionary=True
     ) as writer:
-        for _ in range(5):
-            writer.write_table(table)
+        writer.write_table(table)
 
 
 def _parquet_claim(folder):
@@ -146,7 +156,41 @@ HOSTILE = {
     "a header of a million columns": (
         lambda folder: _repeated(folder, "x.csv", b"knee_deg", b",a_deg", 6 * 2**20),
         ("plan", "x.csv"),
-        "x.csv",
+        "columns, expected at most 10000",
+    ),
+    "five million rows": (
+        lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b"30.25\n", 30 * 10**6),
+        ("plan", "x.csv"),
+        "x.csv: more than 1000000 rows, expected at most so many samples",
+    ),
+    "cells of one digit": (
+        lambda folder: _repeated(
+            folder, "x.csv", b"t_s,a,b,c,d,e,f,g\n", b"1.23,1,1,1,1,1,1,1\n", 60 * 2**20
+        ),
+        ("identify", "x.csv"),
+        "x.csv: more than 10000000 cells; split the file",
+    ),
+    "a log of milliseconds": (
+        lambda folder: (folder / "x.csv").write_text(
+            "t_s,requested_deg,actual_deg\n"
+            + "".join(f"{20 * k},{k % 50},{k % 40}\n" for k in range(2000))
+        ),
+        ("replay", "x.csv", "--model", "ers210a", "-o", "out.csv"),
+        "x.csv: one row every 20 s, expected one every 2e-05 to 2 s",
+    ),
+    "a path of 2000 joints": (
+        lambda folder: (folder / "x.csv").write_text(
+            "\n".join([",".join(f"j{k}_deg" for k in range(2000)), *[",".join("1" * 2000)] * 3])
+        ),
+        ("plan", "x.csv"),
+        "x.csv, line 1: 2000 joints, expected at most 1000",
+    ),
+    "a table of 20000 columns": (
+        lambda folder: (folder / "x.csv").write_text(
+            "\n".join([",".join(f"j{k}_deg" for k in range(20000)), *[",".join("1" * 20000)] * 3])
+        ),
+        ("identify", "x.csv"),
+        "x.csv, line 1: 20000 columns, expected at most 10000",
     ),
     "rows of commas": (
         lambda folder: _repeated(folder, "x.csv", b"knee_deg\n", b",,,,\n", 8 * 2**20),
@@ -166,7 +210,15 @@ HOSTILE = {
     "a run file of a path of dots": (
         lambda folder: (folder / "run.toml").write_text("a" + ".a" * 10**4 + " = 1\n"),
         ("run", "run.toml"),
-        "run.toml",
+        "run.toml, line 1: a key of more than 100 parts",
+    ),
+    "a model of a path of dots in quotes": (
+        lambda folder: (
+            (folder / "x.csv").write_text("knee_deg\n1\n2\n3\n"),
+            (folder / "m.toml").write_text('tick = 0.01\n[a."b c"' + " . 'a'" * 20000 + "]\n"),
+        ),
+        ("plan", "x.csv", "--model", "m.toml"),
+        "m.toml, line 2: a key of more than 100 parts",
     ),
     "a walk of a billion samples": (
         lambda folder: (folder / "run.toml").write_text(
@@ -211,7 +263,11 @@ HOSTILE = {
         ("gait", *LEG),
         "robot.urdf: is longer than 64 MiB",
     ),
-    "Parquet that unfolds": (_parquet_bomb, ("identify", "bomb.parquet"), "bomb.parquet"),
+    "Parquet that unfolds": (
+        _parquet_bomb,
+        ("identify", "bomb.parquet", "--joint", "0", "--unit", "rad"),
+        "bomb.parquet: more than 33554432 numbers",
+    ),
     "Parquet with a long footer": (_parquet_claim, ("identify", "claim.parquet"), "claim.parquet"),
     "MCAP with a long record": (_mcap_claim, ("identify", "claim.mcap"), "claim.mcap"),
     "MCAP that unfolds": (_mcap_bomb, ("identify", "bomb.mcap"), "unfold to more than 256 MiB"),

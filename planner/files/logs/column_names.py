@@ -99,8 +99,13 @@ def pairs(columns: Sequence[str]) -> tuple[Pair, ...]:
     by_joint: dict[str, list[Meaning]] = {}
     for found in filter(None, map(meaning, columns)):
         by_joint.setdefault(found.joint, []).append(found)
-    named = {joint: _named(joint, columns) for joint in by_joint}
-    return tuple(_pair(joint, found, named[joint]) for joint, found in by_joint.items())
+    named: dict[str, list[str]] = {}  # those that only name a joint, such as elbow_deg
+    for column in columns:
+        named.setdefault(split_name(column, ANGLE_NAMES)[0].lower(), []).append(column)
+    return tuple(
+        _pair(joint, found, tuple(named.get(joint.lower(), ())) if joint else ())
+        for joint, found in by_joint.items()
+    )
 
 
 def torque_columns(columns: Sequence[str]) -> tuple[str, ...]:
@@ -112,14 +117,6 @@ def _run(words: Sequence[str]) -> int:
     """How many of the first words name a role."""
     known = REQUESTED | ACTUAL | PLAIN
     return next((k for k, word in enumerate(words) if word not in known), len(words))
-
-
-def _named(joint: str, columns: Sequence[str]) -> tuple[str, ...]:
-    """Columns that name a joint and perhaps a unit, such as ``elbow_deg``."""
-    stems = [split_name(column, ANGLE_NAMES)[0].lower() for column in columns]
-    return tuple(
-        column for column, stem in zip(columns, stems, strict=True) if stem == joint.lower() != ""
-    )
 
 
 def _pair(joint: str, found: Sequence[Meaning], named: tuple[str, ...]) -> Pair:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from planner.exceptions import InvalidFile, MissingExtra
+from planner.files.limits import MOST_NUMBERS
 from planner.files.table import nearest
 from planner.trajectory import Array
-
-MOST_BYTES = 2**30
-"""Unfolded numbers that are read from one file [bytes]: a day at 50 Hz of 30 joints."""
 
 BATCH = 8192
 """Rows that are unfolded at a time."""
@@ -36,11 +34,7 @@ def read_columns(path: Path | str, names: Sequence[str]) -> dict[str, Array]:
     try:
         with parquet.ParquetFile(path) as file:
             _check(path, file.schema_arrow.names, names)
-            batches = list(_batches(path, file, names))
-        if not batches:
-            raise InvalidFile(path, "no rows; is the file cut short?")
-        table = pa.Table.from_batches(batches)
-        return {name: _numbers(path, table.column(name), name) for name in names}
+            return _columns(path, file, names)
     except InvalidFile:
         raise
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
@@ -60,24 +54,52 @@ def _check(path: Path | str, known: Sequence[str], names: Sequence[str]) -> None
             raise InvalidFile(path, f"{known.count(name)} columns '{name}', expected one")
 
 
-def _batches(path: Path | str, file: Any, names: Sequence[str]) -> Iterator[Any]:
-    """The rows, some at a time, so that a small file cannot unfold into all of the memory.
+def _columns(path: Path | str, file: Any, names: Sequence[str]) -> dict[str, Array]:
+    """The columns, unfolded some rows at a time: a small file cannot fill all of the memory.
 
     What the file says of its own size is not asked: pyarrow ends the whole process where a damaged
     description cannot be understood.
     """
+    pieces: dict[str, list[Array]] = {name: [] for name in names}
     size = 0
     for batch in file.iter_batches(batch_size=BATCH, columns=list(names), use_threads=False):
-        size += batch.nbytes
-        if size > MOST_BYTES:
-            raise InvalidFile(path, f"more than {MOST_BYTES >> 20} MiB of angles; split the file")
-        yield batch
+        for name in names:
+            numbers = _numbers(path, batch.column(name), name)
+            pieces[name].append(numbers)
+            size += numbers.size
+        if size > MOST_NUMBERS:
+            raise InvalidFile(
+                path, f"more than {MOST_NUMBERS} numbers of angles and times; split the file"
+            )
+    if not size:
+        raise InvalidFile(path, "no rows; is the file cut short?")
+    return {name: _joined(path, pieces.pop(name), name) for name in names}
 
 
-def _numbers(path: Path | str, column: Any, name: str) -> Array:
+def _joined(path: Path | str, pieces: Sequence[Array], name: str) -> Array:
+    """Pieces of a column, one after another; those without any list are NaN."""
+    widths = {piece.shape[1] for piece in pieces if piece.ndim == 2} - {0}
+    if len(widths) > 1:
+        raise _uneven(path, name, min(widths), max(widths))
+    (width,) = widths or {0}
+    return np.concatenate(
+        [
+            np.full((len(piece), width), np.nan) if piece.shape[1:] == (0,) else piece
+            for piece in pieces
+        ]
+    )
+
+
+def _uneven(path: Path | str, name: str, least: int, most: int) -> InvalidFile:
+    return InvalidFile(
+        path, f"column '{name}': lists of {least} to {most} numbers, expected one length"
+    )
+
+
+def _numbers(path: Path | str, array: Any, name: str) -> Array:
+    """Numbers of a piece of a column, shape (n,), or (n, width) where a cell is a list."""
     import pyarrow as pa
 
-    array = pa.concat_arrays(column.chunks) if column.num_chunks else pa.array([], column.type)
     kind, filled = array.type, array.is_valid().to_numpy(zero_copy_only=False)
     width = None
     if pa.types.is_fixed_size_list(kind):
@@ -85,11 +107,7 @@ def _numbers(path: Path | str, column: Any, name: str) -> Array:
     elif pa.types.is_list(kind) or pa.types.is_large_list(kind):
         lengths = np.diff(array.offsets.to_numpy(zero_copy_only=False))[filled]
         if len(set(lengths.tolist())) > 1:
-            raise InvalidFile(
-                path,
-                f"column '{name}': lists of {lengths.min()} to {lengths.max()} numbers, "
-                "expected one length",
-            )
+            raise _uneven(path, name, lengths.min(), lengths.max())
         width = int(lengths[0]) if len(lengths) else 0
     values = array if width is None else array.flatten()
     if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):

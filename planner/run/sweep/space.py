@@ -17,8 +17,7 @@ import numpy as np
 from kinematics.exceptions import KinematicsError
 from planner.evaluation.swept import Point, Requirement
 from planner.exceptions import MissingExtra, PlannerError
-from planner.files.paths import is_foot_path
-from planner.files.table import read_table
+from planner.files.paths import is_foot_path, path_table
 from planner.files.toml import Toml, read_toml
 from planner.run.desired import find_leg, load_leg, refused_models
 from planner.run.faults import BadSetting, Key, Remark
@@ -307,7 +306,7 @@ def _checked(space: Space) -> Space:
     if len(required) > 1:
         raise BadSetting(Key(required[1]), ": got ", Key(required[0]), " too, expected one of them")
     leg = load_leg(find_leg(space.settings.leg, folder))
-    of_foot = space.gait or is_foot_path(read_table(beside(folder, str(space.settings.path.file))))
+    of_foot = space.gait or is_foot_path(path_table(beside(folder, str(space.settings.path.file))))
     space = replace(space, error_unit="cm" if of_foot else "deg")
     foreign = {
         "at_error_deg" if of_foot else "at_error_cm": "joints" if of_foot else "a foot",
