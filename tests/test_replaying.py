@@ -203,3 +203,9 @@ def test_steps_by_joint_may_name_joints_that_are_not_planned():
     made = replay_at(path, path.moments(1.0), known=known, max_step=steps)
     assert made.joints[0].inversion is known["elbow"]
     assert made.joints[1].inversion.largest_step <= 0.02 * (1.0 + 1e-12)
+
+
+def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
+    for count in range(20, 150):
+        path = recorded_path([recorded(requests=asked()[:count])], SERVO)
+        assert len(path.moments(1.0)) == count

@@ -31,7 +31,13 @@ def _written(file, column, values, times=None):
 
 
 @pytest.mark.parametrize(
-    "degrees", [45.0 * np.sin(PHASE), 80.0 + np.sin(PHASE), 0.3 * np.arange(100) ** 2]
+    "degrees",
+    [
+        45.0 * np.sin(PHASE),
+        80.0 + np.sin(PHASE),
+        0.3 * np.arange(100) ** 2,
+        2.0 * np.arange(100),
+    ],
 )
 def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     file = _written(tmp_path / "path.csv", "pan_rad", degrees)
@@ -44,7 +50,13 @@ def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
 
 
 @pytest.mark.parametrize(
-    "radians", [0.4 * np.arange(100), 0.4 * np.arange(100) + np.sin(PHASE), 6.2 * np.sin(PHASE)]
+    "radians",
+    [
+        0.4 * np.arange(100),
+        -0.4 * np.arange(100),
+        0.4 * np.arange(100) + np.sin(PHASE),
+        6.2 * np.sin(PHASE),
+    ],
 )
 def test_a_joint_that_winds_may_pass_many_turns_and_any_joint_two(tmp_path, radians):
     angles = read_joint_path(_written(tmp_path / "path.csv", "pan_rad", radians)).angles
@@ -261,3 +273,22 @@ def test_times_without_a_unit_are_refused_with_a_name_that_has_one(tmp_path, tit
         read_joint_path(file)
     file.write_text("t_deg,knee_deg\n0,1\n20,2\n")  # a joint, as its unit says
     assert read_joint_path(file).names == ("t", "knee")
+
+
+@pytest.mark.parametrize("period", [0.008, 0.01, 0.1, 1.0 / 30.0])
+def test_a_motion_at_its_own_rate_keeps_its_last_row(period):
+    for count in range(3, 60):
+        rows = np.arange(float(count))[:, np.newaxis]
+        same = resampled(0.3 + period * np.arange(count), rows, period, cyclic=False)
+        np.testing.assert_allclose(same, rows, atol=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.004, 0.016])
+def test_a_path_at_a_higher_or_a_lower_rate_than_the_joints_is_refused(tmp_path, step):
+    path = read_joint_path(
+        _written(tmp_path / "path.csv", "hip_deg", np.sin(PHASE), step * np.arange(100))
+    )
+    with pytest.raises(
+        InvalidFile, match=rf"one sample every {step:g} s, expected one every 0.008"
+    ):
+        path.check_period(0.008)

@@ -225,7 +225,9 @@ def test_a_tick_too_short_for_the_window_is_taken_for_a_mistaken_unit():
 def test_a_window_and_a_hold_whose_product_no_simulation_ends_with_are_refused(
     parameters, window, hold
 ):
-    expected = rf"^acceleration_time / tick \* hold: got {window} ticks times {hold} ticks, expected"
+    expected = (
+        rf"^acceleration_time / tick \* hold: got {window} ticks times {hold} ticks, expected"
+    )
     with pytest.raises(InvalidModel, match=expected):
         _model(**parameters)
 

@@ -216,6 +216,36 @@ def test_stamps_of_simulated_time_are_kept_only_if_both_topics_have_them(tmp_pat
         np.testing.assert_allclose(log.requests, requested[:, 0], atol=EXACT)
 
 
+def test_commands_stamped_by_another_clock_count_from_their_receipt(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles()
+    messages = []
+    for k in range(len(actual)):
+        received = START + k * PERIOD
+        messages += [
+            ("/trajectories", received, kit.trajectory(1 + k * PERIOD, requested[k])),
+            ("/joint_states", received + 10, kit.joint_state(received, actual[k])),
+        ]
+    write(tmp_path / "run", types, messages)
+    _assert_holds_the_angles(read_logs(tmp_path / "run", options=LogOptions(joint="hip"))[0], "hip")
+
+
+def test_a_message_that_came_late_does_not_make_its_stamps_another_clocks(tmp_path):
+    types = store()
+    kit = Kit(types)
+    requested, actual = angles()
+    messages = []
+    for k in range(len(actual)):
+        stamp, late = START + k * PERIOD, 10**13 * (k == len(actual) - 1)
+        messages += [
+            ("/trajectories", stamp + late, kit.trajectory(stamp, requested[k])),
+            ("/joint_states", stamp + 10, kit.joint_state(stamp, actual[k])),
+        ]
+    write(tmp_path / "run", types, sorted(messages, key=lambda message: message[1]))
+    _assert_holds_the_angles(read_logs(tmp_path / "run", options=LogOptions(joint="hip"))[0], "hip")
+
+
 def test_repeated_and_disordered_states_are_put_in_order(tmp_path):
     types = store()
     kit = Kit(types)
