@@ -62,6 +62,15 @@ def test_motion_is_outside_where_it_exceeds_what_was_tested(amplitude, frequency
     assert SEEN.exceeded(angles, period=period, cyclic=True, load=load) == outside
 
 
+@pytest.mark.parametrize(
+    ("middle", "outside"), [(-1.2, True), (-1.0, False), (1.0, False), (1.2, True)]
+)
+def test_motion_is_outside_at_either_end_of_the_tested_angles(middle, outside):
+    angles, period = sine(0.01)
+    found = SEEN.exceeded(middle + angles, period=period, cyclic=True)
+    assert found == (("angle",) if outside else ())
+
+
 def test_after_a_log_of_steps_the_error_of_the_delay_counts_with_the_speed():
     """It is what a sine's angles miss if they come 20 ms late, and what was tested beside it."""
     steps = SEEN._replace(delay_error=0.02)

@@ -120,6 +120,8 @@ def test_episodes_follow_one_another(tmp_path, parquet, monkeypatch):
     data = [row for file in files for row in parquet.read_table(file).to_pylist()]
     assert [row["index"] for row in data] == list(range(12))
     assert [row["frame_index"] for row in data] == [*range(4), *range(5), *range(3)]
+    times = [row["timestamp"] for row in data]
+    assert times == pytest.approx([row["frame_index"] / 30 for row in data], abs=SINGLE)
     assert [row["episode_index"] for row in data] == [0] * 4 + [1] * 5 + [2] * 3
     assert [row["task_index"] for row in data] == [0] * 4 + [1] * 8
     rows = parquet.read_table(tmp_path / "out" / "meta/episodes/chunk-000/file-000.parquet")

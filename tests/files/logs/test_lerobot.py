@@ -11,6 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from planner import InvalidFile, LogOptions, joints_in, read_logs
+from planner.files.logs.lerobot import lerobot_episodes, read_episode
 from tests.files.logs.datasets import FPS, JOINTS, LENGTHS, NAMES, info, rows, v21, v30, values
 
 EXACT = 1e-12
@@ -95,6 +96,17 @@ def test_action_and_observation_may_have_other_orders(tmp_path):
     action, observed = values(0)
     np.testing.assert_allclose(log.requests, np.radians(action[:, 2].astype(float)), atol=EXACT)
     np.testing.assert_allclose(log.angles, np.radians(observed[:, 0].astype(float)), atol=EXACT)
+
+
+def test_an_episode_has_the_task_of_its_own_rows(tmp_path):
+    root = v30(tmp_path / "set")
+    file = root / "data" / "chunk-000" / "file-000.parquet"
+    numbers = [0] * LENGTHS[0] + [1] * LENGTHS[1]
+    parquet.write_table(_set(parquet.read_table(file), "task_index", numbers), file)
+    tasks = pa.table({"task_index": [0, 1], "task": ["lift", "drop"]})
+    parquet.write_table(tasks, root / "meta" / "tasks.parquet")
+    found = [read_episode(place).task for place in lerobot_episodes(root, LogOptions())]
+    assert found == ["lift", "drop", "lift"]
 
 
 def test_times_in_lists_of_one_are_read(tmp_path):
