@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planner._version import __version__
-    from planner.approximation.curve import PiecewiseLinear
-    from planner.approximation.curve_batch import CurveStack
+    from planner.approximation.curve import CurveStack, PiecewiseLinear
     from planner.approximation.fit import fit_pwl
     from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
@@ -109,9 +108,8 @@ __all__ = [
 
 _HOMES = {
     "planner._version": ("__version__",),
-    "planner.approximation.curve": ("PiecewiseLinear",),
+    "planner.approximation.curve": ("CurveStack", "PiecewiseLinear"),
     "planner.approximation.fit": ("fit_pwl",),
-    "planner.approximation.curve_batch": ("CurveStack",),
     "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
         "Infeasible",

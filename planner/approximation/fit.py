@@ -1,7 +1,7 @@
 """Automated piecewise-linear approximation with bounded slopes: paper, Section 4.1.
 
 The values at the knots are those of least squares, a convex QP ((5) of docs/math.md). The
-knots are sought, not proved best (:mod:`planner.approximation.knot_search`): dynamic programming on
+knots are sought, not proved best (:mod:`planner.approximation.search`): dynamic programming on
 grids proposes them, sequential quadratic programming moves knots and values together, and then
 single knots are moved across samples. Where the squared error is within 0.2 % of that of the ideal,
 which has a knot at every sample and slopes within ±v_max, the search ends. Of over 2000 samples,
@@ -15,7 +15,7 @@ segments; 50 ms in the median and 100 at most where the number is chosen too, ov
 trajectories of a robot's legs.
 
 With ``exact`` the answer is proved best of all with knots on samples, up to a part in a million of
-its squared error (:mod:`planner.approximation.branch_and_bound`): exponential at worst (many
+its squared error (:mod:`planner.approximation.exact`): exponential at worst (many
 seconds where all slopes are at the bound and many curves are equally good), 0.06 s in the median
 and less than 1.5 s at most over 300 random instances at n = 88 with up to 7 segments. Each step
 takes O(segments n²) time and O(n²) memory, of a cycle O(segments n³) and O(n³).
@@ -31,45 +31,35 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.arguments import (
-    SMALLEST,
-    Arguments,
-    Required,
-    check_feasible,
-    checked_all_knots,
-    checked_knots,
-    checked_segments,
-    positive,
-)
-from planner.approximation.branch_and_bound import BRANCHES, proved_best
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.knot_search import KnotSearch
-from planner.approximation.minimum_link.largest_error import within_largest_error
+from planner.approximation.exact import MOST_SAMPLES, proved_best
+from planner.approximation.ideal import slope_bounded
+from planner.approximation.largest_error import within_largest_error
 from planner.approximation.problem import (
     BARELY,
     KNOT_UNIT,
     SHORTEST,
+    SMALLEST,
+    Candidate,
     Problem,
+    Required,
     candidate,
+    check_error_at_pins,
+    check_required,
+    check_room,
+    checked_all_knots,
+    checked_knots,
+    checked_segments,
     even_knots,
+    positive,
     with_pins,
 )
-from planner.approximation.qp import values_within, within_slopes
+from planner.approximation.search import KnotSearch
 from planner.approximation.segment_count import automatic, within_rms
-from planner.approximation.slope_projection import slope_bounded
+from planner.approximation.values import values_within, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag
-
-SLOPE_TOLERANCE = 1e-12
-"""Relative excess over v_max that rounding may leave on a returned slope."""
-
-STEEPEST = 1e6
-"""Largest change per sample in the search, where samples span 2: no line is as steep, and beyond
-about 1e12 rounding is all that is left of the samples."""
-
-ERROR_ROUNDING = 1e-14
-"""Error, relative to the largest sample, that rounding may leave between a curve and its bound."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,6 +94,16 @@ class PiecewiseLinearFit(PiecewiseLinear):
     def max_error(self) -> float:
         """Largest error at a sample [rad]."""
         return float(np.max(np.abs(self.residuals)))
+
+
+class Question(NamedTuple):
+    """How many segments, how close, and which knots; each None where it is not asked for."""
+
+    segments: int | None
+    max_error: float | None  # [rad]
+    max_rms: float | None  # [rad]
+    knots: Array | None  # [samples]
+    exact: bool
 
 
 def fit_pwl(
@@ -159,166 +159,155 @@ def fit_pwl(
         (6, '0.93 deg rms')
     """
     samples = as_trajectory(desired, name="desired", minimum=3)
-    cyclic, exact = as_flag("cyclic", cyclic), as_flag("exact", exact)
-    places, pins = checked_knots(required, samples.size, cyclic=cyclic)
-    arguments = Arguments(
-        desired=samples,
-        v_max=positive("v_max", v_max, "rad/s"),
-        tick=positive("tick", tick, "s"),
-        cyclic=cyclic,
+    cyclic, n = as_flag("cyclic", cyclic), samples.size
+    exact = as_flag("exact", exact)
+    places, pins = checked_knots(required, n, cyclic=cyclic)
+    v_max, tick = positive("v_max", v_max, "rad/s"), positive("tick", tick, "s")
+    problem = Problem(desired=samples, step=v_max * tick, cyclic=cyclic, required=places, pins=pins)
+    question = Question(
         segments=checked_segments(segments, samples, cyclic=cyclic),
         max_error=None if max_error is None else positive("max_error", max_error, "rad"),
         max_rms=None if max_rms is None else positive("max_rms", max_rms, "rad"),
-        knots=checked_all_knots(knots, samples.size, cyclic=cyclic),
-        required=places,
-        pins=pins,
+        knots=checked_all_knots(knots, n, cyclic=cyclic),
         exact=exact,
     )
-    return _certified(arguments, *_knots_and_values(arguments))
-
-
-def _certified(
-    arguments: Arguments, knots: Array, values: Array, fewest: int | None
-) -> PiecewiseLinearFit:
-    """The fit, if the slopes and errors that it reports keep their bounds."""
+    _check(problem, question, tick)
+    curve, fewest = _curve(problem, question)
     fit = PiecewiseLinearFit(
-        knots=knots,
-        values=values,
-        samples=arguments.desired.size,
-        tick=arguments.tick,
-        cyclic=arguments.cyclic,
-        desired=arguments.desired,
-        v_max=arguments.v_max,
+        knots=curve.knots,
+        values=within_slopes(
+            curve.values,
+            v_max * (np.diff(problem.ends(curve.knots)) * tick),
+            cyclic=cyclic,
+            towards=_straight(problem, curve.knots),
+        ),
+        samples=n,
+        tick=tick,
+        cyclic=cyclic,
+        desired=samples,
+        v_max=v_max,
         fewest_segments=fewest,
     )
-    excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
-    if not excess <= SLOPE_TOLERANCE:
-        raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
-    rounding = ERROR_ROUNDING * float(np.max(np.abs(fit.desired)))
-    for name, error, bound in (
-        ("largest", fit.max_error, arguments.max_error),
-        ("rms", fit.rms, arguments.max_rms),
-    ):
-        if bound is not None and error > bound * (1.0 + BARELY) + rounding:
-            problem = f"{name} error of the piecewise-linear fit"
-            raise SolverFailed(problem, "solved", violation=error - bound)
+    _certify(fit, question)
     return fit
 
 
-def _knots_and_values(arguments: Arguments) -> tuple[Array, Array, int | None]:
-    """The answer: knots [samples] and values [rad], slopes within ±v_max to the last digit.
+def _check(problem: Problem, question: Question, tick: float) -> None:
+    """Raise an error where arguments exclude each other, or no curve meets them all."""
+    segments, max_error, max_rms, knots, exact = question
+    if max_error is not None and max_rms is not None:
+        raise InvalidInput("max_error, max_rms: got both, expected one; leave one out")
+    if knots is not None and segments is not None:
+        raise InvalidInput("knots, segments: got both, expected one; knots say how many")
+    if exact:
+        if max_error is not None:
+            raise InvalidInput("exact: got max_error, expected segments or max_rms with it")
+        if knots is None and segments is None and max_rms is None:
+            raise InvalidInput("exact: expected segments or max_rms with it; give one of them")
+        for name, places in (("required", problem.required), ("knots", knots)):
+            between = np.empty(0) if places is None else places[places != np.floor(places)]
+            if between.size:
+                raise InvalidInput(
+                    f"{name}: got a knot at {between[0]:g} with exact, expected whole numbers; an "
+                    "optimum is proved for knots on samples"
+                )
+        if knots is None and problem.samples > MOST_SAMPLES:
+            raise InvalidInput(
+                f"exact: got {problem.samples} samples, expected at most {MOST_SAMPLES}; fit "
+                "without it, or thin the samples out"
+            )
+    check_required(problem, tick)
+    if segments is not None:
+        check_room(problem, segments, at_most=max_error is not None or max_rms is not None)
+    if max_error is not None:
+        check_error_at_pins(problem, max_error)
 
-    With a largest error, the third is a lower bound on the segments of any curve that keeps it.
+
+def _curve(problem: Problem, question: Question) -> tuple[Candidate, int | None]:
+    """The curve, slopes within ±v_max but for rounding, in the unit of the samples.
+
+    With a largest error, the second is a lower bound on the segments of any curve that keeps it.
 
     Raises:
         Infeasible: There is none; names the pair of requirements that contradict each other.
         SolverFailed: A solver stopped short.
     """
-    check_feasible(arguments)
-    pins = arguments.pins[np.isfinite(arguments.pins)]
-    angles = np.concatenate([arguments.desired, pins])
+    angles = np.append(problem.desired, problem.pins[np.isfinite(problem.pins)])
     middle = 0.5 * (float(angles.max()) + float(angles.min()))
-    half_range = float(np.max(np.abs(angles - middle)))
-    in_rad = Problem(
-        desired=arguments.desired,
-        step=arguments.v_max * arguments.tick,
-        cyclic=arguments.cyclic,
-        required=arguments.required,
-        pins=arguments.pins,
-    )
-    if half_range <= SMALLEST:
-        return *_constant(in_rad, arguments, middle), None if arguments.max_error is None else 1
-    problem = replace(
-        in_rad,
-        desired=(in_rad.desired - middle) / half_range,
-        step=min(in_rad.step / half_range, STEEPEST),
-        pins=(in_rad.pins - middle) / half_range,
+    unit = float(np.max(np.abs(angles - middle)))
+    if unit <= SMALLEST:
+        if question.knots is not None:
+            knots = _given_knots(problem, question.knots)
+        else:
+            segments = question.segments if question.max_error is None else None
+            knots = even_knots(problem, segments or 1)
+        constant = Candidate(knots, np.full(knots.size, middle), 0.0)
+        return constant, None if question.max_error is None else 1
+    scaled = replace(
+        problem,
+        desired=(problem.desired - middle) / unit,
+        # Where samples span 2 no line is as steep; beyond, rounding is all that is left of them.
+        step=min(problem.step / unit, 1e6),
+        pins=(problem.pins - middle) / unit,
     )
     fewest = None
-    if arguments.max_error is None or arguments.knots is not None:
-        knots, values = _found(problem, arguments, half_range)
+    if question.knots is not None:
+        knots = _given_knots(problem, question.knots)
+        curve = _at_knots(scaled, knots, question, unit)
+    elif question.max_error is not None:
+        search = KnotSearch(scaled)
+        bound = question.max_error / unit
+        curve, fewest = within_largest_error(search.unrounded, bound, question.segments, unit)
+        curve = search.form.restore(curve)
     else:
-        search = KnotSearch(problem)
-        bound = arguments.max_error / half_range
-        curve, fewest = within_largest_error(
-            search.unrounded, bound, arguments.segments, half_range
-        )
-        knots, values = search.form.restore(curve)
-    knots = _snapped(in_rad, knots)
-    straight = None  # from pin to pin
-    if pins.size:
-        places = in_rad.required[np.isfinite(in_rad.pins)]
-        period = in_rad.samples if in_rad.cyclic else None
-        straight = np.interp(knots, places, pins, period=period)
-    values = within_slopes(
-        with_pins(in_rad, knots, middle + half_range * values),
-        arguments.v_max * (np.diff(in_rad.ends(knots)) * arguments.tick),
-        cyclic=arguments.cyclic,
-        towards=straight,
-    )
-    return knots, values, fewest
+        search = KnotSearch(scaled)
+        curve = search.final_curve(_sought(search, question, unit))
+    knots = np.array(curve.knots)
+    for place in problem.required:
+        knots[np.abs(knots - place) < 8.0 * KNOT_UNIT] = place
+    values = with_pins(problem, knots, middle + unit * curve.values)
+    return Candidate(knots, values, curve.error), fewest
 
 
-def _found(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, Array]:
-    """Knots and values of the curve that is asked for, in the search's unit [rad]."""
-    if arguments.knots is not None:
-        return _at_given_knots(problem, arguments, unit)
-    search = KnotSearch(problem)
-    if arguments.exact:
-        return _exact(search, arguments, unit)
-    if arguments.max_rms is not None:
-        curve = within_rms(search, arguments.max_rms / unit, arguments.segments, unit)
-    elif arguments.segments is None:
-        curve = automatic(search)
-    else:
-        curve = search.curve(arguments.segments)
-    return search.final_curve(curve)
-
-
-def _exact(search: KnotSearch, arguments: Arguments, unit: float) -> tuple[Array, Array]:
-    """The proved best curve of so many segments, or of the fewest that keep the rms error."""
-    n = search.problem.samples
-    if n > BRANCHES.samples:
-        raise InvalidInput(
-            f"exact: got {n} samples, expected at most {BRANCHES.samples}; fit without it, or thin "
-            "the samples out"
-        )
-    if arguments.max_rms is None:
-        assert arguments.segments is not None, "exact says one of the two"
-        best = proved_best(search.problem, search.curve(arguments.segments))
-        return search.final_curve(best)
-    last = search.most if arguments.segments is None else min(arguments.segments, search.most)
+def _sought(search: KnotSearch, question: Question, unit: float) -> Candidate:
+    """The curve that is asked for, by the search, in its unit [rad]."""
+    segments, _, max_rms, _, exact = question
+    if not exact:
+        if max_rms is not None:
+            return within_rms(search, max_rms / unit, segments, unit)
+        return automatic(search) if segments is None else search.curve(segments)
+    if max_rms is None:
+        assert segments is not None, "exact says one of the two"
+        return proved_best(search.problem, search.curve(segments))
+    last = search.most if segments is None else min(segments, search.most)
     least = math.inf
-    for segments in range(search.fewest, last + 1):
-        best = proved_best(search.problem, search.curve(segments))
-        least = math.sqrt(best.error / n) * unit
-        if least <= arguments.max_rms * (1.0 + BARELY):
-            return search.final_curve(best)
+    for count in range(search.fewest, last + 1):
+        best = proved_best(search.problem, search.curve(count))
+        least = math.sqrt(best.error / search.problem.samples) * unit
+        if least <= max_rms * (1.0 + BARELY):
+            return best
     raise Infeasible(
-        f"max_rms and the number of segments: got {angle_text(arguments.max_rms)}, but {last} "
-        f"segments with knots on samples reach {angle_text(least)} at best; allow more error or "
-        "more segments"
+        f"max_rms and the number of segments: got {angle_text(max_rms)}, but {last} segments with "
+        f"knots on samples reach {angle_text(least)} at best; allow more error or more segments"
     )
 
 
-def _at_given_knots(problem: Problem, arguments: Arguments, unit: float) -> tuple[Array, Array]:
-    knots = _given_knots(problem, arguments)
-    bound = None if arguments.max_error is None else arguments.max_error / unit
-    values = values_within(problem, knots, bound, unit)
-    if arguments.max_rms is not None:
-        least = math.sqrt(candidate(problem, knots, values).error / problem.samples) * unit
-        if least > arguments.max_rms * (1.0 + BARELY):
-            raise Infeasible(
-                f"knots and max_rms: got {angle_text(arguments.max_rms)}, but with these knots the "
-                f"smallest rms error is {angle_text(least)}; add knots or allow more error"
-            )
-    return knots, values
+def _at_knots(problem: Problem, knots: Array, question: Question, unit: float) -> Candidate:
+    """The curve of best values at given knots."""
+    bound = None if question.max_error is None else question.max_error / unit
+    curve = candidate(problem, knots, values_within(problem, knots, bound, unit))
+    least = math.sqrt(curve.error / problem.samples) * unit
+    if question.max_rms is not None and least > question.max_rms * (1.0 + BARELY):
+        raise Infeasible(
+            f"knots and max_rms: got {angle_text(question.max_rms)}, but with these knots the "
+            f"smallest rms error is {angle_text(least)}; add knots or allow more error"
+        )
+    return curve
 
 
-def _given_knots(problem: Problem, arguments: Arguments) -> Array:
+def _given_knots(problem: Problem, knots: Array) -> Array:
     """The knots that were given, required ones and a path's ends, if a curve may have all."""
-    assert arguments.knots is not None, "asked for given knots"
-    knots = np.union1d(arguments.knots, arguments.required)
+    knots = np.union1d(knots, problem.required)
     if not problem.cyclic:
         knots = np.union1d(knots, [0.0, problem.samples - 1.0])
     ends = problem.ends(knots)
@@ -331,22 +320,28 @@ def _given_knots(problem: Problem, arguments: Arguments) -> Array:
     return knots
 
 
-def _constant(problem: Problem, arguments: Arguments, value: float) -> tuple[Array, Array]:
-    """The constant of this value, through samples and pins that are all the same."""
-    if arguments.knots is not None:
-        knots = _given_knots(problem, arguments)
-    else:
-        segments = arguments.segments if arguments.max_error is None else None
-        knots = even_knots(problem, 1 if segments is None else segments)
-    return knots, np.full(knots.size, value)
+def _straight(problem: Problem, knots: Array) -> Array | None:
+    """The course straight from pin to pin, which keeps the slopes; None if there are no pins."""
+    pinned = np.isfinite(problem.pins)
+    if not np.any(pinned):
+        return None
+    period = problem.samples if problem.cyclic else None
+    return np.interp(knots, problem.required[pinned], problem.pins[pinned], period=period)
 
 
-def _snapped(problem: Problem, knots: Array) -> Array:
-    """The knots, required ones to the last digit."""
-    snapped = np.array(knots)
-    for place in problem.required:
-        snapped[np.abs(snapped - place) < 8.0 * KNOT_UNIT] = place
-    return snapped
+def _certify(fit: PiecewiseLinearFit, question: Question) -> None:
+    """Raise SolverFailed unless the slopes and errors that are reported keep their bounds."""
+    excess = float(np.max(np.abs(fit.slopes))) / fit.v_max - 1.0
+    if not excess <= 1e-12:
+        raise SolverFailed("slopes of the piecewise-linear fit", "repaired", violation=excess)
+    rounding = 1e-14 * float(np.max(np.abs(fit.desired)))
+    for name, error, bound in (
+        ("largest", fit.max_error, question.max_error),
+        ("rms", fit.rms, question.max_rms),
+    ):
+        if bound is not None and error > bound * (1.0 + BARELY) + rounding:
+            problem = f"{name} error of the piecewise-linear fit"
+            raise SolverFailed(problem, "solved", violation=error - bound)
 
 
 class Choices(NamedTuple):

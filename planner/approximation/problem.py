@@ -1,12 +1,13 @@
-"""The samples in units of the search, and the constraints on knots besides the slopes.
+"""What to approximate: samples, bound on the slopes, required knots; checks that a curve exists.
 
-The samples are of size one; time is counted in samples. The ends of a path and required knots are
-fixed, and at required knots values may be, too.
+A search works in units of its own: samples of size one, time counted in samples. The ends of a path
+and required knots are fixed, and at required knots values may be, too.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from heapq import heapify, heapreplace
@@ -15,7 +16,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from planner.trajectory import Array
+from planner.exceptions import Infeasible, InvalidInput, angle_text
+from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.validation import as_number, as_positive, as_whole, shown
+
+Required = Iterable[float] | Mapping[float, float | None]
+
+SMALLEST = 1e-30
+"""Smallest speed, time or error that is accepted, and half range of samples that are not constant:
+no measurement is as exact."""
 
 SAME_PLACE = 1e-6
 """Distance [samples] at which a knot counts as one that is required."""
@@ -125,16 +134,6 @@ def distances(problem: Problem, places: Array) -> Array:
     return np.asarray(away)
 
 
-def reachable_interval(problem: Problem, places: Array) -> tuple[Array, Array]:
-    """Least and largest values at ``places`` from which every pin can be reached, each (m,)."""
-    pinned = np.isfinite(problem.pins)
-    if not np.any(pinned):
-        return np.full(places.size, -np.inf), np.full(places.size, np.inf)
-    away = problem.step * distances(problem, places)[:, pinned]
-    pins = problem.pins[pinned]
-    return np.max(pins - away, axis=1), np.min(pins + away, axis=1)
-
-
 def feasible_values(problem: Problem, knots: Array) -> Array:
     """Values within the slopes that keep the pins, elsewhere as near as possible to the mean.
 
@@ -148,9 +147,19 @@ def feasible_values(problem: Problem, knots: Array) -> Array:
     mean = float(np.mean(problem.desired))
     if not problem.required.size:
         return np.full(knots.size, mean)
-    lower, upper = reachable_interval(problem, knots)
-    values = np.minimum(np.maximum(np.full(knots.size, mean), lower), upper)
-    return with_pins(problem, knots, values)
+    pinned = np.isfinite(problem.pins)
+    away = problem.step * distances(problem, knots)[:, pinned]
+    lower = np.max(problem.pins[pinned] - away, axis=1, initial=-np.inf)
+    upper = np.min(problem.pins[pinned] + away, axis=1, initial=np.inf)
+    return with_pins(problem, knots, np.minimum(np.maximum(mean, lower), upper))
+
+
+def sums_by(weights: Array, by: npt.NDArray[np.intp], count: int) -> Array:
+    """Sums of the weights that share a number, for the numbers 0, 1, ..., count-1."""
+    sums: Array = np.bincount(by.ravel(), weights.ravel(), minlength=count).astype(
+        np.float64, copy=False
+    )
+    return sums
 
 
 def with_pins(problem: Problem, knots: Array, values: Array) -> Array:
@@ -212,16 +221,6 @@ def segment_capacity(problem: Problem) -> tuple[Array, npt.NDArray[np.intp]]:
     return places, most
 
 
-def least_count(problem: Problem) -> int:
-    """Least number of segments of a curve that is not a constant."""
-    return max(2 if problem.cyclic else 1, segment_capacity(problem)[1].size)
-
-
-def most_segments(problem: Problem) -> int:
-    """Most segments of a sample or more."""
-    return int(np.sum(segment_capacity(problem)[1]))
-
-
 def even_knots(problem: Problem, segments: int | None = None) -> Array:
     """Knots as evenly spread as required knots allow.
 
@@ -251,3 +250,136 @@ def even_knots(problem: Problem, segments: int | None = None) -> Array:
         pieces.append(start + size * np.arange(count) / count)
     knots = np.concatenate(pieces)
     return knots if problem.cyclic else np.append(knots, places[-1])
+
+
+def checked_all_knots(knots: npt.ArrayLike | None, n: int, *, cyclic: bool) -> Array | None:
+    """All knots [samples], increasing, shape (k,); None where they are not given."""
+    if knots is None:
+        return None
+    values = as_trajectory(knots, name="knots", minimum=1)
+    return checked_knots(values.tolist(), n, cyclic=cyclic, name="knots")[0]
+
+
+def checked_knots(
+    required: Required, n: int, *, cyclic: bool, name: str = "required"
+) -> tuple[Array, Array]:
+    """Required knots, increasing, and the required values there, NaN where free."""
+    if not isinstance(required, Iterable) or getattr(required, "ndim", 1) != 1:
+        raise InvalidInput(f"{name}: got {shown(required)}, expected sample indices")
+    pairs = required.items() if isinstance(required, Mapping) else ((k, None) for k in required)
+    last = n - 1.0
+    angles: dict[float, float] = {}
+    for place, angle in pairs:
+        index = _number(f"{name} knots", place)
+        # The sum is 0.0 where a place is rounded to -0.0.
+        knot = float(round_knots(index)) + 0.0 if abs(index) < 2.0 * n else index
+        inside = 0.0 <= knot < n if cyclic else 0.0 <= knot <= last
+        if not inside:
+            limit = f"0 up to, without, {n}" if cyclic else f"0 to {n - 1}"
+            raise InvalidInput(f"{name}: got a knot at {knot:g}, expected {limit} [samples]")
+        angles[knot] = math.nan if angle is None else _number(f"{name} angles", angle)
+    places = np.array(sorted(angles))
+    return places, np.array([angles[place] for place in places.tolist()])
+
+
+def positive(name: str, value: float, unit: str) -> float:
+    """The number; raise InvalidInput unless it is finite, above 0 and of a plausible size."""
+    number = as_positive(name, value, f"a finite number above 0 [{unit}]")
+    if not SMALLEST <= number <= LARGEST:
+        raise InvalidInput(
+            f"{name}: got {number:g}, expected {SMALLEST:g} to {LARGEST:g} [{unit}]; check the unit"
+        )
+    return number
+
+
+def checked_segments(segments: int | None, desired: Array, *, cyclic: bool) -> int | None:
+    """The number of segments; raise InvalidInput where the samples do not allow it."""
+    if segments is None:
+        return None
+    count = as_whole(segments)
+    if count is None:
+        raise InvalidInput(f"segments: got {shown(segments)}, expected a whole number")
+    constant = bool(np.all(desired == desired[0]))
+    fewest = 2 if cyclic and not constant else 1
+    most = desired.size if cyclic else desired.size - 1
+    if not fewest <= count <= most:
+        raise InvalidInput(
+            f"segments: got {shown(count)}, expected {fewest} to {most} for {desired.size} "
+            f"{'cyclic ' if cyclic else ''}samples"
+        )
+    return count
+
+
+def _number(name: str, value: object) -> float:
+    number = as_number(value)
+    if math.isnan(number):
+        raise InvalidInput(f"{name}: got {shown(value)}, expected a finite number")
+    return number
+
+
+def check_required(problem: Problem, tick: float) -> None:
+    """Raise Infeasible where no curve has the required knots and angles, and name the two.
+
+    Args:
+        problem: What to approximate [rad].
+        tick: Time between samples [s].
+    """
+    n, places = problem.samples, segment_capacity(problem)[0]
+    apart = np.diff(places)
+    k = int(np.argmin(apart))
+    if apart[k] < SHORTEST:
+        raise Infeasible(
+            f"required knots at samples {places[k]:g} and {places[k + 1] % n:g}: {apart[k]:g} "
+            "samples apart, expected at least 1; leave one out"
+        )
+    pinned = np.isfinite(problem.pins)
+    places, angles = problem.required[pinned], problem.pins[pinned]
+    if places.size < 2:
+        return
+    if problem.cyclic:
+        places, angles = np.append(places, places[0] + n), np.append(angles, angles[0])
+    rises = np.diff(angles) / np.diff(places)
+    k = int(np.argmax(np.abs(rises)))
+    if abs(rises[k]) > problem.step * (1.0 + 1e-13):
+        raise Infeasible(
+            f"required angles {angle_text(angles[k])} at sample {places[k]:g} and "
+            f"{angle_text(angles[k + 1])} at sample {places[k + 1] % n:g}: got a slope of "
+            f"{angle_text(rises[k] / tick)}/s between them, expected at most v_max = "
+            f"{angle_text(problem.step / tick)}/s; move one of them or allow a larger v_max"
+        )
+
+
+def check_room(problem: Problem, segments: int, *, at_most: bool) -> None:
+    """Raise Infeasible where required knots leave no room for so many or so few segments.
+
+    Args:
+        problem: What to approximate.
+        segments: Number of segments.
+        at_most: Whether fewer will do, too.
+    """
+    most = segment_capacity(problem)[1]
+    if segments > np.sum(most) and not at_most:
+        raise Infeasible(
+            f"segments = {segments} and required knots: there is room for {np.sum(most)} of a "
+            "sample or more between them; ask for fewer"
+        )
+    if segments < most.size:
+        raise Infeasible(
+            f"segments = {segments} and {problem.required.size} required knots: they make at "
+            f"least {most.size} segments; ask for more or leave some out"
+        )
+
+
+def check_error_at_pins(problem: Problem, bound: float) -> None:
+    """Raise Infeasible where slopes keep a required angle beyond a largest error [rad]."""
+    away = distances(problem, np.arange(problem.samples, dtype=np.float64))
+    least = np.abs(problem.desired[:, np.newaxis] - problem.pins) - problem.step * away
+    least = np.where(np.isfinite(problem.pins), least, -np.inf)
+    if np.max(least, initial=-np.inf) > bound * (1.0 + BARELY):
+        k, pin = np.unravel_index(int(np.argmax(least)), least.shape)
+        raise Infeasible(
+            f"required angle {angle_text(problem.pins[pin])} at sample {problem.required[pin]:g} "
+            f"and max_error: with slopes within ±v_max the error at sample {k} is at least "
+            f"{angle_text(least[k, pin])}, expected at most {angle_text(bound)}; move the angle or "
+            "allow more error"
+        )

@@ -1,63 +1,42 @@
-"""The number of segments: the fewest whose error is small enough."""
+"""The number of segments: the fewest whose rms error is small enough."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from planner.approximation.knot_search import SEARCH, KnotSearch
 from planner.approximation.problem import BARELY, Candidate
+from planner.approximation.search import MANY_SAMPLES, KnotSearch
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array
 
-SQUARE_ROUNDING = 1e-24
-"""Mean squared error of samples of size one that is left to rounding."""
+CLOSE_TO_IDEAL = 1.02
+"""Rms over the ideal's from which on more segments are not worth their corners."""
 
+FLOOR = 0.01
+"""Rms, relative to the range of the samples, below which more segments are not worth their
+corners."""
 
-@dataclass(frozen=True)
-class CountOptions:
-    """When an error is small enough, and which numbers of segments are tried.
+ABOVE_NOISE = 1.1
+"""Rms over the noise of the samples that is not worth corners either."""
 
-    Attributes:
-        close_to_ideal: Automatic: rms over the ideal's from which on more segments are not worth
-            their corners.
-        floor: Automatic: rms, relative to the range of the samples, that is too small to spend
-            corners on.
-        above_noise: Automatic: rms over the noise of the samples that is not worth corners either.
-        one_by_one: Segments up to which every number is tried; beyond, a bracket grows and is
-            halved. 8: more segments in 5 of 99 answers; 32: no change.
-        wider: Factor by which a bracket of many segments grows. 1.15 and 1.6: no change.
-        coarse: Width of a bracket, relative to its segments, that is not halved any further. 0.002
-            and 0.008: no change up to n = 400.
-        likely: Squared error of a rough curve over what is enough, up to which that number of
-            segments is searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no
-            change.
-        hopeless: The same from which on a number is not searched. Of 364 curves the full search
-            lowered it by 1.04 in one of ten, by 1.4 in one of a hundred, by 2.4 at most. 1.4 and 3:
-            no change.
-        hopeless_chords: The same of the cheapest chain of chords, which costs less: 3.8 at most. 3:
-            more segments in 19 of 99 answers; 12: no change for an eighth more time.
-        nearly: Squared error over its bound up to which the values at a curve's knots are sought
-            anew. 1.002: no change; 1: a bound a millionth above the error of five segments takes
-            six.
-    """
+ONE_BY_ONE = 16
+"""Segments up to which every number is tried; beyond, a bracket grows and is halved. 8: more
+segments in 5 of 99 answers; 32: no change."""
 
-    close_to_ideal: float = 1.02
-    floor: float = 0.01
-    above_noise: float = 1.1
-    one_by_one: int = 16
-    wider: float = 1.3
-    coarse: float = 0.004
-    likely: float = 1.02
-    hopeless: float = 1.75
-    hopeless_chords: float = 6.0
-    nearly: float = 1.001
+LIKELY = 1.02
+"""Squared error of a rough curve over what is enough, up to which that number of segments is
+searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no change."""
 
+HOPELESS = 1.75
+"""The same from which on a number is not searched. Of 364 curves the full search lowered it by 1.04
+in one of ten, by 1.4 in one of a hundred, by 2.4 at most."""
 
-COUNT = CountOptions()
+HOPELESS_CHORDS = 6.0
+"""The same of the cheapest chain of chords, which costs less: 3.8 at most. 3: more segments in 19
+of 99 answers; 12: no change for an eighth more time."""
 
 
 def automatic(search: KnotSearch) -> Candidate:
@@ -65,10 +44,8 @@ def automatic(search: KnotSearch) -> Candidate:
     if search.exact is not None:
         return search.exact
     desired = search.problem.desired
-    negligible = max(
-        2.0 * COUNT.floor, COUNT.above_noise * noise(desired)
-    )  # the samples span 2 units
-    enough = max(COUNT.close_to_ideal**2 * search.ideal_error, desired.size * negligible**2)
+    negligible = max(2.0 * FLOOR, ABOVE_NOISE * noise(desired))  # the samples span 2 units
+    enough = max(CLOSE_TO_IDEAL**2 * search.ideal_error, desired.size * negligible**2)
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
@@ -104,14 +81,14 @@ def within_rms(search: KnotSearch, bound: float, most: int | None, unit: float) 
             f"curve comes closer than {angle_text(ideal * unit)} rms; allow that much or a larger "
             "v_max"
         )
-    enough = n * (bound * (1.0 + BARELY)) ** 2 + SQUARE_ROUNDING * n
+    enough = n * (bound * (1.0 + BARELY)) ** 2 + 1e-24 * n
     if most is None and search.exact is not None and search.exact.error <= enough:
         return search.exact
     last = search.most if most is None else min(most, search.most)
 
     def close_enough(segments: int) -> Candidate | None:
         curve = search.curve(segments)
-        if enough < curve.error <= COUNT.nearly * enough:  # with values a little short of the best
+        if enough < curve.error <= 1.001 * enough:  # with values a little short of the best
             curve = search.valued(curve.knots)
         return curve if curve.error <= enough else None
 
@@ -136,7 +113,7 @@ def _fewest(
 
     Rough curves give a number that is surely enough. From there the numbers decrease by one, each
     searched in full, until one is not enough: fewer segments are assumed to be no better. Beyond
-    ``COUNT.one_by_one`` segments the number is found by bisection.
+    :data:`ONE_BY_ONE` segments the number is found by bisection.
 
     Args:
         search: Curves through the samples.
@@ -144,30 +121,30 @@ def _fewest(
         close_enough: The curve of a number of segments, if it is good enough.
         most: The largest number.
     """
-    one_by_one = COUNT.one_by_one if search.problem.samples <= SEARCH.many_samples else 0
+    one_by_one = ONE_BY_ONE if search.problem.samples <= MANY_SAMPLES else 0
 
     def rough(segments: int) -> float:
-        return search.rough_error(segments, COUNT.hopeless_chords * enough)
+        return search.rough_error(segments, HOPELESS_CHORDS * enough)
 
     fewest = None
     count = search.fewest
     failed = without = count - 1  # the number before; the last searched in full and without any
     while True:
-        if count == most or rough(count) <= COUNT.likely * enough:
+        if count == most or rough(count) <= LIKELY * enough:
             fewest = close_enough(count)
             without = without if fewest else count
         if fewest is not None or count == most:
             break
         failed = count
-        count = min(most, count + 1 if count < one_by_one else math.ceil(COUNT.wider * count))
+        count = min(most, count + 1 if count < one_by_one else math.ceil(1.3 * count))
     if fewest is not None and count <= one_by_one:
-        while count - 1 > without and rough(count - 1) <= COUNT.hopeless * enough:
+        while count - 1 > without and rough(count - 1) <= HOPELESS * enough:
             fewer = close_enough(count - 1)
             if fewer is None:
                 break
             fewest, count = fewer, count - 1
         return fewest
-    while fewest is not None and count - failed > 1 + math.floor(COUNT.coarse * count):
+    while fewest is not None and count - failed > 1 + math.floor(0.004 * count):
         middle = (failed + count) // 2
         better = close_enough(middle)
         if better is None:

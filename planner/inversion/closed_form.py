@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.curve import PiecewiseLinear, lines_in_force
-from planner.approximation.curve_batch import CurveStack
+from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput, angle_text
 from planner.inversion.line_inverse import (

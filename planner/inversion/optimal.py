@@ -10,7 +10,7 @@ from operator import itemgetter
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.slope_projection import slope_bounded
+from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed, angle_text
 from planner.inversion.arguments import (
     Norm,

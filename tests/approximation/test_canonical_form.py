@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.approximation.canonical_form import MEANS, from_means, to_means
-from planner.approximation.problem import Problem
+from planner.approximation.problem import Candidate, Problem
 
 SAMPLES = 5000
 
@@ -42,6 +42,6 @@ def test_a_curve_through_the_means_goes_through_all_samples(cyclic):
     )
     spacing = SAMPLES / MEANS if cyclic else (SAMPLES - 1.0) / (MEANS - 1.0)
     few = slice(None, -1) if cyclic else slice(None)
-    curve = from_means(problem, corners[few] / spacing, values[few])
+    curve = from_means(problem, Candidate(corners[few] / spacing, values[few], 0.0))
     assert curve.error <= 1e-20 * SAMPLES
     np.testing.assert_allclose(curve.knots, corners[few], rtol=1e-12)

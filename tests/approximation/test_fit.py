@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.slope_projection import attainable_error
+from planner.approximation.ideal import attainable_error
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.inversion.bounds.certify import lower_bound
 from planner.model.joint import JointModel

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.approximation.curve import PiecewiseLinear, lines_in_force
-from planner.approximation.curve_batch import CurveStack
+from planner.approximation.curve import CurveStack, PiecewiseLinear, lines_in_force
 from planner.exceptions import InvalidInput
 from planner.inversion.closed_form import closed_form_requests, switching_time
 from planner.inversion.line_inverse import RULES, line_offset

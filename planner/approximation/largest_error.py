@@ -1,68 +1,289 @@
-"""Least squares among the curves of so many segments within a largest error: moves of knots.
+"""The curve of fewest segments within a largest error, and of these one of small squared error.
 
-Two moves take turns, neither of which leaves the bounds or raises the squared error. One takes a
+The number of segments is that of a minimum-link path (:mod:`planner.approximation.fewest`). Then
+two moves take turns, neither of which leaves the bounds or raises the squared error. One takes a
 single knot to the best of all samples between its neighbours, with the best value there. The other
 takes all knots at once, each within the gap between two samples where it lies: with the samples
-dealt out to the segments, the lines themselves are the unknowns of a convex QP, since the largest
-error, the bound on the slopes, and that two neighbours cross in the gap between their samples are
-linear in them once it is known which of the two is the steeper one. A knot that ends on a sample
-moves on the same way in the next round, or the other way if it has not moved.
+dealt out to the segments, the lines themselves are the unknowns of a convex QP, (5c) of
+docs/math.md, since the largest error, the bound on the slopes, and that two neighbours cross in the
+gap between their samples are linear in them once it is known which of the two is the steeper one. A
+knot that ends on a sample moves on the same way in the next round, or the other way if it has not
+moved.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.approximation.fewest import Course, Gates, fewest_links, fewest_links_around
+from planner.approximation.ideal import attainable_error
 from planner.approximation.problem import (
+    BARELY,
     SHORTEST,
     Candidate,
     Problem,
     candidate,
+    distances,
     fixed_variables,
     required_knots,
     residuals,
 )
-from planner.approximation.qp import QP, ValuesQP, polished, run_osqp
+from planner.approximation.values import TUBE_ITERATIONS, ValuesQP, polished, run_osqp
+from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array, Mask
 
+TIE = 0.25 * BARELY
+"""Relative excess over the bound with which the segments are counted, so that ties are passed."""
 
-@dataclass(frozen=True, kw_only=True)
-class TubeOptions:
-    """How far the knots move.
+HALVINGS = 12
+"""Bisections for the smallest error that so many segments keep, as the curve in the middle of its
+bounds is where least squares begin. 48 paths and cycles: 6: 1 % larger rms errors in the mean; 24:
+no change for a quarter more time. 4 series of 12,000: 3: half the time, but up to 75 % larger
+errors."""
 
-    Measured on 48 paths and cycles of 60 to 1,500 samples.
+MOST_LINES = 4000
+"""Lines in all rounds of least squares together from which on there is none after the first, so
+that the time is in proportion to the samples. All rounds for 2,500 segments: 9 % smaller errors at
+best, 2.7 times the time."""
 
-    Attributes:
-        rounds: Most rounds; 12 and 24: no change, as there is no progress any more.
-        progress: Relative decrease of the squared error in two rounds that is worth two more. 1e-3
-            and 1e-2: no change.
-        lines: Lines in all rounds together from which on there is none after the first, so that the
-            time is in proportion to the samples. All rounds for 2,500 segments: 9 % smaller errors
-            at best, 2.7 times the time.
-        margin: Share of the bounds that is left to OSQP's tolerance. None: rms errors 3 % larger in
-            the mean, 78 % at worst; 1e-6: no change.
-        first_margin: The same in the first round, a tenth of it in each that follows. 5e-3 and
-            2e-2: within 0.01 % in the mean; 1e-7: 0.06 % larger, 2 % at worst.
-        ridge: Curvature added to that of a line's rise, in samples, as a line through one sample
-            has none. 5e-10 and 2e-9: no change; none: 0.1 % larger at worst.
-        rounding: Relative excess over the largest error, and 1e-3 of it over a slope, that counts
-            as none.
+MARGIN = 1e-7
+"""Share of the bounds that is left to OSQP's tolerance. None: rms errors 3 % larger in the mean, 78
+% at worst; 1e-6: no change."""
+
+
+def within_largest_error(
+    problem: Problem, bound: float, most: int | None, unit: float
+) -> tuple[Candidate, int]:
+    """The fewest segments whose largest error is within ``bound``, as close as they come.
+
+    Args:
+        problem: What to approximate, samples of size one.
+        bound: Largest error [unit of the samples]; kept with :data:`BARELY` to spare if that takes
+            no more segments.
+        most: Most segments; None for any number.
+        unit: Unit of the samples [rad], for the messages.
+
+    Returns:
+        The curve, no error above ``bound`` (1 + :data:`BARELY`), and a lower bound on the segments
+        of any: for paths their number itself.
+
+    Raises:
+        Infeasible: No curve within the slopes, or none of at most so many segments, is as close.
     """
+    attainable = attainable_error(problem.desired, problem.step, cyclic=problem.cyclic)
+    if bound < attainable * (1.0 - BARELY):
+        raise Infeasible(
+            f"max_error: got {angle_text(bound * unit)}, but with slopes within ±v_max the "
+            f"smallest attainable is {angle_text(attainable * unit)}; allow that much or a larger "
+            "v_max"
+        )
+    widest = max(bound, attainable) * (1.0 + TIE) + 1e-15
+    course = minimum_link(problem, widest)
+    count = _segments(problem, course)
+    if most is not None and count > most:
+        known = "needed" if course.fewest > most else "found"
+        raise Infeasible(
+            f"max_error and the number of segments: got {angle_text(bound * unit)} with at most "
+            f"{most} segments, but the fewest {known} are {count}; allow more error or more "
+            "segments"
+        )
+    spare = bound * (1.0 - BARELY)
+    tight = course
+    low, high = max(attainable, _by_pins(problem)) * (1.0 + TIE) + 1e-15, widest
+    if spare > low:
+        other = minimum_link(problem, spare)
+        if _segments(problem, other) == count:
+            tight, high = other, spare
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        other = minimum_link(problem, middle)
+        if _segments(problem, other) == count:
+            tight, high = other, middle
+        else:
+            low = middle
+    kept = spare if high <= spare else high
+    if tight.knots.size > 1:
+        curve = candidate(problem, tight.knots, tight.values)
+        return least_squares_within(problem, curve, kept), course.fewest
+    middle = 0.5 * (float(np.max(problem.desired)) + float(np.min(problem.desired)))
+    room = max(spare - float(np.max(np.abs(problem.desired - middle))), 0.0)
+    mean = float(np.mean(problem.desired))
+    value = min(max(mean, middle - room), middle + room)
+    return candidate(problem, tight.knots, np.array([value])), course.fewest
 
-    rounds: int = 6
-    progress: float = 3e-3
-    lines: int = 4000
-    margin: float = 1e-7
-    first_margin: float = 1e-2
-    ridge: float = 1e-9
-    rounding: float = 5e-10
+
+def _by_pins(problem: Problem) -> float:
+    """Smallest largest error of slopes within the bound through one required value."""
+    pinned = np.isfinite(problem.pins)
+    away = distances(problem, np.arange(problem.samples, dtype=np.float64))[:, pinned]
+    apart = np.abs(problem.desired[:, np.newaxis] - problem.pins[pinned])
+    return float(np.max(apart - problem.step * away, initial=0.0))
 
 
-TUBE = TubeOptions()
+def minimum_link(problem: Problem, bound: float) -> Course:
+    """The curve of fewest segments with no error above ``bound``; O(n).
+
+    Args:
+        problem: What to approximate.
+        bound: Largest error at any sample, which slopes within the bound can keep.
+
+    Returns:
+        The curve. It has as few segments as possible; a cycle with required knots at most one more.
+        All segments of a path are a sample long or longer if required knots lie on samples, and
+        those of a cycle nearly always.
+    """
+    if not problem.cyclic:
+        return fewest_links(*gates_of(problem, bound))
+    if problem.required.size:
+        return _cut(problem, bound, float(problem.required[0]))
+    gates, _ = gates_of(problem, bound)
+    least, most = max(gates.lower), min(gates.upper)
+    if least <= most:
+        return Course(np.zeros(1), np.array([0.5 * (least + most)]), 1)
+    return fewest_links_around(gates) or _cut(problem, bound, 0.0)
+
+
+def gates_of(
+    problem: Problem,
+    bound: float,
+    *,
+    start: float = 0.0,
+    ends: tuple[float, float] | None = None,
+) -> tuple[Gates, list[int]]:
+    """Gates at samples and required knots, and the numbers of the latter, ends left out.
+
+    Args:
+        problem: What to approximate.
+        bound: Largest error at any sample.
+        start: Of a cycle, where it is cut to be a path; the last gate is a turn later.
+        ends: Least and largest value there; by default, a cycle is not cut.
+    """
+    n = problem.samples
+    places = np.arange(n)
+    required, pins = problem.required, problem.pins
+    if ends is not None:
+        places = np.arange(math.ceil(start), math.floor(start + n) + 1)
+        required = np.where(required > start, required, required + n)
+    every = np.unique(
+        np.concatenate([places, required, [] if ends is None else [start, start + n]])
+    )
+    lower, upper = np.full(every.size, -np.inf), np.full(every.size, np.inf)
+    samples, knots = np.searchsorted(every, places), np.searchsorted(every, required)
+    desired = problem.desired[places % n]
+    lower[samples], upper[samples] = desired - bound, desired + bound
+    pinned = np.isfinite(pins)
+    lower[knots[pinned]] = upper[knots[pinned]] = pins[pinned]
+    if ends is not None:
+        lower[[0, -1]], upper[[0, -1]] = ends
+    gates = Gates(every.tolist(), lower.tolist(), upper.tolist(), problem.step)
+    return gates, sorted(k for k in knots.tolist() if 0 < k < every.size - 1)
+
+
+def _cut(problem: Problem, bound: float, place: float) -> Course:
+    """A cycle with a knot at a place, as a path from there back to it.
+
+    A path whose ends are free needs no more segments; one that comes back to where it began takes
+    at most one more.
+
+    Args:
+        problem: What to approximate, a cycle.
+        bound: Largest error at any sample.
+        place: Where to cut.
+
+    Returns:
+        The cycle, its ``fewest`` for any place where no knot is required.
+    """
+    least, most = _values_at(problem, bound, place)
+    free = fewest_links(*gates_of(problem, bound, start=place, ends=(least, most)))
+    starts = [min(max(float(free.values[k]), least), most) for k in (0, -1)]
+    cycles = [
+        fewest_links(*gates_of(problem, bound, start=place, ends=(value, value)))
+        for value in (*starts, 0.5 * sum(starts))
+    ]
+    best = min(cycles, key=lambda course: (course.fewest, -min(course.shortest(), 1.0)))
+    here = bool(np.any(problem.required == place))
+    return Course(best.knots[:-1], best.values[:-1], free.fewest - (not here))
+
+
+def _values_at(problem: Problem, bound: float, place: float) -> tuple[float, float]:
+    """Least and largest value at a place of a cycle from which slopes can pass all gates."""
+    n = problem.samples
+    pinned = np.isfinite(problem.pins)
+    places = np.append(np.arange(n), problem.required[pinned])
+    away = np.abs(places - place)
+    reach = problem.step * np.minimum(away, n - away)
+    lower = np.append(problem.desired - bound, problem.pins[pinned]) - reach
+    upper = np.append(problem.desired + bound, problem.pins[pinned]) + reach
+    return float(np.max(lower)), float(np.min(upper))
+
+
+def _segments(problem: Problem, course: Course) -> int:
+    return course.knots.size if problem.cyclic else course.knots.size - 1
+
+
+def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:
+    """A curve with as many segments as ``curve`` and a squared error that is no larger.
+
+    Args:
+        problem: What to approximate; samples of size one or less.
+        curve: A curve with no error above ``bound``, its slopes within their bound.
+        bound: Largest error at any sample.
+
+    Returns:
+        The curve, within the same bounds. One QP of OSQP with O(n) rows a round.
+    """
+    before, after = curve.error, np.ones(curve.knots.size, dtype=bool)
+    for turn in range(min(max(MOST_LINES // curve.knots.size, 1), 6)):
+        curve = _one_by_one(problem, curve, bound)
+        # Hundreds of lines take OSQP long: at first it may be far from the bounds.
+        margin = max(MARGIN, 1e-2 / 10.0**turn)
+        moved = _together(problem, curve, bound, after, margin)
+        stays = moved.knots == curve.knots
+        after = np.where(stays, ~after, moved.knots > curve.knots)
+        curve = moved
+        if turn % 2:
+            if curve.error >= (1.0 - 3e-3) * before:
+                break
+            before = curve.error
+    return curve
+
+
+def _together(
+    problem: Problem, curve: Candidate, bound: float, after: Mask, margin: float
+) -> Candidate:
+    """The curve with all knots moved within their gaps, or as it is where that is no better.
+
+    Args:
+        problem: What to approximate.
+        curve: The curve.
+        bound: Largest error at any sample.
+        after: Which knots, where they are on a sample, move in the gap after it; see `_lines_of`.
+        margin: Share of the bounds that is left to OSQP's tolerance.
+    """
+    lines = _lines_of(problem, curve, after)
+    if np.any(lines.last < lines.first):
+        return curve
+    qp = _line_qp(problem, curve, lines, bound, margin)
+    result = run_osqp(qp, iterations=TUBE_ITERATIONS)
+    change = np.asarray(result.x, dtype=np.float64)
+    if not np.all(np.isfinite(change)):
+        return curve
+    change = bound * polished(qp, change, np.asarray(result.y, dtype=np.float64))
+    level, rise = np.split(change, 2)
+    lines = lines._replace(level=lines.level + level, slope=lines.slope + rise / lines.half)
+    moved = candidate(problem, *_joined(problem, curve, lines))
+    if not moved.error < curve.error or not problem.long_enough(moved.knots):
+        return curve
+    values = np.append(moved.values, moved.values[0]) if problem.cyclic else moved.values
+    steepest = problem.step * (1.0 + 5e-13) * np.diff(problem.ends(moved.knots))
+    largest = np.max(np.abs(residuals(problem, moved.knots, moved.values)))
+    if largest > bound * (1.0 + 5e-10) or np.any(np.abs(np.diff(values)) > steepest):
+        return curve
+    return moved
 
 
 class _Lines(NamedTuple):
@@ -93,67 +314,6 @@ class _Lines(NamedTuple):
     def at(self, line: npt.NDArray[np.intp], place: Array) -> Array:
         """Values of lines at places."""
         return self.level[line] + self.slope[line] * (place - self.middle[line])
-
-
-def least_squares_within(problem: Problem, curve: Candidate, bound: float) -> Candidate:
-    """A curve with as many segments as ``curve`` and a squared error that is no larger.
-
-    Args:
-        problem: What to approximate; samples of size one or less.
-        curve: A curve with no error above ``bound``, its slopes within their bound.
-        bound: Largest error at any sample.
-
-    Returns:
-        The curve, within the same bounds. One QP of OSQP with O(n) rows a round.
-    """
-    before, after = curve.error, np.ones(curve.knots.size, dtype=bool)
-    for turn in range(min(max(TUBE.lines // curve.knots.size, 1), TUBE.rounds)):
-        curve = _one_by_one(problem, curve, bound)
-        # Hundreds of lines take OSQP long: at first it may be far from the bounds.
-        margin = max(TUBE.margin, TUBE.first_margin / 10.0**turn)
-        moved = _together(problem, curve, bound, after, margin)
-        stays = moved.knots == curve.knots
-        after = np.where(stays, ~after, moved.knots > curve.knots)
-        curve = moved
-        if turn % 2:
-            if curve.error >= (1.0 - TUBE.progress) * before:
-                break
-            before = curve.error
-    return curve
-
-
-def _together(
-    problem: Problem, curve: Candidate, bound: float, after: Mask, margin: float
-) -> Candidate:
-    """The curve with all knots moved within their gaps, or as it is where that is no better.
-
-    Args:
-        problem: What to approximate.
-        curve: The curve.
-        bound: Largest error at any sample.
-        after: Which knots, where they are on a sample, move in the gap after it; see `_lines_of`.
-        margin: Share of the bounds that is left to OSQP's tolerance.
-    """
-    lines = _lines_of(problem, curve, after)
-    if np.any(lines.last < lines.first):
-        return curve
-    qp = _line_qp(problem, curve, lines, bound, margin)
-    result = run_osqp(qp, iterations=QP.tube_iterations)
-    change = np.asarray(result.x, dtype=np.float64)
-    if not np.all(np.isfinite(change)):
-        return curve
-    change = bound * polished(qp, change, np.asarray(result.y, dtype=np.float64))
-    level, rise = np.split(change, 2)
-    lines = lines._replace(level=lines.level + level, slope=lines.slope + rise / lines.half)
-    moved = candidate(problem, *_joined(problem, curve, lines))
-    if not moved.error < curve.error or not problem.long_enough(moved.knots):
-        return curve
-    values = np.append(moved.values, moved.values[0]) if problem.cyclic else moved.values
-    steepest = problem.step * (1.0 + 1e-3 * TUBE.rounding) * np.diff(problem.ends(moved.knots))
-    largest = np.max(np.abs(residuals(problem, moved.knots, moved.values)))
-    if largest > bound * (1.0 + TUBE.rounding) or np.any(np.abs(np.diff(values)) > steepest):
-        return curve
-    return moved
 
 
 def _lines_of(problem: Problem, curve: Candidate, after: Mask) -> _Lines:
@@ -223,9 +383,9 @@ def _line_qp(
     )
     scale = float(np.max(s0))
     P: Any = sparse.bmat(
-        [[sparse.diags(s0), sparse.diags(s1)], [sparse.diags(s1), sparse.diags(s2 + TUBE.ridge)]],
+        [[sparse.diags(s0), sparse.diags(s1)], [sparse.diags(s1), sparse.diags(s2 + 1e-9)]],
         "csc",
-    )
+    )  # a line through one sample has no slope of its own
 
     def values(which: npt.NDArray[np.intp], at: Array) -> Any:
         """Rows that give the change of a line's value at a place."""
@@ -295,7 +455,7 @@ def _one_by_one(problem: Problem, curve: Candidate, bound: float) -> Candidate:
     sums over the samples before and after, and what the bounds allow is an interval.
     """
     knots, values = curve.knots.copy(), curve.values.copy()
-    steepest, room = problem.step * (1.0 - TUBE.margin), bound * (1.0 - TUBE.margin)
+    steepest, room = problem.step * (1.0 - MARGIN), bound * (1.0 - MARGIN)
     for k in np.flatnonzero(~required_knots(problem, knots)[0]):
         number = np.arange(k - 1, k + 2)
         x = knots[number % knots.size] + problem.samples * (number // knots.size)

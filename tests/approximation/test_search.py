@@ -8,8 +8,8 @@ import sys
 import numpy as np
 
 from planner.approximation.fit import fit_pwl
-from planner.approximation.knot_search import moved, with_moved_knots
 from planner.approximation.problem import Problem, candidate
+from planner.approximation.search import moved, with_moved_knots
 from tests.approximation.enumeration import enumerated
 from tests.approximation.samples import samples_of
 

@@ -1,22 +1,22 @@
 """The search for knots: starts from grids, descents, and moves of single knots.
 
-Nothing is proved here. Chains of :mod:`planner.approximation.dynamic_programming` are starts of
-descents (:mod:`planner.approximation.sqp`); a lattice around the best of them gives more. The
-squared error has a kink wherever a knot meets a sample, so a local minimum between any two samples
-is possible; so the knots of the best two curves are moved across samples, one at a time, each move
+Nothing is proved here. Chains of :mod:`planner.approximation.proposals` are starts of descents
+(:mod:`planner.approximation.descent`); a lattice around the best of them gives more. The squared
+error has a kink wherever a knot meets a sample, so a local minimum between any two samples is
+possible; so the knots of the best two curves are moved across samples, one at a time, each move
 with a descent of its own. Beyond 32 segments, knots come from bottom-up merging and one descent.
-Samples that are piecewise linear already have their corners read off.
+Samples that are piecewise linear already have their corners read off. Of very many samples, means
+stand for them while few knots are sought.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from planner.approximation.bottom_up_merging import MergedKnots
 from planner.approximation.canonical_form import (
     EQUAL,
     CanonicalForm,
@@ -26,7 +26,8 @@ from planner.approximation.canonical_form import (
     to_resolution,
 )
 from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.dynamic_programming import CHAINS, ChainProposals, lattice_chain
+from planner.approximation.descent import WINDOW, best_values, descend, descend_by_windows
+from planner.approximation.ideal import ideal_of
 from planner.approximation.problem import (
     SHORTEST,
     Candidate,
@@ -35,72 +36,51 @@ from planner.approximation.problem import (
     even_knots,
     feasible_values,
     fixed_variables,
-    least_count,
-    most_segments,
     required_knots,
     round_knots,
+    segment_capacity,
 )
-from planner.approximation.qp import solve_values, within_slopes
-from planner.approximation.slope_projection import ideal_of
-from planner.approximation.sqp import SQP, best_values, descend, descend_by_windows
+from planner.approximation.proposals import ChainProposals, MergedKnots, lattice_chain
+from planner.approximation.values import solve_values, within_slopes
 from planner.trajectory import Array
 
-STRAIGHT = 1e-10
+# What half and twice do was measured on 640 fits of 2 to 12 segments, and 80 of 14 to 40.
+
+FEW = 4
+"""Evaluations after which starts and moves are compared. 3: 0.02 % more error in the mean, 6 %
+fewer evaluations; 8: no change for a fifth more."""
+
+MANY = 8
+"""Most evaluations of the descent of a curve that was chosen."""
+
+CLOSE = 1.002
+"""Squared error over the ideal's up to which a curve is not improved any more. 1.005: 0.3 % more of
+the fits worse by 0.1 %, a tenth less time; 1.0005: nothing changes."""
+
+LATTICES = (
+    (29, (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4)),
+    (44, (-1.6, -0.8, 0.0, 0.8, 1.6)),
+)
+"""Few nodes with many angles and more with fewer, as they fail on different data; without both,
+errors are 11 % higher at worst."""
+
+MOVES = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
+"""What a knot is moved by [samples]. Without them: 2 % at worst. Without half a sample: 0.3 % more
+of the fits worse by 0.1 %."""
+
+TURNS = 3
+"""Times that all knots are moved, as long as it helps. One: 0.05 % more error in the mean, 6 % of
+the fits worse by 0.1 %; six: 0.003 % less error."""
+
+PROPOSED = 32
+"""Segments up to which knots are sought by chains; beyond, by merging. 16: 0.7 % more error in the
+mean, 27 % at worst, in half the time; 64: 0.1 % more in the same time."""
+
+MANY_SAMPLES = 2000
+"""Samples beyond which few knots are sought among means of them."""
+
+BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as none."""
-
-
-@dataclass(frozen=True)
-class SearchOptions:
-    """Tuning of the search. Effects are those on 640 fits of 2 to 12 segments.
-
-    Those of few, many, rough, apart, kept and helps were measured on a quarter of them.
-
-    Attributes:
-        few: Evaluations after which starts and moves are compared. 3: 0.02 % more error in the
-            mean, 6 % fewer evaluations; 8: no change for a fifth more.
-        many: Most evaluations of the descent of a curve that was chosen. 4: 0.001 % more error in
-            the mean, a tenth fewer evaluations; 15: no change for 5 % more.
-        rough: Relative decrease of the squared error below which a start's descent ends. 1e-3: no
-            change for 4 % more evaluations.
-        finalists: Curves of the proposals that are kept, and of all whose knots are moved. One:
-            0.05 % more error in the mean, 19 % at worst; three: 0.003 % less, a tenth more time.
-        apart: Distance between knots from which on two curves differ [samples]. 0.5 and 2: no
-            change; 1 % more and fewer curves.
-        close: Squared error over the ideal's up to which a curve is not improved any more. 1.005:
-            0.3 % more of the fits worse by 0.1 %, a tenth less time; 1.0005: nothing changes.
-        moves: What a knot is moved by [samples]. Without them: 2 % at worst. Without half a sample:
-            0.3 % more of the fits worse by 0.1 %; with ten besides: nothing for a tenth more time.
-        turns: Times that all knots are moved, as long as it helps. One: 0.05 % more error in the
-            mean, 6 % of the fits worse by 0.1 %; six: 0.003 % less error.
-        kept: Moved curves that go on after the first evaluations. 6: 0.001 % more error;
-            24: no change.
-        helps: Relative decrease of the squared error that is worth another turn. 1e-2: 0.01 % more
-            error in the mean, 2.5 % more of the fits worse by 0.1 %, a tenth fewer curves.
-        proposed: Segments up to which knots are sought by chains; beyond, by merging. 80 fits of 14
-            to 40 segments: 16: 0.7 % more error in the mean, 27 % at worst, in half the time; 64:
-            0.1 % more in the same time.
-        many_samples: Samples beyond which few knots are sought among means of them. 24 fits at
-            n = 3,000: 4,000: no change for a fifth more time.
-        none: Mean squared error, of samples of size one, that counts as none: such a curve is not
-            improved. 160 fits: 1e-24 and 1e-20: no change.
-    """
-
-    few: int = 4
-    many: int = 8
-    rough: float = 1e-2
-    finalists: int = 2
-    apart: float = 1.0
-    close: float = 1.002
-    moves: tuple[float, ...] = (-0.5, 0.5, -1.0, 1.0, -2.0, 2.0, -5.0, 5.0)
-    turns: int = 3
-    kept: int = 12
-    helps: float = 1e-3
-    proposed: int = 32
-    many_samples: int = 2000
-    none: float = 1e-22
-
-
-SEARCH = SearchOptions()
 
 
 class KnotSearch:
@@ -122,8 +102,9 @@ class KnotSearch:
         self.problem = self.form.of_problem(coarse)
         self.ideal = to_resolution(self.form.apply(ideal))
         self.unrounded = self.form.of_problem(problem)
-        self.fewest = least_count(self.problem)
-        self.most = most_segments(self.problem)
+        most = segment_capacity(self.problem)[1]  # between required knots
+        self.fewest = max(2 if problem.cyclic else 1, most.size)
+        self.most = int(np.sum(most))
         self.ideal_error = float(np.sum((self.ideal - self.problem.desired) ** 2))
         self._found: dict[int, Candidate] = {}
         self._begun: dict[int, list[Candidate]] = {}
@@ -141,7 +122,7 @@ class KnotSearch:
             segments: Number of segments.
             limit: Squared error of the cheapest chain of chords from which on none is begun.
         """
-        if segments in self._found or segments > SEARCH.proposed or self._of_means is not None:
+        if segments in self._found or segments > PROPOSED or self._of_means is not None:
             return self.curve(segments).error
         chords = self._proposals.least_error(segments)
         if chords is not None and chords > limit:
@@ -151,7 +132,7 @@ class KnotSearch:
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
         problem = self.problem
-        if knots.size <= SQP.window:
+        if knots.size <= WINDOW:
             return best_values(problem, [knots])[0]
         values = within_slopes(
             solve_values(problem, knots),
@@ -161,8 +142,8 @@ class KnotSearch:
         )
         return candidate(problem, knots, values)
 
-    def final_curve(self, curve: Candidate) -> tuple[Array, Array]:
-        """Knots and values for the samples as given, by the last QP in the values."""
+    def final_curve(self, curve: Candidate) -> Candidate:
+        """The curve through the samples as given, by the last QP in the values."""
         knots = round_knots(curve.knots)
         values = solve_values(self.unrounded, knots, near=curve.values)
         return self.form.restore(Candidate(knots, values, curve.error))
@@ -176,7 +157,7 @@ class KnotSearch:
     def _of_means(self) -> KnotSearch | None:
         """Curves through fewer samples, where there are very many and any knots will do."""
         problem = self.problem
-        if problem.samples <= SEARCH.many_samples or problem.required.size:
+        if problem.samples <= MANY_SAMPLES or problem.required.size:
             return None
         return KnotSearch(to_means(problem))
 
@@ -192,17 +173,17 @@ class KnotSearch:
         problem = self.problem
         if self.exact is not None and segments == problem.segments(self.exact.knots):
             return self.exact
-        if segments > SEARCH.proposed:
+        if segments > PROPOSED:
             merged = self._merged(segments)
             merged = even_knots(problem, segments) if merged is None else merged
-            return descend_by_windows(problem, self.valued(merged), rounds=SEARCH.few)
+            return descend_by_windows(problem, self.valued(merged), rounds=FEW)
         starts = self._starts(segments)
         best = starts[0]
-        if best.knots.size > SQP.window or best.error <= SEARCH.none * problem.samples:
+        if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
             return best
-        if self._of_means is None and best.error > SEARCH.close * self.ideal_error:
+        if self._of_means is None and best.error > CLOSE * self.ideal_error:
             best = improved(problem, self.ideal, starts)
-        return descend(problem, [best], rounds=SEARCH.many)[0]
+        return descend(problem, [best], rounds=MANY)[0]
 
     def _starts(self, segments: int) -> list[Candidate]:
         """Curves a few evaluations from what is proposed, the best first; found once."""
@@ -212,17 +193,17 @@ class KnotSearch:
 
     def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
-        if self._of_means is not None and segments < SQP.window:
+        if self._of_means is not None and segments < WINDOW:
             few = self._of_means.form.restore(self._of_means.curve(segments))
-            return descend(problem, [from_means(problem, *few)], rounds=SEARCH.few)
+            return descend(problem, [from_means(problem, few)], rounds=FEW)
         proposed = self._proposals(segments) or [even_knots(problem, segments)]
-        if proposed[0].size <= SQP.window:
+        if proposed[0].size <= WINDOW:
             starts = best_values(problem, proposed)
-            begun = descend(problem, starts, rounds=SEARCH.few, progress=SEARCH.rough)
+            begun = descend(problem, starts, rounds=FEW, progress=1e-2)
             return sorted(begun, key=by_error)
-        starts = sorted(map(self.valued, proposed), key=by_error)[: SEARCH.finalists]
-        begun = [descend_by_windows(problem, curve, rounds=SEARCH.few) for curve in starts]
-        return [descend_by_windows(problem, min(begun, key=by_error), rounds=SEARCH.many)]
+        starts = sorted(map(self.valued, proposed), key=by_error)[:2]
+        begun = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
+        return [descend_by_windows(problem, min(begun, key=by_error), rounds=MANY)]
 
 
 def by_error(curve: Candidate) -> float:
@@ -236,21 +217,20 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
     Args:
         problem: What to approximate.
         ideal: Its slope-bounded ideal, shape (n,).
-        rough: Curves of as many segments, the best first, at most ``SQP.window`` knots.
+        rough: Curves of as many segments, the best first, at most :data:`WINDOW` knots.
     """
     best = rough[0]
     anchor = _sharpest_knot(problem, best) if problem.cyclic else 0
-    chains = (
-        lattice_chain(problem, ideal, best, lattice, anchor=anchor) for lattice in CHAINS.lattices
-    )
+    chains = [
+        lattice_chain(problem, ideal, best, nodes=nodes, offsets=offsets, anchor=anchor)
+        for nodes, offsets in LATTICES
+    ]
     starts = best_values(problem, [knots for knots in chains if knots is not None])
-    starts += rough[: SEARCH.finalists]
-    begun = sorted(
-        descend(problem, starts, rounds=SEARCH.many, progress=SEARCH.rough), key=by_error
-    )
+    starts += rough[:2]
+    begun = sorted(descend(problem, starts, rounds=MANY, progress=1e-2), key=by_error)
     if problem.required.size:
         return begun[0]
-    return with_moved_knots(problem, _apart(begun)[: SEARCH.finalists])
+    return with_moved_knots(problem, _apart(begun)[:2])
 
 
 def _apart(curves: list[Candidate]) -> list[Candidate]:
@@ -258,7 +238,7 @@ def _apart(curves: list[Candidate]) -> list[Candidate]:
     chosen: list[Candidate] = []
     for curve in curves:
         knots = np.sort(curve.knots)
-        if all(np.max(np.abs(knots - np.sort(each.knots))) > SEARCH.apart for each in chosen):
+        if all(np.max(np.abs(knots - np.sort(each.knots))) > 1.0 for each in chosen):
             chosen.append(curve)
     return chosen
 
@@ -284,24 +264,30 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
         curves: Where to begin; from the first move on the best is followed alone.
     """
     best, begun = min(curves, key=by_error), curves
-    for _ in range(SEARCH.turns):
+    for _ in range(TURNS):
         starts = [each for curve in begun for each in (curve, *moved(problem, curve))]
-        other = min(descend(problem, starts, rounds=SEARCH.few, keep=SEARCH.kept), key=by_error)
+        other = min(descend(problem, starts, rounds=FEW, keep=12), key=by_error)
         gained = best.error - other.error
         if gained <= 0.0:
             break
         best, begun = other, [other]
-        if gained <= SEARCH.helps * best.error:
+        if gained <= 1e-3 * best.error:
             break
     return best
 
 
 def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     """The curves with one knot moved along the curve; their errors are not yet computed."""
-    along = _along(problem, curve)
+    along = PiecewiseLinear(
+        knots=curve.knots,
+        values=curve.values,
+        samples=problem.samples,
+        tick=1.0,
+        cyclic=problem.cyclic,
+    )
     movable = np.flatnonzero(~fixed_variables(problem, curve.knots)[0])
-    moves = np.tile(SEARCH.moves, movable.size)
-    which = np.repeat(movable, len(SEARCH.moves))
+    moves = np.tile(MOVES, movable.size)
+    which = np.repeat(movable, len(MOVES))
     knots = np.tile(curve.knots, (which.size, 1))
     row = np.arange(which.size)
     knots[row, which] += moves
@@ -312,16 +298,6 @@ def moved(problem: Problem, curve: Candidate) -> list[Candidate]:
     return [
         Candidate(k, v, curve.error) for k, v in zip(knots[allowed], values[allowed], strict=True)
     ]
-
-
-def _along(problem: Problem, curve: Candidate) -> PiecewiseLinear:
-    return PiecewiseLinear(
-        knots=curve.knots,
-        values=curve.values,
-        samples=problem.samples,
-        tick=1.0,
-        cyclic=problem.cyclic,
-    )
 
 
 def exact_curve(problem: Problem) -> Candidate | None:
@@ -339,7 +315,7 @@ def exact_curve(problem: Problem) -> Candidate | None:
     d, n = problem.desired, problem.samples
     if problem.required.size:
         return None
-    bent = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1)) > STRAIGHT
+    bent = np.abs(np.roll(d, 1) - 2.0 * d + np.roll(d, -1)) > BEND
     if not problem.cyclic:
         bent[[0, -1]] = True
     if 3 * np.count_nonzero(bent) > 2 * n:
@@ -387,5 +363,5 @@ def _within_problem(problem: Problem, knots: Array, values: Array) -> Candidate 
     rises = np.diff(np.append(values, values[0]) if problem.cyclic else values)
     lengths = np.diff(problem.ends(knots))
     steep = np.abs(rises) > problem.step * lengths * (1.0 + 1e-9)
-    off = curve.error > problem.samples * (100.0 * STRAIGHT) ** 2
+    off = curve.error > problem.samples * (100.0 * BEND) ** 2
     return None if np.any(steep) or np.any(lengths < 1.0) or off else curve

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from planner.approximation.problem import Problem
-from planner.approximation.qp import solve_values
+from planner.approximation.values import solve_values
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
-
-CLOSED = 1e-9
-"""Distance between the ends of a cycle, relative to the range, that counts as none."""
 
 LONGEST_QP = 5000
 """Samples up to which a cycle that does not close is solved again."""
@@ -65,7 +62,7 @@ def slope_bounded(
     n = desired.size
     three = _open_ended(np.tile(desired, 3), np.tile(weights, 3), step)
     cycle = three[n : 2 * n]
-    if abs(three[n] - three[2 * n]) <= CLOSED * np.ptp(desired) or n > LONGEST_QP:
+    if abs(three[n] - three[2 * n]) <= 1e-9 * np.ptp(desired) or n > LONGEST_QP:
         return cycle
     return _closed(desired, weights, step, cycle)
 

@@ -1,4 +1,4 @@
-"""Knots by dynamic programming: the cheapest chain of segments between the nodes of a grid.
+"""Knots proposed on grids of samples, from which descents start.
 
 A segment from one sample to another has a cost that needs no other segment, so the cheapest chain
 of a given number of segments is a shortest path (Bellman, On the approximation of curves by line
@@ -12,67 +12,42 @@ fail on different data:
 - of a lattice, :func:`lattice_chain`: at each node a few angles around the ideal may be taken, and
   a segment between two of these states has its exact squared error as its cost, infinite if it is
   too steep. So the cheapest chain is continuous, within the slopes, and best of all on the lattice.
+
+Many segments come from :class:`MergedKnots`, bottom-up merging.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
+from heapq import heapify, heappop, heappush
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
-from planner.approximation.least_squares import Moments, between, moments, running
 from planner.approximation.problem import (
     Candidate,
     Problem,
+    even_knots,
     nearest_samples,
     segment_allowed,
     with_required,
 )
 from planner.trajectory import Array
 
-Nodes = npt.NDArray[np.intp]
+Indices = npt.NDArray[np.intp]
 CostKind = Literal["chord", "line"]
 Kind = TypeVar("Kind", bound=np.generic)
 COST_KINDS: tuple[CostKind, ...] = ("chord", "line")
 
+NODES = 128
+"""Most nodes of a grid without angles: costs take this number squared. 64: 2.5 % of the fits at
+n = 88 worse by 0.1 %, by 2 % at worst; 256: no change there."""
 
-class Lattice(NamedTuple):
-    """Where the knots of a chain may lie."""
-
-    nodes: int  # if the samples are as many; the cost of a chain takes this number squared
-    offsets: tuple[float, ...]  # angles around the ideal, in units of a curve's rms error
-
-
-@dataclass(frozen=True)
-class ChainOptions:
-    """Tuning of the grids.
-
-    Attributes:
-        nodes: Most nodes of a grid without angles: costs take this number squared. 64: 2.5 % of the
-            fits at n = 88 worse by 0.1 %, by 2 % at worst; 256: no change there.
-        anchors: Places of a cycle at which chains begin and end; the sharpest corner is one of
-            them. 3: 0.001 % more error in the mean, 0.1 % at worst; 12: 0.001 % less for a tenth
-            more time.
-        lattices: Few nodes with many angles and more with fewer, as they fail on different data;
-            without both, errors are 11 % higher at worst.
-        nodes_per_segment: Nodes of a lattice for every segment, where that is more. 2: 0.02 % more
-            error in the mean of 80 fits of 14 to 40 segments; 8: 2 % of the fits with 12 segments
-            and fewer worse by 0.1 %.
-    """
-
-    nodes: int = 128
-    anchors: int = 6
-    lattices: tuple[Lattice, ...] = (
-        Lattice(29, (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4)),
-        Lattice(44, (-1.6, -0.8, 0.0, 0.8, 1.6)),
-    )
-    nodes_per_segment: int = 4
-
-
-CHAINS = ChainOptions()
+ANCHORS = 6
+"""Places of a cycle at which chains begin and end, its sharpest corner among them."""
 
 
 class ChainProposals:
@@ -86,7 +61,7 @@ class ChainProposals:
             ideal: Its slope-bounded ideal, shape (n,).
         """
         last = problem.samples if problem.cyclic else problem.samples - 1
-        count = min(last, CHAINS.nodes)
+        count = min(last, NODES)
         self._problem, self._last = problem, last
         nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
         fixed = nearest_samples(problem.required)
@@ -97,16 +72,16 @@ class ChainProposals:
             self._starts = np.zeros(1, dtype=np.intp)
             nodes = self.nodes
         else:
-            self._starts = np.unique(np.arange(CHAINS.anchors) * count // CHAINS.anchors)
+            self._starts = np.unique(np.arange(ANCHORS) * count // ANCHORS)
             if problem.required.size:
                 fixed = np.unique(nearest_samples(problem.required) % last)
-                self._starts = np.searchsorted(self.nodes, fixed)[: CHAINS.anchors]
+                self._starts = np.searchsorted(self.nodes, fixed)[:ANCHORS]
             nodes = np.append(self.nodes[:-1], last + self.nodes)
             sides = [np.resize(side, 2 * last + 1) for side in sides]
         self._all_nodes = nodes
         self._tables = {}
         self._costs = {}
-        self._came_from: dict[CostKind, list[Nodes]] = {}
+        self._came_from: dict[CostKind, list[Indices]] = {}
         # Sums, taken at the nodes once: of a path's segments by end and start, of a cycle's by end
         # and place of the start among as many nodes before it, as they recur.
         totals = [each.take(nodes, axis=-1) for each in running(np.array(sides))]
@@ -167,12 +142,12 @@ class ChainProposals:
             costs.append(np.take_along_axis(through, best[:, :, None], axis=2)[:, :, 0])
             came_from.append(best)
 
-    def _chain(self, kind: CostKind, segments: int, anchor: int) -> Nodes:
+    def _chain(self, kind: CostKind, segments: int, anchor: int) -> Indices:
         """The samples on the way, in order; of a cycle without its end."""
         chain = [self.nodes.size - 1]
         for level in reversed(self._came_from[kind][:segments]):
             chain.append(int(level[anchor, chain[-1]]))
-        way: Nodes = self._all_nodes[int(self._starts[anchor]) + np.array(chain[::-1])]
+        way: Indices = self._all_nodes[int(self._starts[anchor]) + np.array(chain[::-1])]
         return way[:-1] if self._cyclic else way
 
 
@@ -181,13 +156,13 @@ def _windows(along: npt.NDArray[Kind], count: int) -> npt.NDArray[Kind]:
     return sliding_window_view(along, count + 1, axis=-1)[..., :count, :]
 
 
-def _begun_at(table: Array, starts: Nodes) -> Array:
+def _begun_at(table: Array, starts: Indices) -> Array:
     """Costs in a cycle cut at these nodes.
 
     Args:
         table: Cost by end and place of the start among the nodes from a turn before to the end,
             shape (m, m + 1), infinite for the last.
-        starts: Nodes at which the cycle begins, shape (a,).
+        starts: Indices at which the cycle begins, shape (a,).
 
     Returns:
         Costs by end and start, each counted from the cut, shape (a, m + 1, m + 1).
@@ -206,7 +181,13 @@ def _begun_at(table: Array, starts: Nodes) -> Array:
 
 
 def lattice_chain(
-    problem: Problem, ideal: Array, curve: Candidate, lattice: Lattice, *, anchor: int = 0
+    problem: Problem,
+    ideal: Array,
+    curve: Candidate,
+    *,
+    nodes: int,
+    offsets: tuple[float, ...],
+    anchor: int,
 ) -> Array | None:
     """Knots of the cheapest chain with as many segments on a grid.
 
@@ -214,7 +195,9 @@ def lattice_chain(
         problem: What to approximate.
         ideal: Its slope-bounded ideal, shape (n,).
         curve: What says how many segments, and how far from the ideal.
-        lattice: Where knots may lie.
+        nodes: Places where knots may lie, if the samples are as many; four for every segment where
+            that is more. The cost of a chain takes this number squared.
+        offsets: Angles that a knot may have around the ideal, in units of the curve's rms error.
         anchor: Number of the knot that is kept, for a cycle.
 
     Returns:
@@ -224,35 +207,35 @@ def lattice_chain(
     first = round(float(curve.knots[anchor])) if problem.cyclic else 0
     last = n if problem.cyclic else n - 1
     segments = curve.knots.size if problem.cyclic else curve.knots.size - 1
-    count = min(last, max(lattice.nodes, CHAINS.nodes_per_segment * segments))
+    count = min(last, max(nodes, 4 * segments))
     fixed = nearest_samples(problem.required)
     fixed = np.mod(fixed - first, n) if problem.cyclic else fixed
-    nodes = np.union1d(np.round(np.linspace(0, last, count + 1)).astype(np.intp), fixed)
+    grid = np.union1d(np.round(np.linspace(0, last, count + 1)).astype(np.intp), fixed)
     unit = float(np.sqrt(curve.error / n))
-    states = ideal[(nodes + first) % n][:, None] + unit * np.array(lattice.offsets)
+    states = ideal[(grid + first) % n][:, None] + unit * np.array(offsets)
     if problem.cyclic:
         states[[0, -1], 0] = float(np.interp(first, curve.knots, curve.values, period=n))
         states[[0, -1], 1:] = np.inf
     for place, pin in zip(fixed, problem.pins, strict=True):
         if np.isfinite(pin):
-            node = int(np.searchsorted(nodes, place))
+            node = int(np.searchsorted(grid, place))
             states[node, 0], states[node, 1:] = pin, np.inf
             if problem.cyclic and node == 0:
                 states[-1, 0] = pin
     desired = np.resize(np.roll(problem.desired, -first), last + 1)
-    table = _state_costs(desired, states, nodes, problem.step)
-    possible = segment_allowed(problem, nodes[:, None] + first, nodes[None, :] + first)
+    table = _state_costs(desired, states, grid, problem.step)
+    possible = segment_allowed(problem, grid[:, None] + first, grid[None, :] + first)
     table.transpose(0, 2, 1, 3)[~possible] = np.inf
     at_start = (states[0] - desired[0]) ** 2
     path = _cheapest(table, at_start, segments)
     if path is None:
         return None
-    chain = nodes[path[:-1] if problem.cyclic else path].astype(np.float64) + first
+    chain = grid[path[:-1] if problem.cyclic else path].astype(np.float64) + first
     return with_required(problem, chain)
 
 
-def _cheapest(table: Array, at_start: Array, segments: int) -> Nodes | None:
-    """Nodes on the cheapest way from the first to the last, ends included."""
+def _cheapest(table: Array, at_start: Array, segments: int) -> Indices | None:
+    """Indices on the cheapest way from the first to the last, ends included."""
     m, g = table.shape[:2]
     flat = np.ascontiguousarray(table.reshape(m * g, m * g).T)  # by end and start
     cost = np.full(m * g, np.inf)
@@ -269,11 +252,11 @@ def _cheapest(table: Array, at_start: Array, segments: int) -> Nodes | None:
     chain = [state]
     for level in reversed(came_from):
         chain.append(int(level[chain[-1]]))
-    path: Nodes = np.array(chain[::-1], dtype=np.intp) // g
+    path: Indices = np.array(chain[::-1], dtype=np.intp) // g
     return path
 
 
-def _state_costs(desired: Array, states: Array, nodes: Nodes, step: float) -> Array:
+def _state_costs(desired: Array, states: Array, nodes: Indices, step: float) -> Array:
     """Squared error of a segment between any two states, shape (m, g, m, g)."""
     start, end = nodes[:, None], nodes[None, :]
     sums = moments(desired, start, end)
@@ -300,8 +283,8 @@ def _state_costs(desired: Array, states: Array, nodes: Nodes, step: float) -> Ar
 def _segment_costs(
     ideal: Array,
     sums: Moments,
-    start: Nodes,
-    end: Nodes,
+    start: Indices,
+    end: Indices,
     *,
     step: float,
     kind: CostKind,
@@ -336,3 +319,142 @@ def _segment_costs(
     error = np.maximum(error, 0.0)
     error[end <= start] = np.inf
     return np.asarray(error)
+
+
+class Moments(NamedTuple):
+    """Sums over stretches of samples, time counted from the first node of each; any shape."""
+
+    w0: Array  # Σ 1
+    w1: Array  # Σ k
+    w2: Array  # Σ k²
+    d0: Array  # Σ d
+    d1: Array  # Σ k d
+    d2: Array  # Σ d²
+
+
+def moments(desired: Array, start: Indices, end: Indices) -> Moments:
+    """Sums over the samples after ``start`` up to ``end``, with k = 0 at ``start``.
+
+    Args:
+        desired: Samples, shape (..., n); their sums have the same leading axes.
+        start: Sample before each stretch, of any shape that broadcasts with ``end``.
+        end: Last sample of each.
+
+    Returns:
+        The sums, each of the common shape. Cost O(n) and a few operations per stretch.
+    """
+    totals = running(desired)
+    begun = [total[..., start] for total in totals]
+    ended = [total[..., end] for total in totals]
+    return between(start, begun, ended)
+
+
+def running(desired: Array) -> tuple[Array, Array]:
+    """Sums over the samples up to each, with k = 0 at the first.
+
+    Those of 1, k and k², shape (3, n), and of d, k d and d², shape (3, ..., n).
+    """
+    k = np.arange(desired.shape[-1], dtype=np.float64)
+    of_index, of_samples = [np.ones(k.size), k, k * k], [desired, k * desired, desired * desired]
+    return np.cumsum(of_index, axis=-1), np.cumsum(of_samples, axis=-1)
+
+
+def between(start: Indices | Array, begun: Sequence[Array], ended: Sequence[Array]) -> Moments:
+    """Sums about ``start``, whole or not, from those of :func:`running` there and at the ends."""
+    # In C order, as sliding views would otherwise leave theirs to all that is made of them.
+    (w0, w1, w2), (d0, d1, d2) = (
+        np.subtract(after, before, order="C") for before, after in zip(begun, ended, strict=True)
+    )
+    since = start.astype(np.float64)
+    w2 = w2 - since * (2.0 * w1 - since * w0)
+    return Moments(w0, w1 - since * w0, w2, d0, d1 - since * d0, d2)
+
+
+class MergedKnots:
+    """Knots on samples for any number of segments: neighbours merged one pair at a time.
+
+    From a segment between any two samples down. The order of the merges gives the knots for every
+    number of segments, each set within the next, in O(n log n) once.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        """Merge until no knot is left that may go, and note the order."""
+        self._problem = problem
+        n = problem.samples
+        every: Array = np.arange(n, dtype=np.float64)
+        if problem.required.size:
+            nearest = nearest_samples(problem.required).astype(np.float64)
+            every = even_knots(replace(problem, required=nearest))
+        last = n if problem.cyclic else n - 1
+        self._first = int(every[0])
+        self._grid = problem.ends(every)
+        self._grid = (self._grid - self._first).astype(np.intp)
+        turned = np.resize(np.roll(problem.desired, -self._first), last + 1)
+        self._cost = _LineCost(turned, problem.step)
+        fixed = nearest_samples(problem.required) - self._first
+        stays = np.isin(self._grid, np.mod(fixed, n) if problem.cyclic else fixed)
+        stays[[0, -1]] = True
+        self._removed = np.array(self._merge(stays.tolist()), dtype=np.intp)
+        self._stay = self._grid[stays]
+
+    def __call__(self, segments: int) -> Array | None:
+        """Knots for so many segments, a cycle's first at its first sample; None if too many."""
+        more = segments + 1 - self._stay.size
+        if not 0 <= more <= self._removed.size:
+            return None
+        keep = np.append(self._stay, self._removed[self._removed.size - more :])
+        knots = np.sort(keep).astype(np.float64) + self._first
+        return with_required(self._problem, knots[:-1] if self._problem.cyclic else knots)
+
+    def _merge(self, stays: list[bool]) -> list[int]:
+        """Samples in the order in which they cease to be knots."""
+        grid = [int(k) for k in self._grid]
+        cost, last = self._cost, len(grid) - 1
+        before = list(range(-1, last))
+        after = list(range(1, last + 2))
+        own = [cost(grid[k], grid[k + 1]) for k in range(last)]  # of the segment from k on
+
+        def loss(knot: int) -> float:
+            joined = cost(grid[before[knot]], grid[after[knot]])
+            return joined - own[before[knot]] - own[knot]
+
+        version = [0] * (last + 1)
+        queue = [(loss(knot), knot, 0) for knot in range(1, last) if not stays[knot]]
+        heapify(queue)
+        removed = []
+        while queue:
+            _, knot, seen = heappop(queue)
+            if seen != version[knot]:
+                continue
+            removed.append(grid[knot])
+            version[knot] = -1
+            left, right = before[knot], after[knot]
+            own[left] = cost(grid[left], grid[right])
+            after[left], before[right] = right, left
+            for neighbour in (left, right):
+                if not stays[neighbour]:
+                    version[neighbour] += 1
+                    heappush(queue, (loss(neighbour), neighbour, version[neighbour]))
+        return removed
+
+
+class _LineCost:
+    """Squared error of the best line within the slopes through the samples from i to j."""
+
+    def __init__(self, desired: Array, step: float) -> None:
+        k = np.arange(desired.size, dtype=np.float64)
+        self._sums: list[list[float]] = [
+            np.concatenate([[0.0], np.cumsum(total)]).tolist()
+            for total in (desired, k * desired, desired**2)
+        ]
+        self._step = step
+
+    def __call__(self, i: int, j: int) -> float:
+        s0, s1, s2 = self._sums
+        count = j + 1 - i
+        middle, sxx = 0.5 * (i + j), count * (count * count - 1) / 12.0
+        d0 = s0[j + 1] - s0[i]
+        d1 = s1[j + 1] - s1[i] - middle * d0  # about the middle
+        slope = min(max(d1 / sxx, -self._step), self._step)
+        error: float = s2[j + 1] - s2[i] - d0 * d0 / count + slope * (slope * sxx - 2.0 * d1)
+        return max(error, 0.0)

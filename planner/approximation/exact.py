@@ -1,39 +1,75 @@
-"""Lagrangian relaxation: a lower bound on every curve with knots on samples.
+"""The proved optimum with knots on samples: branch and bound on a Lagrangian relaxation.
 
 Level s holds the places where knot s may lie. The condition that two segments meet is replaced by a
 Lagrange multiplier pi on their difference: a segment from i to j costs the squared error of its
 samples, plus pi_j times its end, less pi_i times its start ((5b) of docs/math.md). Where the
 segments meet, these terms cancel; so for any multipliers the cheapest chain is a lower bound, and
 the better the multipliers the higher it is. The line of least cost between two knots has a closed
-form, as centre and slope are independent of each other.
+form, as centre and slope are independent of each other. Places of knots through which every chain
+costs more than the best curve known are struck out; the rest is halved.
+
+Of the numbers of the method none changes an answer; half and twice each change the bounds that are
+computed by a quarter at most.
 """
 
 from __future__ import annotations
 
+import heapq
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.least_squares import moments
+from planner.approximation.descent import best_values
+from planner.approximation.ideal import ideal_of
 from planner.approximation.problem import (
     Candidate,
     Problem,
     nearest_samples,
+    required_knots,
     residuals,
     segment_allowed,
 )
+from planner.approximation.proposals import moments
+from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 
 Levels = list[npt.NDArray[np.intp]]
 
+PROVED = 1e-6
+"""Relative distance of the squared error from the least that is left unproved."""
 
-MEETS = 1e-20
-"""Sum of the squared gaps between a chain's segments, samples of size one, that counts as none."""
+MOST_SAMPLES = 400
+"""Samples up to which the optimum is proved: memory grows with their square, of a cycle their cube
+at the first bound."""
 
-FREE = 1e-6
-"""Relative distance from the bound at which a segment's slope counts as free."""
+MOST_BRANCHES = 4_000
+"""Halves that are looked at before the search gives up."""
+
+
+def proved_best(problem: Problem, start: Candidate) -> Candidate:
+    """The curve of least squared error with as many segments as ``start`` and knots on samples.
+
+    Branch and bound: places of knots through which every chain of :class:`Relaxation` costs more
+    than the best curve known are struck out; the rest is halved.
+
+    Args:
+        problem: What to approximate, required knots on samples.
+        start: A curve from whose knots, put on samples, the search begins.
+
+    Returns:
+        The best curve; its squared error exceeds the least possible by no more than
+        :data:`PROVED` of it.
+
+    Raises:
+        SolverFailed: No proof within :data:`MOST_BRANCHES` halvings.
+    """
+    return _BranchAndBound(problem, start).best
 
 
 class Multipliers(NamedTuple):
@@ -41,6 +77,159 @@ class Multipliers(NamedTuple):
 
     into: Array  # (levels, n)
     out: Array  # (levels, n)
+
+
+@dataclass(order=True)
+class Branch:
+    """Places where each knot may lie, with what is known of the curves among them."""
+
+    bound: float
+    number: int
+    levels: Levels
+    multipliers: Multipliers
+
+
+class _BranchAndBound:
+    def __init__(self, problem: Problem, start: Candidate) -> None:
+        self._problem = problem
+        self._relaxation = Relaxation(problem)
+        self._curves = KnotsOnSamples(problem)
+        knots = np.floor(start.knots + 0.5)
+        knots = np.sort(np.mod(knots, problem.samples)) if problem.cyclic else knots
+        self.best = self._curves.moved(knots)
+        if problem.cyclic:
+            knots = np.sort(np.mod(self.best.knots, problem.samples))
+            self.best = self._curves.curve(knots)
+        ideal = ideal_of(problem)
+        if float(np.sum((ideal - problem.desired) ** 2)) < self._enough:
+            self._search()
+
+    @property
+    def _enough(self) -> float:
+        """A bound that proves."""
+        return self.best.error * (1.0 - PROVED) - 1e-12
+
+    def _search(self) -> None:
+        multipliers = first_multipliers(self._problem, self.best, self._relaxation.nodes)
+        root = Branch(-math.inf, 0, self._all_levels(), multipliers)
+        queue, number = [root], 0
+        while queue:
+            branch = heapq.heappop(queue)
+            if branch.bound >= self._enough:
+                return
+            tightened = self._tightened(branch, 60 if number == 0 else 25)
+            if tightened is None:
+                continue
+            if math.prod(len(level) for level in tightened.levels) <= 16:
+                for chain in product(*tightened.levels):
+                    if self._relaxation.possible(chain):
+                        self._try(chain)
+                continue
+            for half in halves_of(tightened.levels):
+                number += 1
+                if number > MOST_BRANCHES:
+                    gap = 1.0 - branch.bound / self.best.error
+                    raise SolverFailed(
+                        "exact piecewise-linear fit", f"{number} halvings", violation=gap
+                    )
+                heapq.heappush(queue, replace(tightened, number=number, levels=half))
+
+    def _all_levels(self) -> Levels:
+        n, size = self._problem.samples, self.best.knots.size
+        if self._problem.cyclic:
+            return [np.arange(t, n - size + t + 1) for t in range(size)]
+        inner = [np.arange(t, n - size + t + 1) for t in range(1, size - 1)]
+        return [np.array([0]), *inner, np.array([n - 1])]
+
+    def _tightened(self, branch: Branch, steps: int) -> Branch | None:
+        """The branch with better multipliers and fewer places; None if it holds nothing better."""
+        levels = branch.levels
+        trial = best = Multipliers(branch.multipliers.into.copy(), branch.multipliers.out.copy())
+        highest, pace, stalled = -math.inf, 1.0, 0
+        for step in range(steps):
+            cheapest = self._relaxation.bound(levels, trial)
+            if not math.isfinite(cheapest.error):
+                return None
+            self._try(cheapest.chain)
+            if cheapest.error >= self._enough:
+                return None
+            stalled += cheapest.error - highest < 1e-4 * (self.best.error - highest)
+            if cheapest.error > highest:
+                highest = cheapest.error
+                best = Multipliers(trial.into.copy(), trial.out.copy())
+            if stalled > 3:
+                pace, stalled = 0.5 * pace, 0
+            levels = [
+                level[cost < self._enough]
+                for level, cost in zip(levels, cheapest.through, strict=True)
+            ]
+            reach = pace * (self.best.error - cheapest.error)
+            width = 1 + int(6 / (1.0 + step / 6.0))
+            if pace < 0.05 or not climb(self._relaxation, trial, cheapest, reach, width):
+                break
+        return Branch(highest, 0, levels, best)
+
+    def _try(self, chain: Sequence[int]) -> None:
+        """Remember the curve with these knots if it is the best so far."""
+        curve = self._curves.curve(np.array(chain, dtype=np.float64))
+        if curve.error < self.best.error:
+            self.best = curve
+
+
+def halves_of(levels: Levels) -> list[Levels]:
+    """The branch cut in two at its widest level, without places that became impossible."""
+    widest = int(np.argmax([level.size for level in levels]))
+    middle = levels[widest].size // 2
+    halves = []
+    for part in (levels[widest][:middle], levels[widest][middle:]):
+        half = [*levels[:widest], part, *levels[widest + 1 :]]
+        for t in range(1, len(half)):
+            half[t] = half[t][half[t] > half[t - 1][0]] if half[t - 1].size else half[t - 1]
+        for t in range(len(half) - 2, -1, -1):
+            half[t] = half[t][half[t] < half[t + 1][-1]] if half[t + 1].size else half[t + 1]
+        if all(level.size for level in half):
+            halves.append(half)
+    return halves
+
+
+class KnotsOnSamples:
+    """Curves of best values at sets of knots on samples, each solved once."""
+
+    def __init__(self, problem: Problem) -> None:
+        """An empty store of curves."""
+        self._problem = problem
+        self._solved: dict[tuple[float, ...], Candidate] = {}
+
+    def curve(self, knots: Array) -> Candidate:
+        """The curve of best values at these knots."""
+        return self.curves([knots])[0]
+
+    def curves(self, several: Sequence[Array]) -> list[Candidate]:
+        """The curves of best values at as many knots each."""
+        keys = [tuple(np.asarray(knots, dtype=np.float64).tolist()) for knots in several]
+        new = [key for key in dict.fromkeys(keys) if key not in self._solved]
+        solved = best_values(self._problem, [np.array(key) for key in new])
+        self._solved.update(zip(new, solved, strict=True))
+        return [self._solved[key] for key in keys]
+
+    def moved(self, knots: Array) -> Candidate:
+        """The best curve reached by moving single knots and pairs of neighbours."""
+        best = self.curve(knots)
+        size = best.knots.size
+        movable = ~required_knots(self._problem, best.knots)[0]
+        groups = [[k] for k in range(size)] + [[k, (k + 1) % size] for k in range(size)]
+        groups = [group for group in groups if size > 1 and np.all(movable[group])]
+        improved = True
+        while improved:
+            improved = False
+            for group in groups:
+                moves = np.zeros((6, size))
+                moves[:, group] = np.array([-1.0, 1.0, -2.0, 2.0, -4.0, 4.0])[:, None]
+                tried = [each for each in best.knots + moves if self._problem.long_enough(each)]
+                other = min(self.curves(tried), key=attrgetter("error"), default=best)
+                if other.error < (1.0 - 1e-12) * best.error:
+                    best, improved = other, True
+        return best
 
 
 class Bound(NamedTuple):
@@ -223,6 +412,28 @@ def first_multipliers(
     return Multipliers(table, table.copy())
 
 
+def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
+    """What to add to the multipliers of a cycle, from the segments whose slopes are free if any."""
+    n = problem.samples
+    ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
+    values = np.append(curve.values, curve.values[0])
+    estimates = []
+    for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
+        if j == i:  # knots between samples, a hair less than one apart
+            continue
+        free = abs(rise) < problem.step * (j - i) * (1.0 - 1e-6)
+        inside = np.arange(i, j + 1)
+        share = np.full(inside.size, 2.0)
+        share[[0, -1]] = 1.0
+        turn = float(share * residual[inside % n] @ (inside - i))
+        start = along[i % n]
+        end = start - float(share @ residual[inside % n])
+        # d/dm about the start: turn + end (j - i) = 0 at the optimum, both raised by the answer.
+        estimates.append((free, -(turn + end * (j - i)) / (j - i)))
+    any_free = any(free for free, _ in estimates)
+    return float(np.mean([first for free, first in estimates if free or not any_free] or [0.0]))
+
+
 def climb(
     relaxation: Relaxation, multipliers: Multipliers, cheapest: Bound, reach: float, width: int
 ) -> bool:
@@ -240,7 +451,7 @@ def climb(
     """
     by_into, by_out = relaxation.differences(cheapest.chain, multipliers)
     square = float(by_into @ by_into + by_out @ by_out)
-    if square < MEETS:
+    if square < 1e-20:
         return False
     step = 2.0 * reach / square
     for t, knot in enumerate(cheapest.chain):
@@ -248,25 +459,3 @@ def climb(
         multipliers.into[t] += step * by_into[t] * near
         multipliers.out[t] += step * by_out[t] * near
     return True
-
-
-def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
-    """What to add to the multipliers of a cycle, from the segments whose slopes are free if any."""
-    n = problem.samples
-    ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
-    values = np.append(curve.values, curve.values[0])
-    estimates = []
-    for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
-        if j == i:  # knots between samples, a hair less than one apart
-            continue
-        free = abs(rise) < problem.step * (j - i) * (1.0 - FREE)
-        inside = np.arange(i, j + 1)
-        share = np.full(inside.size, 2.0)
-        share[[0, -1]] = 1.0
-        turn = float(share * residual[inside % n] @ (inside - i))
-        start = along[i % n]
-        end = start - float(share @ residual[inside % n])
-        # d/dm about the start: turn + end (j - i) = 0 at the optimum, both raised by the answer.
-        estimates.append((free, -(turn + end * (j - i)) / (j - i)))
-    any_free = any(free for free, _ in estimates)
-    return float(np.mean([first for free, first in estimates if free or not any_free] or [0.0]))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.approximation.curve import PiecewiseLinear
-from planner.approximation.curve_batch import CurveStack
+from planner.approximation.curve import CurveStack, PiecewiseLinear
 from planner.exceptions import InvalidInput
 
 OVER = {"samples": 10, "tick": 0.5}

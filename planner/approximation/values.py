@@ -4,7 +4,7 @@
 
 The Hessian is tridiagonal, closed to a ring for a cycle. OSQP says which bounds are active and what
 the values are to its tolerance; :func:`polished` makes them exact, and :func:`within_slopes` makes
-the bounds hold to the last digit.
+the bounds hold to the last digit. A bound on the largest error adds a row for every sample.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from planner.approximation.least_squares import sums_by
 from planner.approximation.problem import (
     BARELY,
     Problem,
@@ -26,43 +25,13 @@ from planner.approximation.problem import (
     required_knots,
     residuals,
     segment_ends,
+    sums_by,
 )
 from planner.exceptions import Infeasible, SolverFailed, angle_text
 from planner.trajectory import Array
 
-LIMIT_ROUNDING = 1e-13
-"""Relative excess over a limit that is left to rounding."""
-
-
-@dataclass(frozen=True)
-class QpOptions:
-    """Tolerances of the QPs; the samples are of size one.
-
-    Effects are those on 160 fits of 2 to 12 segments and 96 with requirements, at n = 88.
-
-    Attributes:
-        tolerance: Of OSQP, relative and absolute. 1e-8 and 1e-10: no change, as polishing makes its
-            answer exact.
-        trusted: Excess over a limit up to which an answer of OSQP is repaired. 1e-7 and 1e-5: no
-            change.
-        iterations: Most iterations of OSQP. 5,000 and 500,000: no change.
-        tube_iterations: The same with a bound on every sample, where another answer is at hand.
-            5,000: no smaller errors, and a third more time for thousands of samples.
-        ridge: Weight of the regularisation towards the previous values, relative to the Hessian,
-            that makes values at knots without samples determinate. 1e-13 and 1e-9: no change.
-        dense: Values and bounds together up to which polishing takes dense matrices. 0: a fifth
-            more time; 32 and 128: no change.
-    """
-
-    tolerance: float = 1e-9
-    trusted: float = 1e-6
-    iterations: int = 50_000
-    tube_iterations: int = 2_000
-    ridge: float = 1e-11
-    dense: int = 64
-
-
-QP = QpOptions()
+TUBE_ITERATIONS = 2_000
+"""Most iterations of OSQP with a bound on every sample, where another answer is at hand."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +62,7 @@ class ValuesQP:
 def solve_values(
     problem: Problem, knots: Array, near: Array | None = None, *, tube: float | None = None
 ) -> Array:
-    """The best values at ``knots``; slopes within the bound up to rounding and ``QP.trusted``.
+    """The best values at ``knots``; slopes within the bound up to a part in 1e6.
 
     Args:
         problem: What to approximate; samples of size one or less.
@@ -118,7 +87,7 @@ def solve_values(
     if tube_qp.excess(values) <= 0.0:
         return values
     try:
-        values = _solved(problem, tube_qp, near, iterations=QP.tube_iterations)
+        values = _solved(problem, tube_qp, near, iterations=TUBE_ITERATIONS)
     except SolverFailed:  # it is slow where the tube is tight; ``near`` is within it
         return near
     return values if tube_qp.excess(values) <= 1e-12 else near
@@ -150,7 +119,7 @@ def build_values_qp(
 
     s00, s01, s11 = total(rest * rest), total(rest * share), total(share * share)
     diagonal = sums_by(s00, start, size) + sums_by(s11, end, size)
-    ridge = QP.ridge * float(diagonal.max())
+    ridge = 1e-11 * float(diagonal.max())  # for knots with no samples between them
     every = np.arange(size)
     q = -sums_by(total(rest * problem.desired), start, size)
     q -= sums_by(total(share * problem.desired), end, size)
@@ -172,7 +141,7 @@ def build_values_qp(
         columns += [start[segment], end[segment]]
         lower = np.append(lower, problem.desired - tube)
         upper = np.append(upper, problem.desired + tube)
-    dense = size + upper.size <= QP.dense
+    dense = size + upper.size <= 64
     curvatures = [diagonal + ridge, s01, s01]
     return ValuesQP(
         P=_matrix(curvatures, [every, start, end], [every, end, start], (size, size), dense),
@@ -199,9 +168,7 @@ def _matrix(
     return sparse.csc_matrix((data, (row, column)), shape=shape)
 
 
-def _solved(
-    problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = QP.iterations
-) -> Array:
+def _solved(problem: Problem, qp: ValuesQP, near: Array, *, iterations: int = 50_000) -> Array:
     """OSQP's answer, polished and checked."""
     # In z with y = centre + unit z, as all rises are tiny where v is.
     centre = float(np.mean(near))
@@ -229,7 +196,7 @@ def _solved(
     if not (status.startswith("solved") and np.all(np.isfinite(values))):
         raise SolverFailed("values at the knots, OSQP", status)
     values = polished(qp, values, np.asarray(result.y, dtype=np.float64))
-    if qp.excess(values) > QP.trusted:
+    if qp.excess(values) > 1e-6:
         raise SolverFailed("values at the knots, OSQP", status, violation=qp.excess(values))
     return values
 
@@ -252,8 +219,8 @@ def run_osqp(qp: ValuesQP, near: Array | None = None, *, iterations: int) -> Any
         sparse.csc_matrix(qp.A),
         qp.lower,
         qp.upper,
-        eps_abs=QP.tolerance,
-        eps_rel=QP.tolerance,
+        eps_abs=1e-9,
+        eps_rel=1e-9,
         max_iter=iterations,
         polishing=False,  # OSQP's own prints when no bound is active
         verbose=False,
@@ -407,7 +374,7 @@ def within_slopes(
     for attempt in range(64):
         ends = np.append(shrunk, shrunk[0]) if cyclic else shrunk
         excess = float(np.max(np.abs(np.diff(ends)) / limits, initial=0.0))
-        if excess <= 1.0 + LIMIT_ROUNDING:
+        if excess <= 1.0 + 1e-13:
             return shrunk
         shrink *= (1.0 - 2.0**attempt * 1e-16) / excess
         shrunk = towards + shrink * offset

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from planner.approximation.descent import SmallQPs, best_values, minimise_damped
 from planner.approximation.problem import Problem, candidate
-from planner.approximation.qp import solve_values, within_slopes
-from planner.approximation.sqp import SmallQPs, best_values, minimise_damped
+from planner.approximation.values import solve_values, within_slopes
 
 
 def on_the_reference_of(problem, knots):

@@ -11,9 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.approximation.branch_and_bound import BRANCHES, KnotsOnSamples, halves_of, proved_best
+from planner.approximation.exact import (
+    PROVED,
+    KnotsOnSamples,
+    Relaxation,
+    first_multipliers,
+    halves_of,
+    proved_best,
+)
 from planner.approximation.fit import fit_pwl
-from planner.approximation.lagrangian_bound import Relaxation, first_multipliers
 from planner.approximation.problem import Candidate, Problem
 from planner.exceptions import Infeasible, InvalidInput
 from tests.approximation.enumeration import enumerated
@@ -32,7 +38,7 @@ TABLE = json.loads((Path(__file__).parent / "oracle.json").read_text())
 def test_the_proved_optimum_is_that_of_all_sets_of_knots(seed):
     each = enumerated(seed)
     fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
-    assert fit.rms == pytest.approx(each.rms, rel=2.0 * BRANCHES.proved, abs=1e-6)
+    assert fit.rms == pytest.approx(each.rms, rel=2.0 * PROVED, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 7, 8, 9, 18, 27, 36, 45, 54])  # 7, 8: nudges fall short
@@ -40,7 +46,7 @@ def test_the_stored_oracle_is_what_is_proved_today(seed):
     each = oracle_instance(seed)
     fit = fit_pwl(each.desired, **each.settings, segments=each.segments, exact=True)
     assert TABLE[seed]["seed"] == seed
-    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * BRANCHES.proved, abs=ZERO)
+    assert fit.rms == pytest.approx(TABLE[seed]["rms"], rel=2.0 * PROVED, abs=ZERO)
     assert np.array_equal(fit.knots, np.round(fit.knots))
 
 
@@ -65,7 +71,7 @@ def test_on_random_instances_nothing_beats_the_proof(seed):
         count = each.segments if proved.cyclic else each.segments - 1
         knots = rng.choice(np.arange(0 if proved.cyclic else 1, last), count, replace=False)
         other = fit_pwl(each.desired, **each.settings, knots=knots)
-        assert proved.rms <= other.rms * (1.0 + BRANCHES.proved) + ZERO
+        assert proved.rms <= other.rms * (1.0 + PROVED) + ZERO
 
 
 @pytest.mark.parametrize("cyclic", [True, False])
@@ -81,7 +87,7 @@ def test_the_proof_respects_what_is_required(cyclic):
         knots = np.sort(np.append(rng.choice(others, 3 if cyclic else 2, replace=False), 9))
         settings = {"cyclic": cyclic, "required": {9: pin}, "knots": knots}
         other = fit_pwl(desired, v_max=0.3, tick=1.0, **settings)
-        assert fit.rms <= other.rms * (1.0 + BRANCHES.proved)
+        assert fit.rms <= other.rms * (1.0 + PROVED)
 
 
 @pytest.mark.parametrize("kind", KINDS)
