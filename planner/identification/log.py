@@ -28,15 +28,15 @@ class UnwrapOptions:
     Attributes:
         gap: Pause between rows, in median periods, after which nothing is assumed of what was
             requested.
-        sudden: A step between two rows beyond this is the encoder's [rad], where rows are close
-            enough.
-        fastest: No joint is as fast as this [rad/s]: rows must be so close that a sudden step
-            exceeds it.
+        sudden: A step between two rows beyond this is the encoder's [rad], where it is too fast for
+            a joint.
+        fastest: No joint moves at this speed for three quarters of a turn from row to row [rad/s]:
+            servos turn at up to 20.
     """
 
     gap: float = 10.0
     sudden: float = 0.75 * TURN
-    fastest: float = 50.0
+    fastest: float = 25.0
 
 
 OPTIONS = UnwrapOptions()
@@ -258,15 +258,15 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     angles; the angles then take the turn in which they are nearest to the requests. A log that
     comes no nearer to its requests so, or that is a share of a range, stays as it is.
     """
-    if log.unit != "rad" or log.period * OPTIONS.fastest > OPTIONS.sudden:
+    if log.unit != "rad":
         return log, 0
-    turns = _turns(log.angles)
+    turns = _turns(log)
     jumps = int(np.count_nonzero(np.diff(turns)))
     if not jumps:
         return log, 0
     angles = log.angles + TURN * turns
     requests = min(
-        (log.requests, log.requests + TURN * _turns(log.requests)),
+        (log.requests, *(np.unwrap(log.requests, discont=step) for step in (OPTIONS.sudden, 0.0))),
         key=lambda each: float(np.std(each - angles)),
     )
     if np.std(requests - angles) >= np.std(log.requests - log.angles):
@@ -275,9 +275,11 @@ def unwrapped(log: Log) -> tuple[Log, int]:
     return replace(log, requests=requests, angles=angles), jumps
 
 
-def _turns(angles: Array) -> Array:
+def _turns(log: Log) -> Array:
     """Turns to add to each row; none for glitches, which jump away and back within two rows."""
-    turns: Array = np.round((np.unwrap(angles, discont=OPTIONS.sudden) - angles) / TURN)
+    steps = np.diff(log.angles)
+    fast = np.abs(steps) > np.maximum(OPTIONS.sudden, OPTIONS.fastest * np.diff(log.times))
+    turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(fast, np.round(steps / TURN), 0.0))])
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     return turns if np.ptp(lasting) > 0.0 else np.zeros_like(turns)

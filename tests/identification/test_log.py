@@ -63,7 +63,7 @@ def test_glitches_shares_and_slow_logs_are_left_alone():
     high = changed(log, requests=log.requests + 3.1, angles=wrapped(log.angles + 3.1))
     share = replace(high, unit="1")
     assert unwrapped(share) == (share, 0)
-    slow = replace(high, times=0.2 * np.arange(len(high.times)))
+    slow = replace(high, times=0.3 * np.arange(len(high.times)))
     assert unwrapped(slow) == (slow, 0)
 
 
@@ -96,3 +96,18 @@ def test_every_row_of_every_piece_with_known_requests_is_used():
 def test_the_logs_of_a_joint_leave_room_for_the_delay_of_the_longest_not_of_their_sum():
     logs = [rich_log(rows=100, seed=seed) for seed in range(3)]
     assert timing_of(logs, tick=None, hold=None).reach == pytest.approx(0.25 * 99 * AIBO.period)
+
+
+@pytest.mark.parametrize("period", [0.008, 1.0 / 30.0, 0.1, 0.2])
+@pytest.mark.parametrize("both", [False, True])
+def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_not(period, both):
+    joint = AIBO.requested_every(period)
+    times = period * np.arange(int(20.0 / period))
+    requests = np.radians(350.0 + 30.0 * np.sin(times) + 8.0 * np.sign(np.sin(2.3 * times)))
+    angles = planner.simulate(joint, requests, cyclic=False)
+    recorded = requests % TURN if both else requests
+    log = planner.Log(times=times, requests=recorded, angles=angles % TURN)
+    found, jumps = unwrapped(log)
+    assert jumps == np.count_nonzero(np.abs(np.diff(angles % TURN)) > 4.0) > 0
+    assert np.allclose(found.angles - found.requests, angles - requests, rtol=0.0, atol=SAME)
+    assert np.allclose(np.diff(found.angles), np.diff(angles), rtol=0.0, atol=SAME)

@@ -25,7 +25,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput
+from planner.exceptions import InvalidInput, angle_text
 from planner.inversion.arguments import checked_limits, range_of_each, steps_of_each
 from planner.inversion.closed_form import switching_time
 from planner.inversion.streaming.arguments import (
@@ -72,6 +72,10 @@ class StreamOptions:
         observer_time: Time constant with which the predicted angle approaches the measured one [s].
             On servos that are not the model a shorter one lowers the error, but at 0.02 the
             requests begin to oscillate.
+        believed: Top speeds of the model at which a measured angle may have moved since the last
+            one that counts ...
+        noise: ... and how far beyond it may be [rad]. Half and twice change nothing where encoders
+            are sound; a jump below it moves the requests by less than its size.
         most_missed: Missed ticks that are simulated; after more of them the requests before are
             taken to have been the last one.
         worth: Share of a joint's cost by which a step must lower it for another step to follow.
@@ -97,6 +101,8 @@ class StreamOptions:
     damping: tuple[float, float] = (3e-4, 1.0)
     factor: float = 3.0
     observer_time: float = 0.07
+    believed: float = 2.0
+    noise: float = 0.1
     most_missed: int = 1000
     worth: float = 0.2
     horizon: float = 0.5
@@ -104,6 +110,9 @@ class StreamOptions:
 
 
 OPTIONS = StreamOptions()
+
+TURN = 2.0 * math.pi
+"""What an encoder loses or gains when it starts again [rad]."""
 
 LEAST_COST = 1e-12
 """Cost below which nothing is left to gain [rad^2]."""
@@ -240,6 +249,9 @@ class Stream:
         self._angles: Array | None = None  # at the last tick
         if self._repeating is not None:
             self._repeating.reset()
+        nothing = np.full(len(self.models), math.nan)
+        self._read, self._believed = nothing, nothing.copy()  # last measured; those that counted
+        self._unread = np.zeros(len(self.models))  # ticks since then
         self._plan = np.zeros((len(self.models), self._samples))
         self._damping = np.full(len(self.models), OPTIONS.damping[0])
         self._status = self._all_planned
@@ -257,7 +269,11 @@ class Stream:
 
     @property
     def problem(self) -> str:
-        """What was wrong at the last tick, on one line; empty where nothing was."""
+        """What was wrong at the last tick, on one line; empty where nothing was.
+
+        A measured angle that no joint can have reached is taken as missing, and said here; one that
+        is off by whole turns counts without them, as of an encoder that starts again.
+        """
         return self._problem
 
     @property
@@ -318,6 +334,7 @@ class Stream:
         if begins:
             held = _clipped(start - sags[:, 0], self._lower, self._upper)
             self._angles, self._sent[:] = start, held[:, np.newaxis]
+            self._read, self._believed = given.measured.copy(), given.measured.copy()
         else:
             self._elapse(given)
         goal = self._goal(rows, bad, 1 + given.missed)
@@ -346,9 +363,35 @@ class Stream:
             elapsed.loads[:] = given.torques[:, :1]
             angles = elapsed.run()[:, 0].copy()
             self._plan[:, :-1] = self._plan[:, 1:]
-        error, fastest = given.measured - angles, self._fastest[:, 0]
+        error, fastest = self._measured(given, angles) - angles, self._fastest[:, 0]
         error[np.isnan(error)] = 0.0
         self._angles = angles + _clipped(self._observer * error, -fastest, fastest)
+
+    def _measured(self, given: StepInput, predicted: Array) -> Array:
+        """The measured angles on the turn of the predicted ones, NaN where no joint can be [rad].
+
+        A jump counts once a second angle in a row is there: something has moved the joint.
+        """
+        measured = given.measured - TURN * np.round((given.measured - predicted) / TURN)
+        elapsed = 1 + min(given.missed, OPTIONS.most_missed)
+        self._unread += elapsed
+        reach = OPTIONS.believed * self._fastest[:, 0]
+        off = np.abs(measured - self._believed)
+        jumped = off > reach * self._unread + OPTIONS.noise
+        jumped &= ~(np.abs(measured - self._read) <= reach * elapsed + OPTIONS.noise)
+        self._read = measured
+        if jumped.any():
+            k = int(np.argmax(jumped))
+            self._problem = self._problem or (
+                f"measured: {self.names[k]} is {angle_text(float(off[k]))} from where it was "
+                f"{1e3 * self.period * self._unread[k]:.3g} ms before, which no joint can be: "
+                "taken as missing"
+            )
+            measured = np.where(jumped, math.nan, measured)
+        counts = ~np.isnan(measured)
+        self._believed = np.where(counts, measured, self._believed)
+        self._unread[counts] = 0.0
+        return measured
 
     def _goal(self, rows: Array, bad: Mask, periods: int) -> Array:
         """Desired angles at the samples [rad], (k, samples), those of the cycle before weighted."""

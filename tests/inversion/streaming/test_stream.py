@@ -540,3 +540,48 @@ def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
 def test_options_are_constant():
     with pytest.raises(AttributeError):
         OPTIONS.steps = 3
+
+
+def measuring(path, readings):
+    """Requests along a path, and problems, where the encoder reads ``readings(tick, angle)``."""
+    joint = planner.JointModel.ers210a()
+    slower = replace(joint, v_max=0.95 * joint.v_max)  # the joint is not quite its model
+    stream = planner.Stream(joint, preview=PREVIEW)
+    sent, problems = [], []
+    for k, rows in enumerate(stretches(path)):
+        angle = planner.simulate(slower, sent, cyclic=False)[-1] if len(sent) > 1 else path[0, 0]
+        sent.append(float(stream.step(rows, [readings(k, angle)])[0]))
+        problems.append(stream.problem)
+    return np.array(sent), problems
+
+
+def test_an_encoder_that_starts_again_by_a_turn_does_not_move_the_requests():
+    path = smooth_path(120) + 6.0
+    sound, _ = measuring(path, lambda _, angle: angle)
+    wrapped, problems = measuring(path, lambda _, angle: angle % (2.0 * np.pi))
+    np.testing.assert_allclose(wrapped, sound, rtol=0.0, atol=1e-9)
+    assert not any(problems)
+    again, _ = measuring(path, lambda k, angle: angle - 4.0 * np.pi * (k > 50))
+    np.testing.assert_allclose(again, sound, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("jump", [0.6, -2.5, 3.4])
+def test_a_measured_angle_that_no_joint_could_have_reached_is_missing_and_said(jump):
+    path = smooth_path(120)
+    missing, _ = measuring(path, lambda k, angle: math.nan if k in (40, 80) else angle)
+    jumping, problems = measuring(path, lambda k, angle: angle + jump * (k in (40, 80)))
+    assert np.array_equal(jumping, missing)
+    assert [k for k, problem in enumerate(problems) if problem] == [40, 80]
+    assert problems[40].startswith("measured: joint_1 is ")
+    assert problems[40].endswith("8 ms before, which no joint can be: taken as missing")
+
+
+def test_a_joint_that_was_moved_counts_at_its_second_reading():
+    joint, path = planner.JointModel.ers210a(), np.zeros((60, 1))
+    stream = planner.Stream(joint, preview=PREVIEW)
+    problems = []
+    for k, rows in enumerate(stretches(path)):
+        stream.step(rows, [0.7 if k >= 20 else 0.0])
+        problems.append(stream.problem)
+    assert [k for k, problem in enumerate(problems) if problem] == [20]
+    assert stream.angles[0] > 0.1  # where the model, which the requests hold at 0, is drawn to
