@@ -178,13 +178,21 @@ def _verdict(replay: Replay) -> tuple[str, str]:
     many = len(replay.planned) > 1
     head = (
         f"By the model the planned joint{'s stay' if many else ' stays'} within "
-        f"{worst['planned']:.2g} degrees of {'their paths' if many else 'its path'}"
+        f"{_rounded_up(worst['planned'])} degrees of {'their paths' if many else 'its path'}"
     )
     tail = (
         f"where the path itself as requests is up to {worst['direct']:.2g} degrees off, and the "
         f"recorded requests at this speed {worst['resent']:.2g}"
     )
     return head, tail
+
+
+def _rounded_up(value: float) -> str:
+    """A number of 0 or more with two digits, no less than it is."""
+    if value <= 0.0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / unit * (1.0 - 1e-12)) * unit:.2g}"
 
 
 def _said(replay: Replay, found: Fastest | None) -> list[str]:

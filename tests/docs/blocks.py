@@ -1,8 +1,9 @@
 """The blocks of a page that can be run, and what the page says that they print.
 
 On every page, and in the README, ``python`` and ``sh`` are run, and so are indented lines that call
-the program; ``text`` right after one of them is what it prints, or a part of it. ``console`` and
-the rest are for the reader alone.
+the program; ``text`` blocks after one of them are what it prints, or parts of it, and
+``--rewrite-snapshots`` writes the numbers that it prints today into them. ``console`` and the rest
+are for the reader alone.
 """
 
 from __future__ import annotations
@@ -20,26 +21,40 @@ BLOCK = re.compile(
 )
 
 
+class Printed(NamedTuple):
+    """What a page says that a block prints, and its first and last character on the page."""
+
+    text: str
+    place: tuple[int, int]
+
+
 class Block(NamedTuple):
     """A block that is run: its line on the page, its language, itself, and what it prints."""
 
     line: int
     language: str
     code: str
-    printed: str
+    printed: list[Printed]
 
 
 def blocks(page):
     """The blocks of a page that are run, in order."""
     text = page.read_text(encoding="utf-8")
-    found = [
-        (text.count("\n", 0, match.start()) + 1, match[1] or "sh", match[2] or match[3])
-        for match in BLOCK.finditer(text)
-        if match[1] or match[3]
-    ]
-    followers = [*found, (0, "", "")][1:]
-    return [
-        Block(line, language, code, after[2] if after[1] == "text" else "")
-        for (line, language, code), after in zip(found, followers, strict=True)
-        if language in ("python", "sh")
-    ]
+    found, run = [], None
+    for match in BLOCK.finditer(text):
+        language = match[1] if match[3] is None else "sh"
+        if language in ("python", "sh"):
+            line = text.count("\n", 0, match.start()) + 1
+            run = Block(line, language, match[2] or match[3], [])
+            found.append(run)
+        elif language == "text" and run is not None:
+            run.printed.append(Printed(match[2], match.span(2)))
+        elif language:
+            run = None
+    return found
+
+
+def prose(page):
+    """A page without its blocks, and without code in its lines."""
+    text = re.sub(r"^(```|~~~).*?^\1$", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    return re.sub(r"^    .*$|`[^`\n]*`", "", text, flags=re.M)

@@ -6,10 +6,10 @@ import re
 
 NUMBER = re.compile(r"[-−]?\d+(?:\.(\d+))?(?:e[-+]\d+)?")
 
-NEAR = 0.02
+NEAR = 0.002
 """Relative difference that solvers on another machine may make."""
 
-LAST_DIGITS = 2.0
+LAST_DIGITS = 1.0
 """Units of the last decimal that they may make where little is left of a number."""
 
 
@@ -38,3 +38,15 @@ def missing(told, shown):
         if not any(_alike(line, other) for other in lines):
             return line
     return None
+
+
+def rewritten(told, shown):
+    """What a page tells, with the numbers that are shown; other lines stay as they are."""
+    lines, left = [], shown.splitlines()
+    for line in told.splitlines():
+        same = [other for other in left if _words(other) == _words(line)]
+        now = next((other for other in same if _alike(line, other)), same[0] if same else None)
+        if now is not None:
+            left = left[left.index(now) + 1 :]
+        lines.append(line if now is None or _alike(line, now) else now.rstrip())
+    return "".join(f"{line}\n" for line in lines)
