@@ -163,8 +163,8 @@ def plan(
             load is that of the predicted angles, and has no lower bound.
         max_step: Largest change from one request to the next [rad], a number, shape (k,), or a dict
             by joint: see :func:`planner.invert_optimal`. Only with method "optimal".
-        smoothness: Relative rise of the error that smoother requests may cost, as there; by default
-            0.005. Only with method "optimal".
+        smoothness: Relative rise of the error that a robot would show which smoother requests may
+            cost, as there; by default 0.005. Only with method "optimal".
         robust: "mean" or "worst": which error over the models that each joint may have counts, as
             there; a model that is in no such sequence needs intervals, from which others are
             drawn. Only with method "optimal".

@@ -154,8 +154,6 @@ class Commands(click.Group):
         except BrokenPipeError as error:
             _discard(sys.stdout)
             raise click.exceptions.Exit(PIPE_CLOSED) from error
-        except EOFError as error:  # from a reader; Click would take it for Ctrl-C
-            raise InvalidInput("a file ends too early; is an input cut short?") from error
         except (BadSetting, FailedCheck) as error:
             from planner.cli.options import as_option  # with the settings, for messages only
 

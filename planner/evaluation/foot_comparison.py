@@ -30,12 +30,12 @@ from planner.evaluation.metrics import Distance, angle_distance, foot_distance, 
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
 from planner.inversion.error_norm import relative_gap
-from planner.inversion.foot.arguments import foot_motion
+from planner.inversion.foot.arguments import axis_scales
 from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
-from planner.inversion.reversals import error_not_spared, typical_band
+from planner.inversion.smoothing import ENCODER_STEP, known_errors
 from planner.trajectory import Array
 
 FOOT = "foot"
@@ -216,18 +216,24 @@ def _checks(
         ]
         usable = [plan for plan in kept if plan is not None]
         if len(usable) == len(joints):
-            others[METHODS[method]] = _foot_plan(leg, together.desired_foot, usable).error(norm)
-    error = _error_not_spared(together, best.error(norm))
-    return found + no_worse_checks(FOOT, label, error, others, FOOT_NO_WORSE)
+            other = _foot_plan(leg, together.desired_foot, usable)
+            others[METHODS[method]] = _shown(together, other)
+    steps = np.full(len(together.models), ENCODER_STEP)
+    unseen = best.error(norm) <= _through_leg(together, best.predicted, steps)
+    shown = 0.0 if unseen else _shown(together, best)
+    return found + no_worse_checks(FOOT, label, shown, others, FOOT_NO_WORSE)
 
 
-def _error_not_spared(plan: FootInversion, error: float) -> float:
-    """The error less what was added so as not to cross dead bands, in quadrature [m]."""
-    band = typical_band(plan.models)
-    if not band:
-        return error
-    nearest = plan.leg.joint_angles(plan.desired_foot, unreachable="nearest")
-    return error_not_spared(error, band * foot_motion(plan.leg, nearest, plan.weights))
+def _shown(together: FootInversion, plan: FootPlan) -> float:
+    """The error that a robot would show [m], (12b) of ``docs/math.md``."""
+    known = known_errors(together.models, plan.predicted, cyclic=together.cyclic)
+    return math.hypot(plan.error(together.norm), _through_leg(together, plan.predicted, known))
+
+
+def _through_leg(together: FootInversion, angles: Array, errors: Array) -> float:
+    """Where errors of the joints [rad], (k,), move the foot [m], rms."""
+    moved = together.leg.jacobians(angles) * axis_scales(together.weights)[:, np.newaxis] * errors
+    return math.sqrt(float(np.vdot(moved, moved)) / len(angles))
 
 
 def _foot_plan(leg: Leg, desired: Array, plans: Sequence[Inversion]) -> FootPlan:

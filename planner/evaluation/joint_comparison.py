@@ -35,7 +35,7 @@ from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.error_norm import relative_gap
 from planner.inversion.result import Inversion
-from planner.inversion.reversals import error_not_spared
+from planner.inversion.smoothing import ENCODER_STEP, known_errors
 from planner.model.joint import JointModel
 from planner.trajectory import Array
 
@@ -180,9 +180,9 @@ def compare_joint(
     for method, plan in closed_forms.items():
         kept = kept_within(plan, limits)
         if kept is not None:
-            others[METHODS[method]] = kept.error
-    spared = error_not_spared(optimal.error, optimal.model.dead_band)
-    checks += no_worse_checks(name, METHODS["optimal"], spared, others, NO_WORSE)
+            others[METHODS[method]] = _shown(kept)
+    shown = 0.0 if optimal.error <= ENCODER_STEP else _shown(optimal)
+    checks += no_worse_checks(name, METHODS["optimal"], shown, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
     problem = BoundProblem(
@@ -194,7 +194,7 @@ def compare_joint(
             checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if "optimal_ipopt" in plans:
-        checks += _as_good_checks(name, spared, plans["optimal_ipopt"].error)
+        checks += _as_good_checks(name, shown, _shown(plans["optimal_ipopt"]))
     if limits is not None:
         for method, plan in plans.items():
             if method not in CLOSED_FORMS:
@@ -213,6 +213,12 @@ def compare_joint(
 def planned(joints: Sequence[JointComparison]) -> list[str]:
     """The methods by which every joint is planned."""
     return [method for method in METHODS if all(method in joint.plans for joint in joints)]
+
+
+def _shown(plan: Inversion) -> float:
+    """The error that a robot would show [rad], (12b) of ``docs/math.md``."""
+    known = known_errors((plan.model,), plan.predicted[:, np.newaxis], cyclic=plan.cyclic)
+    return math.hypot(plan.error, float(known[0]))
 
 
 def _as_good_checks(name: str, optimal: float, second: float) -> list[Check]:

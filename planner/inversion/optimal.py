@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import itemgetter
 
 import numpy as np
@@ -29,8 +30,7 @@ from planner.inversion.gauss_newton import OPTIONS as SEARCH
 from planner.inversion.gauss_newton import State, minimise
 from planner.inversion.line_inverse import interpolated_offset
 from planner.inversion.result import Inversion
-from planner.inversion.reversals import OPTIONS as DEAD_BAND
-from planner.inversion.reversals import without_small_reversals
+from planner.inversion.reversals import LEAST_REVERSAL, without_small_reversals
 from planner.inversion.robust import (
     ModelOrModels,
     Robust,
@@ -97,13 +97,14 @@ def invert_optimal(
     Angles and requests are the unknowns. Damped Gauss-Newton steps, each at a cost in proportion to
     the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
     from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
-    the last stages, and the best requests are kept, so that they are never worse than that form.
-    Where next to no sample can be reached below the top speeds, the search also starts from the
-    answers of :func:`planner.invert_closed_form`.
+    the last stages, and the best requests are kept, so that they are never worse than that form
+    before they are smoothed. Where next to no sample can be reached below the top speeds, the
+    search also starts from the answers of :func:`planner.invert_closed_form`.
 
     At the end requests are smoothed: their sum of squared second differences is lowered as far as
-    the error allows that ``smoothness``, a known error of the model and a dead band add
-    (``docs/math.md``, section 6).
+    ``smoothness`` allows (``docs/math.md``, section 6). With 0 the error was at most that of
+    :func:`planner.invert_closed_form` on every joint that was tried; by default it may be above it
+    by what the smoothing allows.
 
     From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
 
@@ -126,9 +127,9 @@ def invert_optimal(
             to the first, from rest also from the request that holds the start. Each is kept
             exactly.
         smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
-            for none. Errors are those that a robot would show, the known error of an identified
-            model and at least an encoder's 0.025 degrees added in quadrature: far below that noise,
-            the error may rise by up to a tenth of it.
+            for none. It is the error that a robot would show, to which the error of the model adds
+            in quadrature: that known of an identified one, and at least an encoder's step of 0.088
+            degrees. An error up to that step is allowed in any case.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
             for them, "worst" for the largest of them. With a model by itself eight others are
             drawn from the intervals that its file has.
@@ -172,13 +173,9 @@ def invert_optimal(
     share = checked_smoothness(smoothness)
     if checked is not None:
         check_within(checked, desired=desired, start=start, model=model, load=torques)
-    filtered = desired
-    if model.dead_band:
-        least = DEAD_BAND.least_reversal * model.dead_band
-        filtered = without_small_reversals(desired, least, cyclic=cyclic)
-    problem = track(
+    follow = partial(
+        track,
         model,
-        filtered,
         cyclic=cyclic,
         norm=norm,
         limits=checked,
@@ -186,12 +183,14 @@ def invert_optimal(
         start=start,
         load=torques,
     )
-    guess = initial_guess(problem)
-    if solver == "gauss-newton":
-        column = search(problem, guess, smoothness=share)
-    else:
-        column = transcribed_requests(problem, guess, solver=solver)
-        column = smoothed(problem, column, smoothness=share)
+    problem = follow(desired)
+    column = _best_requests(problem, solver)
+    others = []
+    if model.dead_band and share:
+        least = LEAST_REVERSAL * model.dead_band
+        filtered = without_small_reversals(desired, least, cyclic=cyclic)
+        others = [_best_requests(follow(filtered), solver)]
+    column = smoothed(problem, column, smoothness=share, others=others)
     alone = Inversion(
         model=model,
         desired=desired,
@@ -234,7 +233,15 @@ def _only(column: Array) -> Array:
     return requests
 
 
-def search(problem: TrackingProblem, state: State, *, smoothness: float) -> Array:
+def _best_requests(problem: TrackingProblem, solver: Solver) -> Array:
+    """Requests of least error by a solver [rad], (n, 1)."""
+    guess = initial_guess(problem)
+    if solver == "gauss-newton":
+        return search(problem, guess)
+    return transcribed_requests(problem, guess, solver=solver)
+
+
+def search(problem: TrackingProblem, state: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
     A joint that is at top speed nearly throughout may follow fitted lines better than anything that
@@ -248,7 +255,6 @@ def search(problem: TrackingProblem, state: State, *, smoothness: float) -> Arra
     starts, narrow, wide = [state], SEARCH.narrow, SEARCH.wide
     if below_top_speed(problem, state.angles) <= OPTIONS.compared:
         starts.append(state._replace(requests=best_closed_form(problem)))
-    at_most = min(problem.exact_error(start.requests) for start in starts)
     best = min((minimise(problem, start, narrow) for start in starts), key=itemgetter(1))
     near = OPTIONS.far * problem.error(state.angles)
     if problem.norm == "max" and best[1] > near:
@@ -270,7 +276,7 @@ def search(problem: TrackingProblem, state: State, *, smoothness: float) -> Arra
     )
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return smoothed(problem, answer.requests, smoothness=smoothness, at_most=at_most)
+    return answer.requests
 
 
 def initial_guess(problem: TrackingProblem) -> State:

@@ -6,62 +6,18 @@ they would do so at almost every sample, for errors that are small beside the de
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from planner.model.joint import JointModel
-from planner.trajectory import Array, rms
+from planner.trajectory import Array
 
-
-@dataclass(frozen=True, kw_only=True)
-class DeadBandOptions:
-    """When a dead band is crossed, and when not.
-
-    In brackets what half and twice the value do to how often requests change direction, over 36
-    sines, holds and squares of a servo with 2 degrees of dry friction, half of them with noise of
-    0.06 degrees.
-
-    Attributes:
-        least_reversal: Depth of a reversal up to which it is not followed [of the dead band]; with
-            white noise the error that this costs is half as large at most (0; 0; without: 15 % more
-            often, at holds 75 %).
-        error_shares: Errors that may be added, in quadrature, where requests then change less [of
-            the dead band], one after the other: dry friction itself is not known better than to a
-            few per cent. The smaller one is all that a path without noise needs. (Of the larger:
-            37 % more often, with errors 0 to 12 % smaller; 24 % less often, with errors 0 to 34 %
-            larger; without either: three times as often. Without the smaller, errors of sines are
-            three times as large; on a simulated servo that is not the model they are 3 % larger.)
-        worth: Share of a plan's squared second differences that a larger error must spare: the
-            error is not raised for nothing.
-    """
-
-    least_reversal: float = 0.2
-    error_shares: tuple[float, ...] = (0.01, 0.05)
-    worth: float = 0.1
-
-
-OPTIONS = DeadBandOptions()
-
-
-def typical_band(models: Sequence[JointModel]) -> float:
-    """Root mean square of the joints' dead bands [rad]."""
-    return rms(np.array([model.dead_band for model in models]))
-
-
-def error_not_spared(error: float, band: float) -> float:
-    """An error less the most that is added so as not to cross a dead band, in quadrature.
-
-    Args:
-        error: Error of a plan, in any unit.
-        band: The dead band, in that unit.
-    """
-    spared = OPTIONS.error_shares[-1] * band
-    return math.sqrt(max(error**2 - spared**2, 0.0)) if spared else error
+LEAST_REVERSAL = 0.2
+"""Depth of a reversal up to which a smoothed plan may leave it out [of the dead band]. Over 36
+sines, holds and squares of a servo with 2 degrees of dry friction, half of them with noise of 0.06
+degrees, half and twice change nothing; without, requests change direction 15 % more often, at holds
+75 %."""
 
 
 def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Array:

@@ -13,10 +13,12 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import angle_text
+from planner.inversion.error_norm import error_norm
 from planner.inversion.gauss_newton import (
     OPTIONS as SEARCH_OPTIONS,
 )
@@ -27,11 +29,9 @@ from planner.inversion.gauss_newton import (
     power_cost,
     stages_for,
 )
-from planner.inversion.reversals import OPTIONS as DEAD_BAND
-from planner.inversion.reversals import typical_band
 from planner.inversion.tracking_problem import TrackingProblem
 from planner.model.joint import JointModel
-from planner.trajectory import Array, rms
+from planner.trajectory import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +58,9 @@ class SmoothingOptions:
         settled: where this share of the allowed rise is used [-] (``unchanged`` 0.05: -2 and +9 %,
             0.2: +9 and -7 %; ``settled`` 0.25: +5 and -14 %, with needless crossings; 0.8: -8 and
             +18 %).
+        heaviest: Largest weight of the second differences beside the errors, times ``smoothness``,
+            where an encoder would not show the error [-]: requests that are smooth already are not
+            flattened.
     """
 
     radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
@@ -68,12 +71,18 @@ class SmoothingOptions:
     large_gain: float = 0.5
     unchanged: float = 0.1
     settled: float = 0.5
+    heaviest: float = 50.0
 
 
 OPTIONS = SmoothingOptions()
 
-ENCODER_NOISE = 2.0 * math.pi / 4096.0 / math.sqrt(12.0)
-"""Rounding of an encoder of 12 bits for a turn [rad], rms."""
+ENCODER_STEP = 2.0 * math.pi / 4096.0
+"""Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
+
+MEAN = 20.0
+"""Where the largest error counts: relative rise of the root mean square beside ``smoothness`` [-].
+Without a limit a joint that misses one sample in any case could rest. With 1 the largest errors of
+the reference walk are followed by requests that are two to four times as rough."""
 
 UNCHANGED = 1e-24
 """Sum of squared second differences up to which requests count as straight [rad^2]."""
@@ -84,14 +93,19 @@ def smoothed(
     requests: Array,
     *,
     smoothness: float,
+    best: Array | None = None,
+    others: Sequence[Array] = (),
     at_most: float = math.inf,
 ) -> Array:
-    """Smoother requests whose error is larger by a share ``smoothness`` at most.
+    """Smoother requests whose shown error is within what :func:`allowed_beside` says.
 
     Args:
         problem: What is to be reached, and within which limits.
         requests: A good plan [rad], shape (n, joints).
-        smoothness: Relative rise of the error that is allowed, see :func:`allowed_error` [-].
+        smoothness: Relative rise of the shown error that is allowed [-]; 0 leaves the requests
+            alone.
+        best: Angles of the best plan [rad], (n, joints), where that is not this one.
+        others: Requests [rad], (n, joints), to start from as well where their error is allowed.
         at_most: Error that is not to be passed in any case.
 
     Returns:
@@ -102,46 +116,97 @@ def smoothed(
     angles = problem.exact_angles(requests)
     if angles is None:
         return requests
-    state, error = State(requests, angles), problem.error(angles)
-    most = most_error(problem, error, smoothness=smoothness, at_most=at_most)
-    smoothest = _smoothest(problem, state, error, most)
-    if any(model.dead_band for model in problem.models):
-        smoothest = _without_needless_crossings(problem, state, error, smoothest)
-    return smoothest.requests
+    least = problem.error(angles)
+    allowed = allowed_beside(problem, angles if best is None else best, smoothness=smoothness)
+    starts = [State(requests, angles)]
+    for other in others:
+        reached = problem.exact_angles(other)
+        if reached is not None and allowed.by(problem, reached):
+            starts.append(State(other, reached))
+    mean = math.inf
+    if problem.norm == "max":
+        shown = math.hypot(_mean_error(problem, angles), known_error(problem, angles))
+        mean = max(error_within(problem, angles, (1.0 + MEAN * smoothness) * shown), allowed.unseen)
+    unseen, heaviest = min(allowed.unseen, at_most), OPTIONS.heaviest * smoothness
+    bounds = (
+        _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean),
+        _Bound(math.inf, math.inf, heaviest, unseen, mean),
+    )
+    found = [_smoothest(problem, start, least, bound) for start in starts for bound in bounds]
+    return min(found, key=lambda state: roughness(problem, state.requests)).requests
 
 
-def most_error(
-    problem: TrackingProblem, error: float, *, smoothness: float, at_most: float
-) -> float:
-    """The error that smoother requests may have, given that of the best ones.
+class Allowed(NamedTuple):
+    """What smoother requests are allowed: a shown error up to one, or an error up to another.
 
-    ``at_most`` holds up to what is lost in the known error of a model.
+    Attributes:
+        shown: Largest error that a robot may show.
+        unseen: Error that an encoder's step of each joint makes.
     """
-    noise = noise_of(problem.models)
-    lost = allowed_error(0.0, smoothness, noise=noise) if noise > ENCODER_NOISE else 0.0
-    return min(allowed_error(error, smoothness, noise=noise), max(at_most, lost))
+
+    shown: float
+    unseen: float
+
+    def by(self, problem: TrackingProblem, angles: Array) -> bool:
+        """Whether angles (n, joints) are allowed."""
+        return shown_error(problem, angles) <= self.shown or problem.error(angles) <= self.unseen
 
 
-def allowed_error(error: float, smoothness: float, *, noise: float = ENCODER_NOISE) -> float:
-    """The error to which smoother requests may raise one.
+def allowed_beside(problem: TrackingProblem, best: Array, *, smoothness: float) -> Allowed:
+    """What is allowed beside the best plan, (12b) of ``docs/math.md``.
 
-    Errors count as they would be measured on the robot, noise added in quadrature: with sigma that
-    noise the answer e meets ``e^2 + sigma^2 = (1 + smoothness)^2 (error^2 + sigma^2)``.
+    Args:
+        problem: What is to be reached.
+        best: The angles under the best requests [rad], shape (n, joints).
+        smoothness: Relative rise of the shown error that is allowed [-]; with 0 nothing is.
     """
-    variance = noise**2
-    return math.sqrt((1.0 + smoothness) ** 2 * (error**2 + variance) - variance)
+    if smoothness == 0.0:
+        return Allowed(0.0, problem.error(best))
+    unseen = _through(problem, best, np.full(len(problem.models), ENCODER_STEP))
+    return Allowed((1.0 + smoothness) * shown_error(problem, best), unseen)
 
 
-def noise_of(models: Sequence[JointModel]) -> float:
-    """What errors of plans are seen through [rad], rms over the joints.
+def shown_error(problem: TrackingProblem, angles: Array) -> float:
+    """The error that a robot would show, of (12b): that of the plan and of its models."""
+    return math.hypot(problem.error(angles), known_error(problem, angles))
 
-    For each the error of its model on rows that were not fitted, where it is known, and at least
-    the rounding of an encoder.
+
+def error_within(problem: TrackingProblem, angles: Array, shown: float) -> float:
+    """The error that is shown as ``shown`` by a motion like these angles; 0 where there is none."""
+    return math.sqrt(max(shown**2 - known_error(problem, angles) ** 2, 0.0))
+
+
+def known_error(problem: TrackingProblem, angles: Array) -> float:
+    """The known errors of the joints' models, in the unit of the problem's error, rms."""
+    return _through(problem, angles, known_errors(problem.models, angles, cyclic=problem.cyclic))
+
+
+def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
+    """What the models are known to miss of a motion [rad], (joints,), at least an encoder's step.
+
+    Args:
+        models: The joints.
+        angles: Their motion [rad], shape (n, joints).
+        cyclic: Whether it repeats for ever.
     """
-    known = [model.evidence.error for model in models if model.evidence is not None]
-    errors = [max(error, ENCODER_NOISE) for error in known if not math.isnan(error)]
-    errors += [ENCODER_NOISE] * (len(models) - len(errors))
-    return rms(np.array(errors))
+    known = [
+        ENCODER_STEP
+        if model.evidence is None or math.isnan(model.evidence.error)
+        else model.evidence.error_of(column, period=model.period, cyclic=cyclic)
+        for model, column in zip(models, angles.T, strict=True)
+    ]
+    return np.maximum(known, ENCODER_STEP)
+
+
+def _through(problem: TrackingProblem, angles: Array, errors: Array) -> float:
+    """Errors of the joints [rad], (joints,), in the unit of the problem's error, rms."""
+    moved = problem.goal.errors(angles).jacobians * errors
+    return math.sqrt(float(np.vdot(moved, moved)) / len(angles))
+
+
+def _mean_error(problem: TrackingProblem, angles: Array) -> float:
+    """Root mean square of the distances, whichever error counts."""
+    return error_norm(problem.goal.distances(angles), "rms")
 
 
 def roughness(problem: TrackingProblem, requests: Array) -> float:
@@ -150,44 +215,55 @@ def roughness(problem: TrackingProblem, requests: Array) -> float:
     return float(np.vdot(terms, terms))
 
 
-def _without_needless_crossings(
-    problem: TrackingProblem, state: State, error: float, smoother: State
-) -> State:
-    """Requests that cross the dead band only where that reduces the error by enough.
+class _Bound(NamedTuple):
+    """What smoother requests keep."""
 
-    To follow a path's noise, requests would jump from one edge of the dead band to the other and
-    back. What of the second differences can be spared within the errors that ``DeadBandOptions``
-    allow consists of such jumps.
+    shown: float  # largest shown error
+    growth: float  # and by this it may exceed the least that was met
+    heaviest: float  # largest weight on the second differences beside the errors
+    at_most: float  # largest error
+    mean: float  # where the largest error counts, also the largest root mean square
+
+    def error(self, problem: TrackingProblem, angles: Array) -> float:
+        """The error that is allowed to a motion like these angles."""
+        return min(error_within(problem, angles, self.shown), self.at_most)
+
+    def used(self, problem: TrackingProblem, angles: Array, error: float) -> float:
+        """Share of what may be added to an error that angles use; inf where they add too much."""
+        room = self.error(problem, angles) - error
+        if _mean_error(problem, angles) > self.mean:
+            return math.inf
+        return (problem.error(angles) - error) / room if room > 0.0 else math.inf
+
+
+def _smoothest(problem: TrackingProblem, state: State, error: float, bound: _Bound) -> State:
+    """The smoothest requests that are met within the bound, with their angles.
+
+    ``error`` is that of the best plan.
     """
-    band = typical_band(problem.models)
-    worth = DEAD_BAND.worth * roughness(problem, state.requests)
-    for error_share in DEAD_BAND.error_shares:
-        most = math.hypot(error, error_share * band)
-        answer = _smoothest(problem, smoother, error, most)
-        if roughness(problem, answer.requests) < roughness(problem, smoother.requests) - worth:
-            smoother = answer
-    return smoother
-
-
-def _smoothest(problem: TrackingProblem, state: State, error: float, most: float) -> State:
-    """The smoothest requests that are met within the allowed error, with their angles."""
     power = stages_for(problem, SEARCH_OPTIONS.narrow)[-1].power
-    allowed = _allowed_rise(problem, state, error, most, power)
+    start = state
     best, least = state, roughness(problem, state.requests)
-    factor = OPTIONS.factor
+    most, factor = bound.error(problem, state.angles), OPTIONS.factor
     for radius in OPTIONS.radii:
         before = roughness(problem, state.requests)
-        if before <= UNCHANGED or allowed <= 0.0:
+        allowed = _allowed_rise(problem, start, error, most, power)
+        if before <= UNCHANGED or allowed <= 0.0 or most <= error:
             break
-        stage = Stage(radius, factor * allowed / before, power=power, steps=1, smoothing=True)
+        heaviest = bound.heaviest * (most / error if error else 1.0) ** (power - 2.0)
+        weight = min(factor * allowed / before, heaviest)
+        stage = Stage(radius, weight, power=power, steps=1, smoothing=True)
         state = descend(problem, state, stage)
         angles = problem.exact_angles(state.requests)
-        reached = math.inf if angles is None else problem.error(angles)
-        now = roughness(problem, state.requests)
-        used = (reached - error) / (most - error)
+        now, used = roughness(problem, state.requests), math.inf
+        if angles is not None:
+            used = bound.used(problem, angles, error)
         if used <= 1.0 and angles is not None:
             if now < least:
                 best, least = State(state.requests, angles), now
+            shown = min(bound.shown, bound.growth * shown_error(problem, angles))
+            bound = bound._replace(shown=shown)
+            most, used = bound.error(problem, angles), bound.used(problem, angles, error)
             if used > OPTIONS.enough and now > OPTIONS.large_gain * before:
                 break
             factor *= max(used, OPTIONS.growth**-2.0) ** -0.5
@@ -196,9 +272,8 @@ def _smoothest(problem: TrackingProblem, state: State, error: float, most: float
         if OPTIONS.settled < used <= 1.0 and abs(now / before - 1.0) < OPTIONS.unchanged:
             break
     logging.getLogger(__name__).debug(
-        "smoothing: error %s of %s, second differences %s",
+        "smoothing: error %s, second differences %s",
         angle_text(problem.error(best.angles)),
-        angle_text(most),
         angle_text(math.sqrt(least)),
     )
     return best

@@ -150,13 +150,3 @@ def test_values_are_written_as_toml_reads_them(tmp_path):
     file = tmp_path / "values.toml"
     file.write_text("".join(f"{key} = {toml_value(value)}\n" for key, value in values.items()))
     assert read_toml(file, example="").content == values
-
-
-def test_a_file_that_ends_too_early_for_its_reader_is_no_ctrl_c(run, desired, monkeypatch):
-    def ended(*_args, **_options):
-        raise EOFError
-
-    monkeypatch.setattr("planner.run.desired.read_table", ended)
-    result = run("plan", desired)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr == ("request-planner: a file ends too early; is an input cut short?\n")

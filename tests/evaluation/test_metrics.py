@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.evaluation.metrics import (
-    Distance,
-    angle_distance,
-    foot_distance,
-    foot_distances,
-    request_motion,
-)
+from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.exceptions import InvalidTrajectory
 
 ROUNDING = 1e-12
@@ -77,18 +71,3 @@ def test_what_cannot_be_compared_is_refused(one, other, message):
 def test_a_foot_path_has_three_columns():
     with pytest.raises(InvalidTrajectory, match=r"expected \(n, 3\) twice"):
         foot_distance(np.zeros((4, 2)), np.zeros((4, 2)))
-
-
-@pytest.mark.parametrize(
-    ("requests", "beyond"), [([-0.3, 0.1], 0.3), ([0.1, 0.4], 0.2), ([0.05, 0.1], 0.0)]
-)
-def test_requests_beyond_either_end_of_the_desired_angles_count(requests, beyond):
-    motion = request_motion(requests, [0.0, 0.2], period=0.1, cyclic=False)
-    assert motion.beyond == pytest.approx(beyond)
-
-
-def test_rounding_is_no_reversal_and_a_cycle_turns_where_it_closes():
-    sent = [0.0, 0.1, 0.2 + 1e-12, 0.2, 0.3, 0.4]
-    for cyclic, turns in ((False, 0), (True, 2)):
-        motion = request_motion(sent, sent, period=0.5, cyclic=cyclic)
-        assert motion.reversals_per_s == pytest.approx(turns / 3.0)

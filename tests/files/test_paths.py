@@ -289,6 +289,6 @@ def test_a_path_at_a_higher_or_a_lower_rate_than_the_joints_is_refused(tmp_path,
         _written(tmp_path / "path.csv", "hip_deg", np.sin(PHASE), step * np.arange(100))
     )
     with pytest.raises(
-        InvalidFile, match=rf"one sample every {step:g} s, expected one every 0\.008"
+        InvalidFile, match=rf"one sample every {step:g} s, expected one every 0.008"
     ):
         path.check_period(0.008)

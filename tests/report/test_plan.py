@@ -123,7 +123,11 @@ def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     assert row.too_fast == pytest.approx(0.5, abs=0.05)
     assert math.radians(row.speed) == pytest.approx(4.0)
     assert math.radians(row.top_speed) == pytest.approx(3.0)
-    (said,) = [text for text in remarks(outcome, unreachable=0, missed=[]) if "too fast" in text or "faster" in text]
+    (said,) = [
+        text
+        for text in remarks(outcome, unreachable=0, missed=[])
+        if "too fast" in text or "faster" in text
+    ]
     assert "229 of 172 deg/s" in said
     spans = sum(span.last - span.first for span in replayed.too_fast)
     assert spans / (len(plan.desired) - 1) / joint.period == pytest.approx(row.too_fast)

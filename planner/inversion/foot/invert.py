@@ -36,7 +36,7 @@ from planner.inversion.gauss_newton import Stage, State, minimise
 from planner.inversion.load_of_pose import LoadOfPose, settled
 from planner.inversion.optimal import invert_optimal
 from planner.inversion.robust import ModelOrModels, Robust, robust_requests, scenarios_of
-from planner.inversion.smoothing import most_error, smoothed
+from planner.inversion.smoothing import allowed_beside, smoothed
 from planner.inversion.tracking_problem import Errors, TrackingProblem
 from planner.model.joint import JointModel
 from planner.model.load import Loads, felt, rest_angles
@@ -151,7 +151,8 @@ def invert_foot(
             are taken to miss under other requests too: see :func:`planner.refine`.
         max_step: Largest change from one request of a joint to the next [rad], a number or shape
             (k,): see :func:`planner.invert_optimal`.
-        smoothness: Relative rise of the foot's error that smoother requests may cost, as there.
+        smoothness: Relative rise of the foot's error that smoother requests may cost, as there: an
+            error that a robot would show, those of the joints through the leg's Jacobian.
         robust: "mean" to minimise the root mean square of the foot's errors over several models,
             the default for them, "worst" for the largest of them. For models that are in no such
             sequence eight others are drawn from the intervals that their files have.
@@ -333,15 +334,14 @@ def _search(problem: TrackingProblem, *, smoothness: float) -> tuple[TrackingPro
     first = problem.admissible(np.stack(singly, axis=1))
     angles = problem.exact_angles(first)
     state = State(first, problem.desired if angles is None else angles)
-    at_most = problem.exact_error(first)
     best, least = minimise(problem, state, _longer(OPTIONS.stages))
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    error = problem.exact_error(best.requests)
-    at_most = most_error(problem, error, smoothness=smoothness, at_most=at_most)
-    problem, best = with_stationary_joints(problem, best, at_most=at_most)
-    return problem, smoothed(problem, best.requests, at_most=at_most, smoothness=smoothness)
+    reached = problem.exact_angles(best.requests)
+    assert reached is not None, "the search's error is finite"
+    problem, best = with_stationary_joints(problem, best, reached, smoothness=smoothness)
+    return problem, smoothed(problem, best.requests, best=reached, smoothness=smoothness)
 
 
 def _longer(stages: Sequence[Stage]) -> list[Stage]:
@@ -350,17 +350,18 @@ def _longer(stages: Sequence[Stage]) -> list[Stage]:
 
 
 def with_stationary_joints(
-    problem: TrackingProblem, found: State, *, at_most: float
+    problem: TrackingProblem, found: State, angles: Array, *, smoothness: float
 ) -> tuple[TrackingProblem, State]:
-    """The plan with the joints at rest that need not move, if it then is as good.
+    """The plan with the joints at rest that need not move, if a robot shows no difference.
 
     A joint that stays where it is all along the path can still compensate for a little of the
-    errors of the others. Where that is next to nothing, it should not move at all.
+    errors of the others. Where the smoothing allows what that gains, it should not move at all.
 
     Args:
         problem: What the joints should do together.
         found: A good plan.
-        at_most: Error that is not to be passed in any case.
+        angles: Its angles by the exact models [rad], shape (n, k).
+        smoothness: Relative rise of the shown error that is allowed [-].
 
     Returns:
         The problem with those joints held, and the plan for it; or what was given.
@@ -372,7 +373,12 @@ def with_stationary_joints(
     begin = State(held.admissible(found.requests), found.angles)
     sharp = [stage for stage in SEARCH.narrow if stage.radius < SEARCH.simulated]
     answer, error = minimise(held, begin, _longer(sharp))
-    return (held, answer) if error <= at_most + SAME_ERROR else (problem, found)
+    reached = held.exact_angles(answer.requests)
+    allowed = allowed_beside(problem, angles, smoothness=smoothness)
+    as_good = error <= problem.error(angles) + SAME_ERROR
+    if reached is not None and (as_good or allowed.by(problem, reached)):
+        return held, answer
+    return problem, found
 
 
 def holding(problem: TrackingProblem, stationary: Mask) -> TrackingProblem:
