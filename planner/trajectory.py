@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,6 +22,16 @@ SAME = 1e-6
 MOST_SAMPLES = 1_000_000
 """Longest trajectory that is read, or made from a number alone [samples]: five hours at 50 Hz. A
 plan takes some 5 kB of memory for each."""
+
+TURN = 2.0 * math.pi
+"""A turn [rad]."""
+
+MOST_TURNS = 2.0
+"""A joint that does not wind stays within so many turns of zero."""
+
+WINDING, NET = 0.25, 0.5
+"""A joint that winds turns less between samples than this [turns], and at least this part of all
+its motion, and of its largest angle, is in one direction."""
 
 
 def as_trajectory(
@@ -74,6 +86,46 @@ def as_trajectory(
         )
     trajectory.setflags(write=False)
     return trajectory
+
+
+def not_radians(angles: Array) -> bool:
+    """Whether angles over time [rad], shape (n,), are beyond those of a joint: degrees, perhaps.
+
+    A joint that winds passes many turns, in small steps and mostly in one direction.
+    """
+    largest = float(np.max(np.abs(angles), initial=0.0))
+    if largest <= MOST_TURNS * TURN:
+        return False
+    moves = np.abs(np.diff(angles))
+    least = NET * max(float(np.sum(moves)), largest)
+    one_way = abs(float(angles[-1] - angles[0])) >= least
+    return not (one_way and float(np.max(moves, initial=0.0)) <= WINDING * TURN)
+
+
+def turns_words(angle: float) -> str:
+    """What is wrong with an angle that is :func:`not_radians`, in words."""
+    return (
+        f"got {angle:g} rad, {abs(angle) / TURN:.1f} turns, expected at most {MOST_TURNS:g} for a "
+        "joint that does not wind"
+    )
+
+
+def check_radians(angles: Array, *, name: str) -> None:
+    """Refuse angles over time that are those of degrees.
+
+    Args:
+        angles: Angles or requests [rad], shape (n,).
+        name: What to call them in an error.
+
+    Raises:
+        InvalidTrajectory: They are beyond two turns, and the joint does not wind.
+    """
+    if not_radians(angles):
+        k = int(np.argmax(np.abs(angles)))
+        raise InvalidTrajectory(
+            f"{name}: {turns_words(angles[k])}, at index {k}; if these are degrees, convert them "
+            "with numpy.radians"
+        )
 
 
 def index_of_largest(values: Array) -> int:

@@ -8,6 +8,8 @@ import pytest
 import planner
 from tests.test_play import TICK, Robot
 
+pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
+
 JOINT = planner.JointModel(
     v_max=5.0, theta_0=0.15, lag=2.0 * TICK, acceleration_time=3.0 * TICK, tick=TICK
 )

@@ -264,3 +264,14 @@ def test_nothing_is_sent_where_the_input_is_wrong(changes, message):
 def test_a_period_is_a_positive_time(period):
     with pytest.raises(planner.InvalidInput, match=r"expected a positive number of seconds"):
         planner.timed_requests(WALK, period=period)
+
+
+def test_requests_in_degrees_are_refused_before_anything_is_sent():
+    sent = []
+    with pytest.raises(
+        planner.InvalidTrajectory, match=r"requests, column 1: got 59 rad, .*numpy\.radians"
+    ):
+        planner.play(
+            [[0.1, 40.0], [0.1, 59.0], [0.1, 40.0]], period=0.01, send=sent.append, cycles=1
+        )
+    assert sent == []

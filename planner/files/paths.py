@@ -28,15 +28,12 @@ from planner.files.text import write_text
 from planner.files.units import (
     ANGLES,
     LENGTHS,
-    MOST_TURNS,
     SHARES,
-    TURN,
-    not_radians,
     pick,
     split_unit,
     with_unit,
 )
-from planner.trajectory import MOST_SAMPLES, Array
+from planner.trajectory import MOST_SAMPLES, Array, not_radians, turns_words
 
 JOINT_UNITS = {**ANGLES, **SHARES}
 """What one of a joint's unit is in radians."""
@@ -418,7 +415,7 @@ def _check_radians(table: Table, name: str, angles: Array) -> None:
         k = int(np.argmax(np.abs(angles)))
         raise InvalidFile(
             table.path,
-            f"column '{name}_rad': got {angles[k]:g} rad, {abs(angles[k]) / TURN:.1f} turns, "
-            f"expected at most {MOST_TURNS:g}; if these are degrees, rename it {name}_deg",
+            f"column '{name}_rad': {turns_words(angles[k])}; if these are degrees, rename it "
+            f"{name}_deg",
             line=table.lines[k],
         )

@@ -33,19 +33,8 @@ OTHER_UNITS = frozenset(
 LARGEST = 1e6
 """An angle or a length beyond this [rad, m] is a mistake: its square would lose all digits."""
 
-
-TURN = 2.0 * math.pi
-"""A turn [rad]."""
-
-MOST_TURNS = 2.0
-"""A joint that does not wind stays within so many turns of zero."""
-
 LEAST_DEG = 4.0
 """A span below this [degrees] may be radians."""
-
-WINDING, NET = 0.25, 0.5
-"""A joint that winds turns less between samples than this [turns], and of all its motion at least
-this part is in one direction."""
 
 
 class Quantities(NamedTuple):
@@ -60,18 +49,6 @@ class Quantities(NamedTuple):
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: Array
-
-
-def not_radians(angles: Array) -> bool:
-    """Whether angles over time [rad], shape (n,), are beyond those of a joint: degrees, perhaps.
-
-    A joint that winds passes many turns, in small steps and mostly in one direction.
-    """
-    if np.max(np.abs(angles)) <= MOST_TURNS * TURN:
-        return False
-    steps = np.abs(np.diff(angles))
-    one_way = abs(angles[-1] - angles[0]) >= NET * float(np.sum(steps)) > 0.0
-    return not (one_way and bool(np.max(steps) <= WINDING * TURN))
 
 
 def split_unit(column: str, units: Mapping[str, float]) -> tuple[str, str] | None:

@@ -25,7 +25,7 @@ from planner.inversion.result import Inversion
 from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
-from planner.trajectory import Array, as_trajectory
+from planner.trajectory import Array, as_trajectory, check_radians
 from planner.validation import as_flag
 
 
@@ -137,6 +137,7 @@ def closed_forms(
     The callers have checked the model and the rules.
     """
     desired = as_trajectory(desired, name="desired", minimum=3)
+    check_radians(desired, name="desired")
     cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
     torques = checked_load(load, model, len(desired))
     start = None if cyclic else float(desired[0])

@@ -42,7 +42,7 @@ from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, request_ages
 from planner.model.load import checked_load, felt
 from planner.model.response import checked_start
-from planner.trajectory import Array, as_trajectory
+from planner.trajectory import Array, as_trajectory, check_radians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,6 +163,7 @@ def invert_optimal(
     check_solver(solver)
     tolerance = checked_tolerance(tolerance)
     desired = as_trajectory(desired, name="desired", minimum=3)
+    check_radians(desired, name="desired")
     start = checked_start(start, cyclic=cyclic)
     loads = [checked_load(load, each, len(desired)) for each in models]
     torques = loads[0]

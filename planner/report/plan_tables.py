@@ -42,9 +42,9 @@ class JointRow(NamedTuple):
     """A joint under the plan: angles in degrees, speeds in degrees per second.
 
     ``bound`` and ``gap`` are None for a plan for the foot, and the gap above a bound of zero is
-    infinite. ``speed`` and ``top_speed`` are the desired and the top speed, by direction, where their
-    ratio is largest; ``too_fast`` is the share of the desired path above the top speed, ``at_limit``
-    the number of requests at one of the ``limits``, which are infinite where there is none.
+    infinite. ``speed`` and ``top_speed`` are the desired speed and the top speed in its direction,
+    where their ratio is largest; ``too_fast`` is the share of the desired path above the top speed,
+    ``at_limit`` the number of requests at one of the ``limits``, infinite where there is none.
     """
 
     name: str

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.trajectory import Array, as_trajectory
+from planner.trajectory import Array, as_trajectory, check_radians
 from planner.validation import as_positive, as_whole, shown
 
 NANOSECONDS = 10**9
@@ -71,7 +71,7 @@ def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
         A read-only copy, float64, shape (n, k); one joint has a column of its own.
 
     Raises:
-        InvalidTrajectory: Another shape, empty, not real numbers, or not finite.
+        InvalidTrajectory: Another shape, empty, not real numbers, not finite, or degrees.
     """
     try:
         given = np.asarray(values)
@@ -89,6 +89,9 @@ def as_rows(values: npt.ArrayLike, *, name: str) -> Array:
         as_trajectory(column, name=f"{name}, column {j}", minimum=1)
         for j, column in enumerate(given.T)
     ]
+    if len(given) > 1:  # a row alone is no motion
+        for j, column in enumerate(columns):
+            check_radians(column, name=f"{name}, column {j}")
     rows: Array = np.column_stack(columns)
     rows.setflags(write=False)
     return rows

@@ -72,6 +72,9 @@ FAR = 3.0
 sample of a cycle is about one step before the first."""
 
 
+LOST = 0.1
+"""Share of a motion that resampling may lose without a remark [rms]."""
+
 FEW = 10
 """Samples below which a path shows no motion by which to doubt its unit."""
 
@@ -258,7 +261,10 @@ def load_desired(
     )
     closed, remarks = repeats(given.angles, cyclic)
     remarks = (*remarks, *_small(given))
+    before = given
     given = given.in_step(models[0].period, resample=not even, cyclic=closed, speed=speed)
+    if words := _lost(before, given, cyclic=closed):
+        remarks = (*remarks, Remark(words))
     limits = {} if leg is None else _limits_of(leg)
     strange = [name for name in given.names if leg is not None and name not in limits]
     if leg is not None and strange:
@@ -276,6 +282,32 @@ def load_desired(
         cyclic=closed,
         remarks=(*remarks, *refused_models(given.names, models)),
         loads=given.loads,
+    )
+
+
+def _lost(before: JointPath | FootPath, after: JointPath | FootPath, *, cyclic: bool) -> str:
+    """What is lost of a motion by resampling it, in words; empty where it is little."""
+    rows, left = (
+        path.angles if isinstance(path, JointPath) else path.positions for path in (before, after)
+    )
+    if len(left) >= len(rows) or before.times is None:
+        return ""
+    since = before.times - before.times[0]
+    whole = since[-1] * (len(rows) / (len(rows) - 1) if cyclic else 1.0)
+    at = since / whole * (len(left) if cyclic else len(left) - 1)
+    closed = np.vstack([left, left[:1]]) if cyclic else left
+    numbers = np.arange(len(closed))
+    again = np.column_stack([np.interp(at, numbers, column) for column in closed.T])
+    moved = np.std(rows, axis=0)
+    missed = np.sqrt(np.mean((again - rows) ** 2, axis=0))
+    names = before.names if isinstance(before, JointPath) else ("x", "y", "z")
+    worst = int(np.argmax(missed - LOST * moved))
+    if missed[worst] <= LOST * moved[worst]:
+        return ""
+    return (
+        f"{before.path}: a request every {1e3 * whole / max(len(closed) - 1, 1):.3g} ms loses "
+        f"{100.0 * missed[worst] / moved[worst]:.0f} % of the motion of {names[worst]} "
+        "(rms of what it moves): plan with a higher rate (--rate-hz) to keep it"
     )
 
 
@@ -427,7 +459,10 @@ def _from_foot(
     models = models_of(model, leg.joint_names, leg, folder, rate_hz=rate_hz)
     closed, remarks = repeats(given.positions, cyclic)
     resample = rate_hz is not None or speed is not None
+    rows = given
     given = given.in_step(models[0].period, resample=resample, cyclic=closed, speed=speed)
+    if words := _lost(rows, given, cyclic=closed):
+        remarks = (*remarks, Remark(words))
     solution = leg.inverse(given.positions, unreachable=unreachable)
     count = int((~solution.reachable).sum())
     clamped = unreachable == "clamp" and count > 0

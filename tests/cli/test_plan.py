@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 
 import numpy as np
@@ -345,3 +346,15 @@ def test_bounds_at_an_unknown_top_speed_are_of_the_model_only(run, tmp_path, mos
     done = run("plan", "-", "--model", model, *output, stdin=path)
     assert ("lower bounds of the model only: elbow (the logs leave open" in done.stderr) == said
     assert ("For elbow this is the model" in page.read_text()) == said
+
+
+@pytest.mark.parametrize(("rate", "lost"), [(3, True), (50, False)])
+def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
+    """At 3 requests a second a motion of 3 Hz has the same angle at every request."""
+    seconds = 0.008 * np.arange(251)
+    rows = [f"{t:.3f},{20.0 * math.sin(6.0 * math.pi * t):.6f}" for t in seconds]
+    (tmp_path / "fast.csv").write_text("\n".join(["time_s,knee_deg", *rows]) + "\n")
+    result = run("plan", tmp_path / "fast.csv", "--rate-hz", rate, "-o", tmp_path / "r.csv")
+    assert result.exit_code == 0
+    said = re.search(r"loses (\d+) % of the motion of knee", result.stderr)
+    assert (said is not None and int(said[1]) >= 99) == lost

@@ -49,6 +49,11 @@ def test_a_column_of_radians_that_holds_degrees_is_refused(tmp_path, degrees):
     read_joint_path(_written(tmp_path / "deg.csv", "pan_deg", degrees))
 
 
+def test_degrees_that_rise_evenly_are_no_joint_that_winds(tmp_path):
+    with pytest.raises(InvalidFile, match=r"column 'elbow_rad': got 59 rad, 9\.4 turns"):
+        read_joint_path(_written(tmp_path / "path.csv", "elbow_rad", np.arange(40.0, 60.0)))
+
+
 @pytest.mark.parametrize(
     "radians",
     [
@@ -198,7 +203,7 @@ def test_a_period_that_is_none_is_refused(period):
 
 @pytest.mark.parametrize("period", [1e-18, 1e9])
 def test_a_period_beyond_what_a_model_can_have_is_refused_with_its_range(period):
-    with pytest.raises(InvalidInput, match="expected one every 9.6e-06 to 8 s"):
+    with pytest.raises(InvalidInput, match=r"expected one every 9\.6e-06 to 8 s"):
         planner.JointModel.ers210a().requested_every(period)
 
 

@@ -451,3 +451,10 @@ def test_bad_input_is_named(desired, options, error, message):
 def _barely_around(requests):
     """Limits that leave the desired angles a thousandth of a radian of room."""
     return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
+
+
+@pytest.mark.parametrize("plan", [invert_optimal, invert_closed_form])
+def test_degrees_are_not_planned_as_radians(plan):
+    degrees = 50.0 + 9.0 * np.sin(2.0 * np.pi * np.arange(80) / 80)
+    with pytest.raises(InvalidTrajectory, match=r"desired: got 59 rad, 9\.4 turns, .*at index 20"):
+        plan(ERS210A, degrees)

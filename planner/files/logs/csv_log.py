@@ -15,8 +15,7 @@ from planner.files.logs.options import ALL_JOINTS, LogOptions, choose_joints
 from planner.files.logs.units import ANGLE_NAMES, SECONDS, TIME_NAMES, Scale, scale, split_name
 from planner.files.paths import LOAD
 from planner.files.table import Table, read_table
-from planner.files.units import MOST_TURNS, TURN, not_radians
-from planner.trajectory import Array
+from planner.trajectory import Array, not_radians, turns_words
 
 if TYPE_CHECKING:
     from planner.identification.log import Log
@@ -188,9 +187,8 @@ def _check_radians(table: Table, column: str, requests: Array) -> None:
     k = int(known[np.argmax(np.abs(requests[known]))])
     raise InvalidFile(
         table.path,
-        f"column '{column}': got {requests[k]:g} rad, {abs(requests[k]) / TURN:.1f} turns, "
-        f"expected at most {MOST_TURNS:g}; if these are degrees, name the columns so or give "
-        "--unit deg; a joint that turns further is read in degrees or turns",
+        f"column '{column}': {turns_words(requests[k])}; if these are degrees, name the columns so "
+        "or give --unit deg; a joint that turns further is read in degrees or turns",
         line=table.lines[k],
     )
 

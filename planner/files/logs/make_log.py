@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.logs.units import Scale
-from planner.files.units import LARGEST, LEAST_DEG, not_radians
+from planner.files.units import LARGEST, LEAST_DEG
 from planner.identification.log import FASTEST, FEWEST_ROWS, SLOWEST, Log, Written
-from planner.trajectory import Array
+from planner.trajectory import Array, not_radians
 
 Switch = npt.NDArray[np.bool_]
 """Whether the torque was on, shape (n,)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -11,7 +12,15 @@ import numpy as np
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.inversion.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.model.joint import JointModel, checked_model
-from planner.trajectory import LARGEST, Array, Mask
+from planner.trajectory import (
+    LARGEST,
+    MOST_TURNS,
+    TURN,
+    Array,
+    Mask,
+    not_radians,
+    turns_words,
+)
 from planner.validation import as_reals, as_whole, shown
 
 MOST_PREVIEW = 1000
@@ -53,8 +62,13 @@ class StepArguments:
         self._offset, self._compliance, self._band = np.array(rests).T[:, :, np.newaxis]
         self._lower, self._upper = (limit[:, np.newaxis] for limit in limits)
 
-    def checked(self, desired: Any, measured: Any, load: Any, missed: Any) -> StepInput:
-        """What can be used of a step's arguments, and what is wrong with the first that cannot."""
+    def checked(
+        self, desired: Any, measured: Any, load: Any, missed: Any, *, near: Array | None
+    ) -> StepInput:
+        """What can be used of a step's arguments, and what is wrong with the first that cannot.
+
+        ``near`` is where the joints are [rad], shape (k,); None at the first step.
+        """
         joints = self._joints
         problems: list[str] = []
         rows = self._stretch(desired)
@@ -83,6 +97,16 @@ class StepArguments:
                     f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
                 )
             angles[~(np.abs(angles) <= LARGEST)] = math.nan
+        here = np.where(np.isnan(angles), 0.0, angles) if near is None else near
+        away = rows - here[:, np.newaxis]
+        for j in np.flatnonzero((np.abs(away) > MOST_TURNS * TURN).any(axis=1)).tolist():
+            if not_radians(away[j]):
+                k = int(np.argmax(np.abs(away[j])))
+                problems.append(
+                    f"desired: {self._names[j]} {turns_words(rows[j, k])}, where it is at "
+                    f"{here[j]:.3g} rad; if these are degrees, convert them with numpy.radians"
+                )
+                bad[j], rows[j] = True, math.nan
         periods = as_whole(missed)
         if periods is None or periods < 0:
             problems.append(f"missed: got {shown(missed)}, expected a number of ticks")
@@ -180,6 +204,21 @@ def checked_preview(preview: object, period: float) -> int:
             f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
         )
     return rows
+
+
+def warn_of_short_preview(preview: int, names: Sequence[str], models: Sequence[JointModel]) -> None:
+    """Warn where a request acts on rows beyond the preview, so that it is planned for none."""
+    times = [model.lag + model.acceleration_time for model in models]
+    j = int(np.argmax(times))
+    needed = times[j] / models[j].period
+    if preview <= needed:
+        warnings.warn(
+            f"preview: got {preview} rows, but lag and acceleration time of {names[j]} take "
+            f"{needed:.3g} rows of {1e3 * models[j].period:g} ms: the errors may be several times "
+            f"as large; expected more rows, 200 ms are {max(round(0.2 / models[j].period), 1)}",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def checked_cycle(cycle: object) -> int | None:

@@ -34,6 +34,7 @@ from planner.inversion.streaming.arguments import (
     checked_cycle,
     checked_preview,
     models_by_name,
+    warn_of_short_preview,
 )
 from planner.inversion.streaming.repeating_path import RepeatingPath
 from planner.inversion.streaming.riccati_step import Plans, Terms
@@ -150,7 +151,8 @@ class Stream:
         cycle: Rows after which it about repeats, or None.
 
     Warns:
-        UserWarning: A model is not to be planned with, by its ``evidence``.
+        UserWarning: A model is not to be planned with, by its ``evidence``; or the preview is no
+            longer than the lag and acceleration time of a joint.
 
     Raises:
         InvalidInput: A model, ``preview``, ``limits``, ``max_step``, ``cycle`` or ``on_bad`` is
@@ -186,6 +188,7 @@ class Stream:
         warn_of_refused(dict(zip(self.names, known, strict=True)))
         self.period = self.models[0].period
         self.preview = checked_preview(preview, self.period)
+        warn_of_short_preview(self.preview, self.names, self.models)
         self.cycle = checked_cycle(cycle)
         if not is_one_of(on_bad, get_args(OnBad)):
             raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
@@ -317,7 +320,7 @@ class Stream:
             InvalidInput, Infeasible: With ``on_bad="raise"``: what cannot be
                 used, or a desired angle is beyond what the limits allow.
         """
-        given = self._arguments.checked(desired, measured, load, missed)
+        given = self._arguments.checked(desired, measured, load, missed, near=self._angles)
         bad, sags = given.bad, given.sags
         if self._raises and given.error:
             raise given.error

@@ -13,7 +13,7 @@ from planner.cli.identify import identify, to_log_options
 from planner.files import clock
 from planner.files.logs import column_names, make_log, units
 from planner.files.logs.ros_messages import ACTUAL_TYPES, REQUEST_TYPES
-from planner.files.units import MOST_TURNS
+from planner.trajectory import MOST_TURNS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "logs.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^    request-planner identify (.*)$", PAGE, re.MULTILINE)

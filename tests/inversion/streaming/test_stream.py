@@ -16,6 +16,8 @@ from planner.inversion.streaming.stream import OPTIONS
 from tests.instances import attainable, random_model, saturating
 from tests.pid_servo import PidServo
 
+pytestmark = pytest.mark.filterwarnings("ignore:preview:UserWarning")  # short ones are quick
+
 PREVIEW = 25
 
 
@@ -50,6 +52,27 @@ def random_joint(seed):
             v_offset=model.v_max * rng.uniform(-0.3, 0.3),
         )
     return rng, model
+
+
+@pytest.mark.parametrize("rows", [2, 10])
+def test_a_preview_no_longer_than_lag_and_acceleration_time_is_warned_of(rows):
+    with pytest.warns(UserWarning, match=rf"preview: got {rows} rows, .*joint_1 take 10 rows of 8"):
+        planner.Stream(planner.JointModel.ers210a(), preview=rows)
+    planner.Stream(planner.JointModel.ers210a(), preview=11)
+
+
+def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
+    joint = planner.JointModel.ers210a()
+    degrees = np.degrees(smooth_path(300))
+    stream = planner.Stream(joint, preview=PREVIEW)
+    told = [(stream.step(rows), stream.problem)[1] for rows in stretches(degrees)]
+    assert any("joint_1 got" in text and "degrees" in text for text in told)
+    assert np.max(np.abs(stream.angles)) < 4.0 * np.pi
+    with pytest.raises(planner.InvalidInput, match=r"desired: joint_1 got 45 rad, 7\.2 turns"):
+        planner.Stream(joint, preview=PREVIEW, on_bad="raise").step(np.full(PREVIEW, 45.0))
+    winding = 0.04 * np.arange(600)[:, np.newaxis]
+    stream = planner.Stream(joint, preview=PREVIEW)
+    assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
 
 
 @pytest.mark.parametrize("cycle", [None, 20])
