@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from planner.trajectory import MOST_SAMPLES
-
 MOST_BYTES = 64 * 2**20
 """Longest text [bytes]: a million requests for three joints come to half of it."""
 
@@ -12,9 +10,6 @@ MOST_COLUMNS = 10_000
 
 MOST_CELLS = 10_000_000
 """Cells of a table: some 70 bytes of memory each."""
-
-MOST_ROWS = MOST_SAMPLES
-"""Samples of a path. A log may have more."""
 
 MOST_JOINTS = 1000
 """Joints of a path, each a plan of its own."""

@@ -21,7 +21,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.exceptions import InvalidFile, InvalidInput
 from planner.files.clock import TIME, read_clock, time_column, time_columns
-from planner.files.limits import MOST_JOINTS, MOST_ROWS
+from planner.files.limits import MOST_JOINTS
 from planner.files.logs.column_names import pairs
 from planner.files.table import Table, nearest, read_table, write_table
 from planner.files.text import write_text
@@ -136,7 +136,7 @@ def read_joint_path(path: Path | str, *, joints: Sequence[str] = ()) -> JointPat
 
 def path_table(path: Path | str) -> Table:
     """Read a table of at most as many rows as a path may have samples; see :func:`.read_table`."""
-    return read_table(path, most_rows=MOST_ROWS)
+    return read_table(path, most_rows=MOST_SAMPLES)
 
 
 def joint_path(table: Table, *, joints: Sequence[str] = (), even: bool = True) -> JointPath:

@@ -192,7 +192,7 @@ def _rounded_up(value: float) -> str:
     if value <= 0.0:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
-    return f"{math.ceil(value / unit * (1.0 - 1e-12)) * unit:.2g}"
+    return f"{math.ceil(value / unit * (1.0 - 1e-12)) * unit:g}"
 
 
 def _said(replay: Replay, found: Fastest | None) -> list[str]:
