@@ -129,6 +129,8 @@ class Fastest:
         foot: Whether it is about the foot.
         retime: Whether the factor varies.
         impossible: A speed that is proved too high; None where none is.
+        contradicted: Joints that did at the recorded speed what no requests do by their models,
+            from rest: no speed is proved too high then.
         curve: Errors over speed, in multiples of the tolerance.
     """
 
@@ -139,6 +141,7 @@ class Fastest:
     retime: Retime
     impossible: Impossible | None
     curve: tuple[SpeedErrors, ...]
+    contradicted: tuple[str, ...] = ()
 
     @property
     def speed(self) -> float:
@@ -317,7 +320,8 @@ def fastest_at(
     """The fastest replay of a path; see :func:`fastest`."""
     search = _Search(path, measure, progress, options)
     constant = search.largest_factor()
-    impossible = search.first_impossible(constant.speed)
+    contradicted = search.contradicted(constant.speed)
+    impossible = None if contradicted else search.first_impossible(constant.speed)
     made = constant if retime == "constant" else search.varying(constant)
     return Fastest(
         replay=made,
@@ -327,6 +331,7 @@ def fastest_at(
         retime=retime,
         impossible=impossible,
         curve=search.curve(constant.speed, impossible),
+        contradicted=contradicted,
     )
 
 
@@ -384,6 +389,16 @@ class _Search:
             lower = self.refuted(middle)
             low, found = (low, lower) if lower else (middle, found)
         return found
+
+    def contradicted(self, speed: float) -> tuple[str, ...]:
+        """Joints that did at the recorded speed what no requests do by their models.
+
+        Args:
+            speed: The largest factor found: a recording that can be repeated contradicts nothing.
+        """
+        if not self.bounded or self.path.track != "state" or speed >= 1.0:
+            return ()
+        return tuple(joint for joint, ratio in self.bounds(1.0) if ratio > 1.0)
 
     def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
         """Errors from well below the factor found to beyond the one that is impossible."""

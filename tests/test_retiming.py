@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,14 @@ def test_what_makes_no_sense_is_refused(arguments, message):
     with pytest.raises(InvalidInput) as refusal:
         fastest(log(swing(0.8, 150)), SERVO, **arguments)
     assert message in str(refusal.value)
+
+
+def test_a_recording_that_its_model_refutes_at_its_own_speed_proves_no_limit():
+    joint = JointModel.ers210a().requested_every(0.04)
+    slow = replace(joint, v_max=0.3 * joint.v_max, theta_0=0.3 * joint.theta_0)
+    times = joint.period * np.arange(20)
+    asked = 0.4 - 0.4 * np.cos(2.0 * np.pi * times)
+    log = Log(times=times, requests=asked, angles=simulate(joint, asked, cyclic=False))
+    found = fastest(log, slow, tolerance=np.radians(2.0))
+    assert found.speed < 1.0
+    assert (found.contradicted, found.impossible) == (("joint",), None)

@@ -259,6 +259,14 @@ def with_observed_speed(fit: Fit) -> Fit:
     )
 
 
+def with_speed_of(fit: Fit, speed: float) -> Fit:
+    """The fit with a top speed no lower than a joint was seen to move [rad/s]."""
+    lowest = (1.0 + OPTIONS.just_above) * speed
+    if fit.parameters.v_max >= lowest:
+        return fit
+    return replace(fit, parameters=fit.parameters._replace(v_max=lowest))
+
+
 def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, ...] | None:
     """The logs with even times, if a joint with these explains them clearly better.
 

@@ -15,6 +15,7 @@ from planner.identification.fit import (
     fit_joint,
     with_even_rows,
     with_observed_speed,
+    with_speed_of,
 )
 from planner.identification.intervals import (
     Uncertainty,
@@ -26,6 +27,7 @@ from planner.identification.intervals import (
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
+from planner.identification.resampling import measured_speed
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
 from planner.identification.robust_loss import rms
@@ -33,7 +35,13 @@ from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.unmodelled import unmodelled
 from planner.identification.validation import HeldOut, held_out
-from planner.identification.verdict import exchanged_columns, notes_on, opposite_sign, verdict_on
+from planner.identification.verdict import (
+    exchanged_columns,
+    notes_on,
+    opposite_sign,
+    said,
+    verdict_on,
+)
 from planner.trajectory import Array
 from planner.validation import as_flag
 
@@ -91,6 +99,11 @@ def identify(
     fit = with_observed_speed(trial.fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
+    seen = max(map(measured_speed, every))
+    faster = bounds["v_max"].upper == math.inf and seen > fit.parameters.v_max
+    if faster:  # in rows that are not fitted
+        fit = with_speed_of(fit, seen)
+        bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
     for name in trial.confounded & set(bounds):
         bounds[name] = Interval(-math.inf if name == "offset" else 0.0, math.inf)
     held = held_out(logs, timing, fit) if hold_out else None
@@ -116,6 +129,8 @@ def identify(
     )
     intervals = _intervals(fit, bounds, uncertainty)
     notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
+    if faster:
+        notes += _unfitted(fits, seen, unit)
     if evenly_timed:
         notes.append(
             f"the times of the rows jitter: rows every {1e3 * timing.period:.3g} ms fit better, "
@@ -151,6 +166,17 @@ def identify(
             for term in trial.terms
         ),
     )
+
+
+def _unfitted(fits: Sequence[LogFit], speed: float, unit: str) -> list[str]:
+    """Which rows are not fitted and why, of logs in which the joint moves at its highest speed."""
+    return [
+        f"{fit.log.name}: the joint moves at up to {said(speed, unit, '/s')}, its least top speed, "
+        f"also in rows that are not fitted: {', '.join(reasons)}"
+        for fit in fits
+        if measured_speed(fit.log) == speed
+        and (reasons := [f"{count} {reason}" for reason, count in fit.left_out.items()])
+    ]
 
 
 def _alternatives(

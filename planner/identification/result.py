@@ -11,7 +11,8 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.log import Log
+from planner.identification.log import Log, pieces_of
+from planner.identification.resampling import sound_rows
 from planner.model.evidence import (
     ACCEPTED,
     GAIN,
@@ -134,6 +135,22 @@ class LogFit:
     def __post_init__(self) -> None:
         """Freeze the arrays."""
         freeze(self.used, self.predicted, self.held_out, self.held_out_predicted, self.weights)
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """How many rows were not fitted, by reason."""
+        log, found = self.log, {}
+        rest = ~self.used
+        for reason, rows in (
+            ("without torque", ~log.torque_on),
+            ("not measured, or that no joint takes", ~sound_rows(log)),
+            ("on which requests before the log act", _first_rows(self)),
+            ("at a stop, or too few between others", np.ones(len(rest), dtype=np.bool_)),
+        ):
+            if count := int(np.sum(rest & rows)):
+                found[reason] = count
+            rest = rest & ~rows
+        return found
 
     @property
     def residuals(self) -> Array:
@@ -320,12 +337,22 @@ class Identification:
                     "joint": fit.log.joint,
                     "rows": len(fit.log.times),
                     "used": int(np.sum(fit.used)),
+                    "left_out": fit.left_out,
                     "rms": fit.rms,
                     "notes": list(fit.log.notes),
                 }
                 for fit in self.fits
             ],
         }
+
+
+def _first_rows(fit: LogFit) -> npt.NDArray[np.bool_]:
+    """The rows of each piece of a log before the first that was fitted."""
+    first = np.zeros(len(fit.used), dtype=np.bool_)
+    for piece in pieces_of(fit.log):
+        used = np.flatnonzero(fit.used[piece])
+        first[piece.start : piece.start + int(used[0]) if len(used) else piece.stop] = True
+    return first
 
 
 def _runs(fit: LogFit) -> list[Run]:

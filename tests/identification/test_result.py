@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from planner.identification.excitation import excite
+from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import LogFit, speed_against_error
 from planner.model.joint import JointModel
@@ -107,3 +108,28 @@ def test_the_delay_is_tested_where_requests_move_during_enough_of_the_travel(sha
     used = np.ones(len(times), dtype=bool)
     fit = replace(found.fits[0], log=log, used=used, predicted=angles)
     assert (replace(found, fits=(fit,)).tested.delay_error == 0.0) is tested
+
+
+def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
+    """A recording that begins with a large step, whose request came before it, and is slow then."""
+    joint = JointModel(
+        v_max=6.14, theta_0=0.35, lag=0.02, acceleration_time=0.06, tick=1.0 / 150.0, hold=5
+    )
+    times = np.arange(373) / 30.0
+    asked = np.radians(20.0 * np.sin(0.9 * times) + 8.0 * np.sin(2.1 * times + 1.0))
+    requests = asked - asked[0] + np.radians(42.0)
+    angles = np.append(0.0, simulate(joint, requests, cyclic=False, start=0.0)[:-1])
+    noise = np.radians(0.05) * np.random.default_rng(3).standard_normal(len(times))
+    log = Log(times=times, requests=requests, angles=angles + noise)
+    found = identify(log, hold_out=False)
+    fast = np.max(angles[3:] - angles[:-3]) / 0.1
+    assert found.intervals["v_max"].lower >= 0.95 * fast > 4.0
+    assert found.intervals["v_max"].upper == np.inf
+    assert found.model.v_max >= found.intervals["v_max"].lower
+    (fit,) = found.fits
+    (reason,) = fit.left_out
+    assert reason == "on which requests before the log act"
+    assert fit.left_out == {reason: int(np.sum(~fit.used))}
+    assert found.to_dict()["logs"][0]["left_out"] == fit.left_out
+    words = f"not fitted: {fit.left_out[reason]} {reason}"
+    assert any(words in warning for warning in found.warnings)

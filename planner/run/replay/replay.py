@@ -13,6 +13,7 @@ import numpy as np
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
 from planner.identification.log import Log
+from planner.identification.resampling import measured_speed
 from planner.inversion.error_norm import error_norm
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.recorded_path import WHY, RecordedPath, check_length, recorded_path
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("percent", 100.0)}
 """By a log's unit: what people read, and how many of it one is."""
+
+FASTER = 1.05
+"""A joint that was faster than its model by this factor contradicts it: loads push it, too."""
 
 ROUNDING = 1e-9
 """Share of a tolerance by which rounding may miss it."""
@@ -232,9 +236,24 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     fast = {each.name for each in replay.planned if each.too_fast}
     if unknown := sorted(replay.path.open_top_speeds & fast):
         lines.append(f"faster by the model only of {', '.join(unknown)}: {OPEN_TOP_SPEED}")
+    if refuted := refuted_joints(replay):
+        lines.append(
+            f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
+            "by its model it can; identify it from this recording too"
+        )
     if untested:
         lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
     return "\n".join(lines)
+
+
+def refuted_joints(replay: Replay) -> list[str]:
+    """The joints that moved faster in the recording than their models can."""
+    return [
+        each.name
+        for each in replay.planned
+        if each.path.model is not None
+        and measured_speed(each.path.log) > FASTER * max(np.abs(each.path.model.speed_limits(0.0)))
+    ]
 
 
 def known(value: float) -> float | None:
@@ -304,6 +323,14 @@ def fastest_text(found: Fastest) -> str:
         low, high = float(np.min(found.factors)), float(np.max(found.factors))
         speed += f" in all, {low:.3g} to {high:.3g} along it ({found.constant:.3g} constant)"
     words = f"within {size} at {speed}"
+    if found.contradicted:
+        names = ", ".join(found.contradicted)
+        plural = "models" if len(found.contradicted) > 1 else "model"
+        return (
+            f"{words}; the recording contradicts the {plural} of {names}: at its own speed, from "
+            f"rest, no requests would keep {names} within {size}, but it was done, and no limit "
+            "follows; identify from this recording too, or begin where it rests"
+        )
     if found.impossible is None:
         none = "there is no lower bound for a foot" if found.foot else "no speed is proved too high"
         return f"{words}; {none}"
@@ -343,6 +370,7 @@ def fastest_document(found: Fastest) -> dict[str, Any]:
         "least_factor": float(np.min(found.factors)),
         "largest_factor": float(np.max(found.factors)),
         "impossible": impossible,
+        "contradicted": list(found.contradicted),
         "errors_by_speed": curve,
     }
 
