@@ -130,3 +130,8 @@ def test_a_joints_own_table_inherits_parameters_and_not_what_is_known_of_them(tm
     assert models.by_joint["knee"].evidence is None
     assert models.by_joint["hip"].evidence.intervals == {"lag": (0.01, 0.03)}
     assert np.isnan(models.by_joint["hip"].evidence.error)
+
+
+def test_what_rounds_to_nothing_is_written_without_a_sign(tmp_path):
+    write_joint_path(tmp_path / "path.csv", ["knee"], np.array([[-1e-16], [0.0]]), period=0.008)
+    assert (tmp_path / "path.csv").read_text() == "t_s,knee_deg\n0.0,0.0\n0.008,0.0\n"

@@ -89,6 +89,28 @@ def test_a_plan_from_rest_settles_too():
     np.testing.assert_allclose(load, pendulum(made.predicted[:, 0]), rtol=0.0, atol=ROUNDING)
 
 
+def test_whatever_is_asked_for_is_kept_under_a_load_of_the_pose():
+    told = []
+    made = planner.plan(
+        SOFT,
+        PATH,
+        names=["arm"],
+        cyclic=False,
+        start=0.85,
+        limits=(0.2, 1.7),
+        max_step=0.15,
+        smoothness=0.02,
+        norm="max",
+        load=pendulum,
+        progress=told.append,
+    )
+    (arm,) = made.inversions
+    assert made.names == ("arm",)
+    assert set(told) == {"arm"}
+    assert (arm.start, arm.limits, arm.norm) == (0.85, (0.2, 1.7), "max")
+    assert (arm.max_step, arm.smoothness, arm.cyclic) == (0.15, 0.02, False)
+
+
 def test_a_leg_carries_itself():
     leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
     foot_path = stride(leg).foot

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 from planner.inversion.bounds.certify import lower_bound
 from planner.inversion.result import Inversion
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from tests.instances import saturating
@@ -110,3 +111,13 @@ def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
     assert plan.gap == pytest.approx(plan.rms / 0.5 - 1.0)
     assert plan.lower_bound == 0.5
     assert len(asked) == 1
+
+
+def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    disturbance = 0.1 * np.roll(desired, 5)
+    plan = replace(plan_of(desired, desired), disturbance=disturbance)
+    assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
+    tested = ERS210A.with_evidence(Evidence(0.01))
+    assert replace(plan, model=tested, disturbance=None).expected.error > 0.01
+    assert math.isnan(replace(plan, model=tested).expected.error)
