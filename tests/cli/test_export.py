@@ -80,6 +80,19 @@ def test_folders_appear_whole(run, requests, tmp_path, kind, package, file):
     assert [each.name for each in (tmp_path / "out").iterdir()] == ["walk"]
 
 
+def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests, tmp_path):
+    pytest.importorskip("rosbags", reason="needs an extra")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs an extra")
+    assert (
+        run("export", requests, "--format", "bag", "--topic", "/arm/go", "-o", "bag").exit_code == 0
+    )
+    assert "name: /arm/go" in (tmp_path / "bag" / "metadata.yaml").read_text()
+    words = ("--format", "lerobot", "--task", "lift the cup")
+    assert run("export", requests, *words, "-o", "set").exit_code == 0
+    tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
+    assert [each["task"] for each in tasks] == ["lift the cup"]
+
+
 def test_a_file_without_times_needs_a_period(run, tmp_path):
     (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n3\n")
     result = run("export", "bare.csv", "--format", "csv", "--period-s", "0.5")

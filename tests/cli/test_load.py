@@ -263,3 +263,16 @@ def test_a_load_that_a_recording_does_not_tell_is_refused(run, swing, arguments,
     assert result.exit_code == 2
     assert message in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_every_joint_is_simulated_under_its_own_column(run):
+    torques = np.column_stack([np.zeros(50), np.full(50, 0.5)])
+    write_joint_path(
+        "two.csv", ["hip", "knee"], np.tile(DESIRED, 2), period=SOFT.period, loads=torques
+    )
+    result = run("simulate", "two.csv", "--model", "soft.toml", "--load", "column", "--json")
+    assert result.exit_code == 0, result.output
+    joints = json.loads(result.stdout)["joints"]
+    for name, torque in (("hip", 0.0), ("knee", 0.5)):
+        expected = np.degrees(planner.simulate(SOFT, DESIRED[:, 0], load=torque))
+        np.testing.assert_allclose(joints[name]["angles_deg"], expected, rtol=0.0, atol=1e-9)

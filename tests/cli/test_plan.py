@@ -188,6 +188,25 @@ def test_the_smaller_limit_on_steps_is_kept_by_joints_and_feet(
     assert 0.85 < np.max(steps) <= 0.9 * (1.0 + 1e-9)
 
 
+def test_limits_that_are_asked_for_take_the_place_of_the_legs(run, foot):
+    ask = ("plan", foot, "--leg", "front-left", "--json")
+    name, free = list(json.loads(run(*ask).stdout)["joints"].items())[-1]
+    low, high = min(free["requests_deg"]) + 0.1, max(free["requests_deg"]) - 0.1
+    result = run(*ask, "--limits-deg", f"{name}={low}:{high}")
+    assert result.exit_code == 0, result.stderr
+    kept = json.loads(result.stdout)["joints"][name]["requests_deg"]
+    assert low - 1e-9 <= min(kept) < max(kept) <= high + 1e-9
+
+
+def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):
+    motion = 0.03 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+    for unit, doubted in (("deg", True), ("rad", False)):
+        (tmp_path / "small.csv").write_text(
+            "\n".join([f"knee_{unit}", *map(repr, motion.tolist())])
+        )
+        assert ("are they radians?" in run("plan", "small.csv", "-o", "-").stderr) is doubted
+
+
 def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, desired, monkeypatch):
     monkeypatch.setattr("planner.inversion.result.Inversion.lower_bound", 0.5)
     result = run("plan", desired, "-o", "requests.csv")

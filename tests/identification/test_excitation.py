@@ -146,3 +146,9 @@ def test_rounding_does_not_leave_the_limits_either():
     assert middle + (middle - low) > high  # so that there is something to round
     made = excite("steps", limits=(low, high), period=0.02, duration=10.0)
     assert low <= np.min(made.requests) <= np.max(made.requests) <= high
+
+
+@pytest.mark.parametrize(("period", "highest"), [(0.01, 5.0), (0.05, 2.0)])
+def test_the_highest_frequency_is_a_tenth_of_the_rate_and_at_most_5_hertz(period, highest):
+    made, same = (signal("chirp", period=period, highest=each) for each in (None, highest))
+    assert np.array_equal(made.requests, same.requests)

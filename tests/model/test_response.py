@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.inversion.line_inverse import line_offset
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import path_speeds, simulate
 from tests.independent import from_rest, next_cycle, of_whole_ticks
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import models, trajectories
@@ -240,3 +240,22 @@ def _settles_in_one_place(model, requests, cyclic):
         if abs(back) > 0.98 * abs(step):
             return False
     return True
+
+
+def test_a_path_is_too_fast_by_the_top_speed_of_its_direction_under_its_load():
+    """1 rad/s faster up than down, and by 1 rad/s more under 1 N m, which acts in the last step."""
+    joint = JointModel(
+        v_max=4.0,
+        theta_0=0.5,
+        lag=0.0,
+        acceleration_time=0.1,
+        tick=0.1,
+        v_offset=0.5,
+        speed_per_torque=1.0,
+    )
+    path = np.array([0.0, 0.4, 0.0, 0.5])
+    found = path_speeds(joint, path, cyclic=True, load=np.array([0.0, 0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(found.speeds, [4.0, -4.0, 5.0, -5.0], atol=1e-12)
+    np.testing.assert_allclose(found.limits, [4.5, -3.5, 5.5, -3.5], atol=1e-12)
+    assert found.too_fast.tolist() == [False, True, False, True]
+    assert found.highest == pytest.approx((5.0, 3.5))
