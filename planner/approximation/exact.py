@@ -31,7 +31,6 @@ from planner.approximation.problem import (
     Candidate,
     Problem,
     nearest_samples,
-    required_knots,
     residuals,
     segment_allowed,
 )
@@ -93,13 +92,10 @@ class _BranchAndBound:
     def __init__(self, problem: Problem, start: Candidate) -> None:
         self._problem = problem
         self._relaxation = Relaxation(problem)
-        self._curves = KnotsOnSamples(problem)
+        self._tried: set[tuple[int, ...]] = set()
         knots = np.floor(start.knots + 0.5)
         knots = np.sort(np.mod(knots, problem.samples)) if problem.cyclic else knots
-        self.best = self._curves.moved(knots)
-        if problem.cyclic:
-            knots = np.sort(np.mod(self.best.knots, problem.samples))
-            self.best = self._curves.curve(knots)
+        self.best = best_values(problem, [knots])[0]
         ideal = ideal_of(problem)
         if float(np.sum((ideal - problem.desired) ** 2)) < self._enough:
             self._search()
@@ -171,9 +167,10 @@ class _BranchAndBound:
 
     def _try(self, chain: Sequence[int]) -> None:
         """Remember the curve with these knots if it is the best so far."""
-        curve = self._curves.curve(np.array(chain, dtype=np.float64))
-        if curve.error < self.best.error:
-            self.best = curve
+        if tuple(chain) not in self._tried:
+            self._tried.add(tuple(chain))
+            curve = best_values(self._problem, [np.array(chain, dtype=np.float64)])[0]
+            self.best = min(self.best, curve, key=attrgetter("error"))
 
 
 def halves_of(levels: Levels) -> list[Levels]:
@@ -190,46 +187,6 @@ def halves_of(levels: Levels) -> list[Levels]:
         if all(level.size for level in half):
             halves.append(half)
     return halves
-
-
-class KnotsOnSamples:
-    """Curves of best values at sets of knots on samples, each solved once."""
-
-    def __init__(self, problem: Problem) -> None:
-        """An empty store of curves."""
-        self._problem = problem
-        self._solved: dict[tuple[float, ...], Candidate] = {}
-
-    def curve(self, knots: Array) -> Candidate:
-        """The curve of best values at these knots."""
-        return self.curves([knots])[0]
-
-    def curves(self, several: Sequence[Array]) -> list[Candidate]:
-        """The curves of best values at as many knots each."""
-        keys = [tuple(np.asarray(knots, dtype=np.float64).tolist()) for knots in several]
-        new = [key for key in dict.fromkeys(keys) if key not in self._solved]
-        solved = best_values(self._problem, [np.array(key) for key in new])
-        self._solved.update(zip(new, solved, strict=True))
-        return [self._solved[key] for key in keys]
-
-    def moved(self, knots: Array) -> Candidate:
-        """The best curve reached by moving single knots and pairs of neighbours."""
-        best = self.curve(knots)
-        size = best.knots.size
-        movable = ~required_knots(self._problem, best.knots)[0]
-        groups = [[k] for k in range(size)] + [[k, (k + 1) % size] for k in range(size)]
-        groups = [group for group in groups if size > 1 and np.all(movable[group])]
-        improved = True
-        while improved:
-            improved = False
-            for group in groups:
-                moves = np.zeros((6, size))
-                moves[:, group] = np.array([-1.0, 1.0, -2.0, 2.0, -4.0, 4.0])[:, None]
-                tried = [each for each in best.knots + moves if self._problem.long_enough(each)]
-                other = min(self.curves(tried), key=attrgetter("error"), default=best)
-                if other.error < (1.0 - 1e-12) * best.error:
-                    best, improved = other, True
-        return best
 
 
 class Bound(NamedTuple):
@@ -400,38 +357,16 @@ def first_multipliers(
     """The multipliers at ``nodes`` that make ``curve`` the cheapest chain with its own knots.
 
     A segment is optimal if twice the sum of its residuals, P - d, equals the multiplier at its
-    start less that at its end; the first one follows from a segment whose slope is free.
+    start less that at its end. This leaves the mean of a cycle's open, which is put to zero.
     """
     residual = residuals(problem, curve.knots, curve.values)
     along = -2.0 * (np.cumsum(residual) - 0.5 * residual)
     if problem.cyclic:
-        along += _first_of_cycle(problem, curve, residual, along)
+        along -= np.mean(along)
     else:
         along[[0, -1]] = 0.0
     table = np.tile(along[nodes], (curve.knots.size, 1))
     return Multipliers(table, table.copy())
-
-
-def _first_of_cycle(problem: Problem, curve: Candidate, residual: Array, along: Array) -> float:
-    """What to add to the multipliers of a cycle, from the segments whose slopes are free if any."""
-    n = problem.samples
-    ends = np.append(curve.knots, curve.knots[0] + n).astype(np.intp)
-    values = np.append(curve.values, curve.values[0])
-    estimates = []
-    for i, j, rise in zip(ends[:-1], ends[1:], np.diff(values), strict=True):
-        if j == i:  # knots between samples, a hair less than one apart
-            continue
-        free = abs(rise) < problem.step * (j - i) * (1.0 - 1e-6)
-        inside = np.arange(i, j + 1)
-        share = np.full(inside.size, 2.0)
-        share[[0, -1]] = 1.0
-        turn = float(share * residual[inside % n] @ (inside - i))
-        start = along[i % n]
-        end = start - float(share @ residual[inside % n])
-        # d/dm about the start: turn + end (j - i) = 0 at the optimum, both raised by the answer.
-        estimates.append((free, -(turn + end * (j - i)) / (j - i)))
-    any_free = any(free for free, _ in estimates)
-    return float(np.mean([first for free, first in estimates if free or not any_free] or [0.0]))
 
 
 def climb(
