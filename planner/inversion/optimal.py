@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
@@ -37,7 +38,7 @@ from planner.inversion.robust import (
     checked_models,
     robust_requests,
 )
-from planner.inversion.smoothing import smoothed
+from planner.inversion.smoothing import allowed_beside, smoothed
 from planner.inversion.tracking_problem import TrackingProblem, track
 from planner.model.joint import JointModel, request_ages
 from planner.model.load import checked_load, felt
@@ -72,6 +73,9 @@ class FurtherSearchOptions:
 
 
 OPTIONS = FurtherSearchOptions()
+
+WITHIN_BAND = 1.0 - 1e-9
+"""Share of a dead band within which the first request is: rounding must not move the joint."""
 
 BARELY_SLOWER = 1e-3
 """By what share a speed may be below the top speed and count as it: the ideal is iterative."""
@@ -174,7 +178,7 @@ def invert_optimal(
     share = checked_smoothness(smoothness)
     if checked is not None:
         check_within(checked, desired=desired, start=start, model=model, load=torques)
-    follow = partial(
+    follow: Callable[..., TrackingProblem] = partial(
         track,
         model,
         cyclic=cyclic,
@@ -186,6 +190,8 @@ def invert_optimal(
     )
     problem = follow(desired)
     column = _best_requests(problem, solver)
+    if start is not None and model.dead_band and len(models) == 1:
+        follow, problem, column = _first_request_freed(follow, problem, column, solver, share)
     others = []
     if model.dead_band and share:
         least = LEAST_REVERSAL * model.dead_band
@@ -232,6 +238,35 @@ def _only(column: Array) -> Array:
     requests: Array = column[:, 0].copy()
     requests.setflags(write=False)
     return requests
+
+
+def _first_request_freed(
+    follow: Callable[..., TrackingProblem],
+    problem: TrackingProblem,
+    column: Array,
+    solver: Solver,
+    smoothness: float,
+) -> tuple[Callable[..., TrackingProblem], TrackingProblem, Array]:
+    """The problem from rest with the first request that serves best, and the plan for it.
+
+    Anywhere within the dead band it holds the joint at the start. Until it has left the window of
+    the acceleration it draws on a joint that moves, the less the nearer it is to the edge on the
+    side of the motion. The middle is left only for what a robot would show.
+    """
+    (model,), (middle,) = problem.models, problem.admissible(problem.resting)[0]
+    answers = []
+    for edge in (-WITHIN_BAND, WITHIN_BAND):
+        held = partial(follow, first=float(middle) + edge * model.dead_band)
+        other = held(problem.desired[:, 0])
+        requests = _best_requests(other, solver)
+        answers.append((other.exact_error(requests), held, other, requests))
+    error, held, other, requests = min(answers, key=itemgetter(0))
+    angles, best = problem.exact_angles(column), other.exact_angles(requests)
+    if angles is None or best is None or error >= problem.error(angles):
+        return follow, problem, column
+    if allowed_beside(problem, best, smoothness=smoothness).by(problem, angles):
+        return follow, problem, column
+    return held, other, requests
 
 
 def _best_requests(problem: TrackingProblem, solver: Solver) -> Array:

@@ -41,6 +41,7 @@ class TrackingProblem:
         lower, upper: Limits on the requests [rad], shape (joints,).
         max_step: Largest change from one request to the next [rad], shape (joints,), inf for none.
         start: From rest: angles at which the joints rest before the plan [rad], shape (joints,).
+        first: From rest: the requests that hold them there [rad], shape (joints,).
         movable: Requests that may be chosen, shape (n, joints): from rest the first ones hold the
             joints where they are.
         ridge: Curvature added to the goal's, where it does not see every angle.
@@ -57,10 +58,14 @@ class TrackingProblem:
         limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
         max_step: npt.ArrayLike = math.inf,
         start: Array | None = None,
+        first: Array | None = None,
         ridge: float = 0.0,
         loads: Loads | None = None,
     ) -> None:
-        """Take the problem as it is: the callers have checked it."""
+        """Take the problem as it is: the callers have checked it.
+
+        Without ``first`` the first requests are those in the middle of the dead bands.
+        """
         self.models = tuple(models)
         self.goal = goal
         self.cyclic = cyclic
@@ -72,6 +77,9 @@ class TrackingProblem:
         self.desired = desired
         self.loads = tuple(loads or [None] * len(self.models))
         self.sags = sags(self.models, self.loads)
+        self.first = first
+        if first is None and start is not None:
+            self.first = start - self.sag(0)
         self.resting = self.resting_requests()
         self.ridge = ridge
         self.movable = np.ones(desired.shape, dtype=np.bool_)
@@ -114,6 +122,7 @@ class TrackingProblem:
             limits=limits,
             max_step=self.max_step,
             start=self.start,
+            first=self.first,
             ridge=self.ridge,
             loads=self.loads,
         )
@@ -156,12 +165,12 @@ class TrackingProblem:
         with it see :func:`within_step`.
         """
         nearest = requests.copy()
-        if self.start is not None:
-            nearest[0] = self.start - self.sag(0)
+        if self.first is not None:
+            nearest[0] = self.first
         if self.limited:
             nearest = np.clip(nearest, self.lower, self.upper)
         if self.coupled:
-            first = None if self.start is None else nearest[0]
+            first = None if self.first is None else nearest[0]
             nearest = within_step(nearest, self.max_step, cyclic=self.cyclic, first=first)
             nearest = np.clip(nearest, self.lower, self.upper)  # rounding
         return nearest
@@ -258,6 +267,7 @@ def track(
     limits: Limits | None = None,
     max_step: float = math.inf,
     start: float | None = None,
+    first: float | None = None,
     load: Array | None = None,
 ) -> TrackingProblem:
     """The problem of one joint that should follow desired angles.
@@ -270,6 +280,7 @@ def track(
         limits: Smallest and largest request [rad]; None for none.
         max_step: Largest change from one request to the next [rad].
         start: From rest: where the joint rests before [rad].
+        first: From rest: the request that holds it there [rad]; by default the middle one of these.
         load: Torque on the joint [N m], shape (n,), or None.
     """
     return TrackingProblem(
@@ -281,6 +292,7 @@ def track(
         limits=limits,
         max_step=max_step,
         start=None if start is None else np.array([start]),
+        first=None if first is None else np.array([first]),
         loads=[load],
     )
 

@@ -303,3 +303,20 @@ def test_requests_of_known_lines_are_those_of_the_inversion_under_its_load():
         closed_form_requests(SERVO, made.approximation, load=[1.0, 2.0])
     with pytest.raises(InvalidInput, match="no request makes the joint follow a steeper line"):
         closed_form_requests(SERVO, made.approximation, load=8.0)
+
+
+def test_from_rest_the_first_request_is_the_one_in_the_dead_band_that_serves_best():
+    """It holds the joint at the start, at whichever place in the band that is."""
+    band = np.radians(8.0)
+    servo = JointModel(v_max=4.0, theta_0=0.1, lag=0.016, acceleration_time=0.064, dead_band=band)
+    desired = np.where(np.arange(30) < 2, 0.0, 0.5)
+    for way in (1.0, -1.0):
+        options = {"cyclic": False, "smoothness": 0.0, "max_step": 0.07}
+        plan = invert_optimal(servo, way * desired, **options)
+        assert 0.9 * band < way * plan.requests[0] <= band
+        held = simulate(servo, np.full(30, plan.requests[0]), cyclic=False, start=0.0)
+        assert np.max(np.abs(held)) == 0.0
+        # From the middle of the band no plan is better than 18.5 degrees.
+        assert plan.rms < np.radians(17.2)
+    rests = invert_optimal(servo, np.zeros(24), cyclic=False)
+    assert np.max(np.abs(rests.requests)) == 0.0
