@@ -13,7 +13,7 @@ from planner.exceptions import InvalidFile
 from planner.files.text import read_json, to_json, write_text
 from planner.inversion.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
-from planner.trajectory import Array
+from planner.trajectory import LARGEST, Array
 
 FORMAT = "request-planner refine 1"
 """The value of ``format``, by which such a file is known."""
@@ -57,7 +57,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
             )
             for name, state in content["plans"].items()
         }
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidFile(path, f"damaged ({error}); begin another file") from error
     if set(states) != set(names) or len(angles) != len(desired):
         raise InvalidFile(
@@ -69,6 +69,24 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
         raise InvalidFile(
             path, "got the trials of another desired path; begin another file for this one"
         )
+    for name, state in states.items():
+        columns = desired.shape[1] if len(state.models) > 1 else 1
+        for number, trial in enumerate(state.learning.trials, start=1):
+            expected = (len(desired), columns)
+            if trial.requests.shape != expected or trial.measured.shape[1:] != expected:
+                raise InvalidFile(
+                    path,
+                    f"damaged (trial {number} of {name}: got requests and angles of shapes "
+                    f"{trial.requests.shape} and {trial.measured.shape}, expected "
+                    f"{len(desired)} rows of {columns}); begin another file",
+                )
+            sizes = np.concatenate([trial.requests.ravel(), trial.measured.ravel()])
+            if not np.all(np.abs(sizes) <= LARGEST):
+                raise InvalidFile(
+                    path,
+                    f"damaged (trial {number} of {name} has angles that are not finite); begin "
+                    "another file",
+                )
     return states
 
 

@@ -8,10 +8,11 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from planner.exceptions import InvalidFile
 from planner.files.limits import MOST_CELLS, MOST_COLUMNS
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
+
+FORMULAS = ("=", "+", "-", "@", "\t", "\r")
+"""What a text begins with that a spreadsheet takes as a formula."""
 
 DECIMALS = 12
 """Decimals that are written: beyond any sensor, and short for numbers that were short before."""
@@ -136,7 +140,7 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
             if named and reader.line_num == 1:
                 continue
             if not names:
-                names = _checked_names(path, [cell.strip() for cell in cells], reader.line_num)
+                names = _checked_names(path, [_title(cell) for cell in cells], reader.line_num)
                 continue
             if len(cells) != len(names):
                 line = reader.line_num
@@ -201,12 +205,31 @@ def write_table(path: Path | str, names: Sequence[str], values: Array) -> None:
 
 def table_text(names: Sequence[str], values: Array) -> str:
     """Columns, ``values`` (n, len(names)), as CSV."""
+    rounded = np.round(values, DECIMALS) + 0.0  # no negative zero
+    return csv_text(names, rounded.tolist())
+
+
+def csv_text(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A header and rows as CSV; every CSV file of this package is written by it.
+
+    A spreadsheet takes a text that begins with ``=``, ``+``, ``-`` or ``@`` as a formula: such a
+    text is written with an apostrophe before it, which :func:`read_table` takes off the titles.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
-    rounded = np.round(values, DECIMALS) + 0.0  # no negative zero
-    writer.writerows(rounded.tolist())
+    for row in (names, *rows):
+        writer.writerow(["'" + each if _is_formula(each) else each for each in row])
     return stream.getvalue()
+
+
+def _is_formula(cell: object) -> bool:
+    return isinstance(cell, str) and cell.lstrip("'").startswith(FORMULAS)
+
+
+def _title(cell: str) -> str:
+    """The title that :func:`csv_text` wrote as this."""
+    cell = cell.strip()
+    return cell[1:] if cell.startswith("'") and _is_formula(cell) else cell
 
 
 def nearest(name: str, names: Sequence[str]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.trajectory import Array
+from planner.validation import freeze
 
 Method = Literal["closed_form", "optimal"]
 
@@ -95,6 +96,11 @@ class Inversion:
     load_of_pose: bool = False
     disturbance: Array | None = None
     learning: Learning | None = None
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze what was copied or read from a pickle."""
+        self.__dict__.update(state)
+        freeze(*(each for each in state.values() if isinstance(each, np.ndarray)))
 
     @cached_property
     def predicted(self) -> Array:

@@ -208,3 +208,29 @@ def test_a_damaged_history_is_refused_in_one_line(run, desired, execute, tmp_pat
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
     assert "all.json" in result.stderr
+
+
+@pytest.mark.parametrize("damage", ["digits", "length", "nothing"])
+def test_a_history_with_a_number_or_a_trial_that_cannot_be_is_refused_in_one_line(
+    run, desired, execute, tmp_path, damage
+):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
+    line = (*line, "--history", "all.json", "-o", "next.csv")
+    assert run(*line).exit_code == 0
+    history = json.loads((tmp_path / "all.json").read_text())
+    (name, *_) = history["plans"]
+    trial = history["plans"][name]["learning"]["trials"][0]
+    if damage == "digits":
+        trial["measured_rad"][0][0][0] = 10**400
+    elif damage == "length":
+        trial["measured_rad"] = [cycle[:-1] for cycle in trial["measured_rad"]]
+    else:
+        trial["requests_rad"][0][0] = None
+    (tmp_path / "all.json").write_text(json.dumps(history))
+    result = run(*line)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert "all.json: damaged (" in result.stderr
+    assert "begin another file" in result.stderr

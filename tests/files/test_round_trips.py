@@ -135,3 +135,14 @@ def test_a_joints_own_table_inherits_parameters_and_not_what_is_known_of_them(tm
 def test_what_rounds_to_nothing_is_written_without_a_sign(tmp_path):
     write_joint_path(tmp_path / "path.csv", ["knee"], np.array([[-1e-16], [0.0]]), period=0.008)
     assert (tmp_path / "path.csv").read_text() == "t_s,knee_deg\n0.0,0.0\n0.008,0.0\n"
+
+
+@pytest.mark.parametrize("name", ["=1+2", "+knee", "-knee", "@SUM(A1)", "'=knee", "'knee"])
+def test_a_title_that_a_spreadsheet_takes_as_a_formula_is_written_as_text_and_read_back(
+    tmp_path, name
+):
+    angles = np.linspace(0.0, 0.1, 12).reshape(6, 2)
+    write_joint_path(tmp_path / "path.csv", [name, "hip"], angles, period=0.02)
+    titles = (tmp_path / "path.csv").read_text().splitlines()[0].split(",")
+    assert not any(title.startswith(("=", "+", "-", "@")) for title in titles)
+    assert read_joint_path(tmp_path / "path.csv").names == (name, "hip")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 from planner.inversion.bounds.certify import lower_bound
+from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
@@ -121,3 +124,16 @@ def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_prom
     tested = ERS210A.with_evidence(Evidence(0.01))
     assert replace(plan, model=tested, disturbance=None).expected.error > 0.01
     assert math.isnan(replace(plan, model=tested).expected.error)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda plan: pickle.loads(pickle.dumps(plan))]
+)
+def test_a_copy_of_a_plan_is_read_only_too(copied):
+    plan = invert_optimal(ERS210A, 0.3 * np.sin(np.linspace(0.0, 6.0, 30)), cyclic=False)
+    assert plan.predicted.size
+    again = copied(plan)
+    for name in ("desired", "requests", "predicted"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(again, name)[0] = 1.0

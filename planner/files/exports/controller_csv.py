@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +12,7 @@ import numpy.typing as npt
 
 from planner.exceptions import InvalidInput
 from planner.files.clock import TIME
-from planner.files.table import DECIMALS, write_table
+from planner.files.table import DECIMALS, csv_text, write_table
 from planner.files.text import write_text
 from planner.files.units import ANGLES
 from planner.robot.schedule import Schedule
@@ -64,13 +62,9 @@ def write_controller_csv(
         return
     if unit not in UNITS:
         raise InvalidInput(f"unit: got '{unit}', expected {', '.join(UNITS)}")
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(names)
     times = np.round(schedule.times, DECIMALS).tolist()
     rows = zip(times, to_ticks(schedule, ticks or Ticks()).tolist(), strict=True)
-    writer.writerows([time, *row] for time, row in rows)
-    write_text(path, stream.getvalue())
+    write_text(path, csv_text(names, ([time, *row] for time, row in rows)))
 
 
 def to_ticks(schedule: Schedule, ticks: Ticks) -> npt.NDArray[np.int64]:

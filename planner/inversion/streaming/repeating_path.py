@@ -59,6 +59,11 @@ class RepeatingPath:
         self._kept = math.exp(-1.0 / (MEMORY * cycle))
         self._errors = np.zeros(2)  # sums of squares [rad^2]
 
+    @property
+    def memory(self) -> tuple[Array, ...]:
+        """What changes from tick to tick, to be written to another path of the same sizes."""
+        return self._rows, self._expected, self._counts, self._errors
+
     def reset(self) -> None:
         """Forget everything."""
         self._rows[:] = np.nan

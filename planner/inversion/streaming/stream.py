@@ -18,9 +18,11 @@ repeats, what follows the known stretch is taken from the cycle before (``repeat
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -117,6 +119,10 @@ TURN = 2.0 * math.pi
 
 LEAST_COST = 1e-12
 """Cost below which nothing is left to gain [rad^2]."""
+
+
+_STATE = ("_angles", "_sent", "_plan", "_damping", "_status", "_problem")
+"""What of a stream changes from tick to tick."""
 
 
 class Stream:
@@ -246,6 +252,27 @@ class Stream:
         self._at = self._joints[:, np.newaxis], np.clip(at.astype(np.intp), 0, max(n - 2, 0))
         self._share = at - self._at[1]
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle: what it was made from and what it has learnt, not compiled buffers."""
+        options = {
+            "preview": self.preview,
+            "limits": (self._lower, self._upper),
+            "max_step": None if np.isinf(self._step).all() else self._step,
+            "cycle": self.cycle,
+            "on_bad": "raise" if self._raises else "hold",
+        }
+        known = dict(zip(self.names, self.models, strict=True))
+        state = {name: getattr(self, name) for name in _STATE}
+        state["memory"] = () if self._repeating is None else self._repeating.memory
+        return _made_again, (known, options), state
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Take a copy of another stream's state."""
+        self.__dict__.update(deepcopy({name: state[name] for name in _STATE}))
+        if self._repeating is not None:
+            for mine, others in zip(self._repeating.memory, state["memory"], strict=True):
+                mine[:] = others
 
     def reset(self) -> None:
         """Forget everything: the next step is a first one, with the joints at rest."""
@@ -505,3 +532,10 @@ def _clipped(values: Array, least: npt.ArrayLike, most: npt.ArrayLike) -> Array:
     """np.clip, whose checks take longer than the work at this size."""
     clipped: Array = np.minimum(np.maximum(values, least), most)
     return clipped
+
+
+def _made_again(models: Mapping[str, JointModel], options: Mapping[str, Any]) -> Stream:
+    """The stream of a copy, without the warnings that the first one had."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return Stream(models, **options)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from planner.files.staging import MANIFEST, list_files
+from planner.files.table import csv_text
 from planner.files.text import to_json, write_text
 from planner.report.page import linked_files, versions
 from planner.report.sweep import missed, points_table, sweep_page, verdict
@@ -58,9 +57,7 @@ def write_sweep(folder: Path, space: Space, swept: Swept) -> dict[str, Any]:
         ``results.json``.
     """
     names, table = columns(swept), rows(swept)
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows([names, *table])
-    write_text(folder / "points.csv", stream.getvalue())
+    write_text(folder / "points.csv", csv_text(names, table))
     _write_parquet(folder / "points.parquet", names, table)
     page, run = folder / "report.html", space.settings
     files: list[tuple[str, Path | str]] = [("sweep", space.file.path)]

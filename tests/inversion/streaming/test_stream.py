@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import tracemalloc
 from dataclasses import replace
 
@@ -608,3 +610,19 @@ def test_a_joint_that_was_moved_counts_at_its_second_reading():
         problems.append(stream.problem)
     assert [k for k, problem in enumerate(problems) if problem] == [20]
     assert stream.angles[0] > 0.1  # where the model, which the requests hold at 0, is drawn to
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda stream: pickle.loads(pickle.dumps(stream))]
+)
+@pytest.mark.parametrize("options", [{}, {"cycle": 50, "max_step": 0.1, "limits": (-1.0, 1.0)}])
+def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
+    joint, path = planner.JointModel.ers210a(), smooth_path(140)
+    stream = planner.Stream({"knee": joint}, preview=PREVIEW, **options)
+    rows = stretches(path)
+    for each in rows[:80]:
+        stream.step(each)
+    again = copied(stream)
+    assert again.names == ("knee",)
+    told = [again.step(each) for each in rows[80:]]
+    np.testing.assert_array_equal(told, [stream.step(each) for each in rows[80:]])
