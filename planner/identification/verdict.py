@@ -53,6 +53,8 @@ class VerdictOptions:
         spans: Times its error that a motion should span: one that comes and goes evenly has a
             standard deviation of a third of its span, of which an error of a tenth is no reason
             for doubt (none; none).
+        scaled: Correlation from which on angles of another span are requests in another scale: what
+            holds a joint up bends its motion, too.
         loose: A time whose interval is wider than this share of it, and than two ticks, is
             pointed out (two warnings more; none).
         sudden: A step of the requests is sudden beyond this share of the span of requests and
@@ -71,6 +73,7 @@ class VerdictOptions:
     simpler_wins: float = 1.02
     little_motion: float = 0.2
     spans: float = 30.0
+    scaled: float = 0.9
     loose: float = 0.5
     sudden: float = 0.1
     sign_likeness: float = 1.05
@@ -156,21 +159,22 @@ def verdict_on(
     mere = min(simple["raw"], simple["delay"])
     useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
     fits = missed <= OPTIONS.refused and not useless
+    reasons = _other_scale(fit.grid, unit) or REASONS
     share = f"{missed:.0%} of the motion's standard deviation{where} (rms {said(error, unit)})"
     if useless:
         note(
             "fit",
             f"the model does not fit: it misses {share}, and a mere delay hardly more "
-            f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {REASONS}",
+            f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {reasons}",
         )
     elif not fits:
         note(
             "fit",
             f"the model does not fit: it misses {share}; more than {OPTIONS.refused:.0%} is not "
-            f"accepted; {REASONS}",
+            f"accepted; {reasons}",
         )
     elif missed > OPTIONS.suspect:
-        note("error", f"the model misses {share}; {REASONS}")
+        note("error", f"the model misses {share}; {reasons}")
     if not fits and (span := float(np.ptp(fit.grid.angles))) < OPTIONS.little_motion:
         note(
             "motion",
@@ -399,6 +403,24 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
     if other < OPTIONS.least_likeness or not as_good or delay >= same_delay:
         return None
     return OppositeSign(delay, other, same_delay, same)
+
+
+def _other_scale(grid: Grid, unit: str) -> str:
+    """What speaks for columns in two scales, in words: angles like requests of another span.
+
+    Empty where nothing does.
+    """
+    requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
+    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
+        return ""
+    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, OPTIONS.delays))) < OPTIONS.scaled:
+        return ""
+    return (
+        f"the angles are like the requests but span {said(actual, unit)} beside "
+        f"{said(requested, unit)}: is the scale of a column wrong? expected actual angles times "
+        f"{requested / actual:.3g}, or requested ones times {actual / requested:.3g}; "
+        f"if not, {REASONS}"
+    )
 
 
 def exchanged_columns(grid: Grid) -> str:
