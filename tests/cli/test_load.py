@@ -276,3 +276,16 @@ def test_every_joint_is_simulated_under_its_own_column(run):
     for name, torque in (("hip", 0.0), ("knee", 0.5)):
         expected = np.degrees(planner.simulate(SOFT, DESIRED[:, 0], load=torque))
         np.testing.assert_allclose(joints[name]["angles_deg"], expected, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("tolerance", "status"), [(0.0001, 1), (5.0, 0)])
+def test_a_replay_says_by_how_many_centimetres_the_foot_is_off(run, swing, tolerance, status):  # noqa: ARG001
+    result = run(*REPLAY, *RENAMED, "--speed", 2, "--tolerance-cm", tolerance, "--json")
+    assert result.exit_code == status, result.output
+    if status:
+        leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
+        joint = json.loads(result.stdout)["joints"]["Lift"]
+        length = np.linalg.norm(leg.foot_positions([[0.0]])[0])
+        about = 100.0 * length * np.radians(joint["planned"]["rms_deg"])
+        said = float(result.stderr.partition("the foot is off by ")[2].partition(" cm")[0])
+        assert said == pytest.approx(about, rel=0.01)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -196,6 +197,26 @@ def test_limits_that_are_asked_for_take_the_place_of_the_legs(run, foot):
     assert result.exit_code == 0, result.stderr
     kept = json.loads(result.stdout)["joints"][name]["requests_deg"]
     assert low - 1e-9 <= min(kept) < max(kept) <= high + 1e-9
+
+
+def test_every_joint_keeps_its_own_model_at_another_rate(run, desired):
+    JOINT.to_toml("models.toml")
+    with Path("models.toml").open("a") as file:
+        file.write("[knee]\nlag = 0.06\n")
+    ask = ("plan", desired, "--model", "models.toml", "--rate-hz", 62.5, "--json")
+    both, knee = (json.loads(run(*ask, *words).stdout) for words in ((), ("--joint", "knee")))
+    assert both["joints"]["knee"] == knee["joints"]["knee"]
+    assert both["period_s"] == 0.016
+
+
+@pytest.mark.parametrize("tick", [0.004, 0.016])
+def test_joints_that_are_requested_at_different_rates_are_refused(run, desired, tick):
+    JOINT.to_toml("models.toml")
+    with Path("models.toml").open("a") as file:
+        file.write(f"[knee]\ntick = {tick}\n")
+    result = run("plan", desired, "--model", "models.toml")
+    assert result.exit_code == 2
+    assert f"'knee' takes a request every {tick:g} s and 'hip' every 0.008 s" in result.stderr
 
 
 def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):

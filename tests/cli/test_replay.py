@@ -8,6 +8,7 @@ import pickle
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -500,6 +501,17 @@ def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model
     steps = np.abs(np.diff(np.loadtxt("out.csv", delimiter=",", skiprows=1), axis=0)).max(axis=0)
     assert steps[1] <= 2.0 + 1e-6
     assert steps[2] <= 0.02 + 1e-6
+
+
+def test_limits_of_a_joint_in_shares_are_percent_of_its_range(run, demo, model):
+    ask = ("replay", demo, "--model", model, "--joint", "jaw", "-o", "out.csv")
+    result = run(*ask, "--limits-deg", "jaw=28:82")
+    assert result.exit_code == 0, result.stderr
+    with Path("out.csv").open() as file:
+        place = file.readline().strip().split(",").index("req_jaw_range")
+    jaw = np.loadtxt("out.csv", delimiter=",", skiprows=1)[:, place]
+    assert jaw.min() == pytest.approx(0.28)
+    assert jaw.max() <= 0.82 + 1e-9
 
 
 def test_a_tolerance_without_a_search_is_a_check(run, demo, model):

@@ -146,6 +146,13 @@ def test_models_are_inline_or_files_for_all_joints_or_for_one(run, write, desire
     assert np.max(np.abs(planner.simulate(hip, requests[:, 0]) - angles[:, 0])) <= SAME
 
 
+def test_a_joint_with_a_model_of_its_own_is_named(run, write, desired):
+    assert desired.exists()
+    result = run("run", write(JOINTS + "[model.joints.knee]\nlag = 0.04\n"))
+    assert result.exit_code == 0, result.stderr
+    assert "model: ers210a, a joint of the Sony Aibo; knee with a model of its own" in result.stderr
+
+
 def test_a_walk_is_sized_for_the_leg_of_a_description_near_a_pose(run, write, tmp_path):
     from kinematics import urdf_path
 

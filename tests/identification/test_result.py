@@ -13,7 +13,7 @@ from planner.identification.log import Log
 from planner.identification.result import LogFit, speed_against_error
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from tests.identification.made import identified_steps
+from tests.identification.made import identified_rich, identified_steps
 
 ON_THE_LINE = 1e-9
 """With a row every tick a dot is Equation 3 itself, up to rounding [share of the top speed]."""
@@ -133,3 +133,11 @@ def test_a_joint_was_as_fast_as_in_rows_that_are_not_fitted():
     assert found.to_dict()["logs"][0]["left_out"] == fit.left_out
     words = f"not fitted: {fit.left_out[reason]} {reason}"
     assert any(words in warning for warning in found.warnings)
+
+
+def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out():
+    found = identified_rich()
+    for held_out, expected in ((2.0 * found.rms, 2.0), (0.5 * found.rms, 1.0), (None, 1.0)):
+        other = replace(found, held_out_rms=held_out)
+        assert other.expected_error == expected * found.rms
+        assert other.model.evidence.error == expected * found.rms
