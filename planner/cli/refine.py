@@ -109,6 +109,11 @@ def refine(
     prepared = prepare(run)
     desired = prepared.desired
     options.warn_of(desired.remarks)
+    if desired.foot is not None and "method" not in run.plan.keys_set:
+        warn(
+            f"learning joint by joint, as --method is {run.plan.method}: after a plan for the foot "
+            "give --method foot-optimal here too"
+        )
     executed = read_executed(requests, prepared)
     angles, left = read_measured(measured, prepared, cycles=cycles)
     if left:

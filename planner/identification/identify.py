@@ -52,6 +52,7 @@ CORRELATION_DIGITS = 4
 """Decimals of correlations: a model file has a row of them for each parameter."""
 
 
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
 def identify(
     logs: Any, *, tick: float | None = None, hold: int | None = None, hold_out: bool = True
 ) -> Identification:

@@ -81,6 +81,7 @@ BARELY_SLOWER = 1e-3
 """By what share a speed may be below the top speed and count as it: the ideal is iterative."""
 
 
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
 def invert_optimal(
     model: ModelOrModels,
     desired: npt.ArrayLike,

@@ -51,6 +51,17 @@ class PlannedJoints(NamedTuple):
         return PlannedJoints.of(replace(self.plan, models=models))
 
     @property
+    def desired(self) -> Array:
+        """Desired angles of the joints [rad], (n, k); those nearest to the foot's path for a foot.
+
+        They are what a file of the path would hold in place of measured angles.
+        """
+        plan = self.plan
+        if isinstance(plan, Inversion):
+            return plan.desired[:, np.newaxis]
+        return plan.leg.inverse(plan.desired_foot, unreachable="clamp").angles
+
+    @property
     def cyclic(self) -> bool:
         """Whether the requests repeat."""
         return self.plan.cyclic

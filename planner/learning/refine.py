@@ -23,7 +23,12 @@ from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
 from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
-from planner.learning.measurements import check_motion, check_new, check_same_motion
+from planner.learning.measurements import (
+    check_motion,
+    check_new,
+    check_not_desired,
+    check_same_motion,
+)
 from planner.learning.planned_joints import PlannedJoints
 from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
@@ -89,6 +94,7 @@ Planned = TypeVar("Planned", Inversion, FootInversion)
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
 
 
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
 def refine(
     plan: AnyPlan,
     measured: npt.ArrayLike,
@@ -222,6 +228,7 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
     requests = plan.requests.reshape(cycles.shape[1:])
     modelled = joints.respond(requests)
     check_motion(cycles, requests, modelled)
+    check_not_desired(cycles, joints.desired, modelled)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
         remarks.append("the first cycle differs from the others: it is taken for the way into them")

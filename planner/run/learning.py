@@ -14,7 +14,9 @@ import numpy as np
 
 from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.files.paths import JointPath, read_joint_path
+from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
+from planner.files.table import read_table
+from planner.files.units import split_unit
 from planner.inversion.arguments import checked_smoothness
 from planner.inversion.foot.result import FootInversion
 from planner.inversion.result import Inversion
@@ -126,7 +128,7 @@ def read_measured(
     desired, found, left = prepared.desired, [], 0
     samples = len(desired.angles)
     for path in paths:
-        given = read_joint_path(path, joints=desired.names)
+        given = _measured_joints(path, desired.names)
         _check_rate(given, desired.period)
         if desired.units is not None and given.units != desired.units:
             pairs = zip(desired.names, given.units, desired.units, strict=True)
@@ -156,6 +158,26 @@ def read_measured(
             paths[0], f"got {len(all_of_them)} of {samples} rows, expected {cycles} cycles"
         )
     return all_of_them[: cycles or len(all_of_them)], left
+
+
+def _measured_joints(path: str, names: Sequence[str]) -> JointPath:
+    """The measured angles of these joints.
+
+    Raises:
+        InvalidFile: Some of them were not measured.
+    """
+    table = read_table(path)
+    measured = {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
+    missing = [name for name in names if name not in measured]
+    if missing and len(missing) < len(names):
+        raise InvalidFile(
+            path,
+            f"no measured angles of {', '.join(missing)}, expected a column for each of "
+            f"{', '.join(names)}: record them too; of a path of joints, --joint chooses which to "
+            "learn",
+            line=1,
+        )
+    return joint_path(table, joints=names)
 
 
 def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion | FootInversion]:

@@ -234,3 +234,38 @@ def test_a_history_with_a_number_or_a_trial_that_cannot_be_is_refused_in_one_lin
     assert result.stderr.count("\n") == 1
     assert "all.json: damaged (" in result.stderr
     assert "begin another file" in result.stderr
+
+
+def test_the_desired_path_is_not_taken_for_a_measured_one(run, desired):
+    run("plan", desired, "-o", "requests.csv")
+    result = run("refine", "requests.csv", desired, "--desired", desired, "-o", "next.csv")
+    assert result.exit_code == 2
+    assert "the angles of the joint are the desired ones" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_joints_that_were_not_measured_are_named(run, desired, execute, tmp_path):
+    run("plan", desired, "-o", "requests.csv")
+    execute()
+    whole = read_joint_path("measured.csv")
+    write_joint_path(tmp_path / "knee.csv", ["knee"], whole.angles[:, 1:], period=0.008)
+    line = ("refine", "requests.csv", "knee.csv", "--desired", desired)
+    result = run(*line)
+    assert result.exit_code == 2
+    assert "knee.csv, line 1: no measured angles of hip, expected a column" in result.stderr
+    assert "did you mean" not in result.stderr
+    assert run(*line, "--joint", "knee", "--no-reidentify", "-o", "next.csv").exit_code == 0
+
+
+@pytest.mark.parametrize("method", [None, "optimal"])
+def test_learning_a_foot_path_joint_by_joint_is_said_unless_it_was_asked_for(
+    run, foot, execute, method
+):
+    given = () if method is None else ("--method", method)
+    leg = ("--leg", "front-left", *given)
+    run("plan", foot, *leg, "-o", "requests.csv")
+    execute()
+    line = ("refine", "requests.csv", "measured.csv", "--desired", foot, *leg)
+    result = run(*line, "--no-reidentify", "-o", "next.csv")
+    assert result.exit_code == 0
+    assert ("give --method foot-optimal here too" in result.stderr) == (method is None)

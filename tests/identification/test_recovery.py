@@ -232,3 +232,22 @@ def test_logs_may_be_plain_arrays(form):
     }[form]
     expected = planner.identify(log, hold_out=False).model
     assert planner.identify(given, hold_out=False).model == expected
+
+
+def test_numbers_too_small_to_matter_do_not_end_an_identification_or_a_plan():
+    """Underflow is an error only where a user says so, and then not in here."""
+    model = planner.JointModel(
+        v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.06, tick=0.005, hold=4
+    )
+    times = 0.02 * np.arange(400)
+    requests = 0.6 * np.sign(np.sin(np.pi * times)) + 0.3 * np.sin(1.4 * np.pi * times)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=400)
+    log = planner.Log(
+        times=times,
+        requests=requests,
+        angles=planner.simulate(model, requests, cyclic=False) + noise,
+    )
+    with np.errstate(all="raise"):
+        assert planner.identify(log).model.v_max == pytest.approx(5.0, rel=0.05)
+        path = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88)
+        assert planner.invert_optimal(planner.JointModel.ers210a(), path, norm="max").gap >= 0.0

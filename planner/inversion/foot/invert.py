@@ -106,6 +106,7 @@ class FollowFoot:
         return Errors(values, stacked * self._scale[:, np.newaxis])
 
 
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
 def invert_foot(
     models: ModelOrModels | Sequence[ModelOrModels],
     leg: Leg,
