@@ -20,10 +20,10 @@ Norm = Literal["rms", "max"]
 NORMS: tuple[Norm, ...] = ("rms", "max")
 """The error that counts: the root mean square, or the largest."""
 
-Solver = Literal["gauss-newton", "ipopt", "fatrop"]
+Solver = Literal["gauss-newton", "ipopt"]
 
-SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt", "fatrop")
-"""What solves the problem of the optimised inversion: the package's own, or CasADi's."""
+SOLVERS: tuple[Solver, ...] = ("gauss-newton", "ipopt")
+"""Solvers of the optimised inversion: the package's own, and IPOPT through CasADi."""
 
 Limits = tuple[float, float]
 

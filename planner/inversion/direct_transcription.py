@@ -1,4 +1,4 @@
-"""The optimised inversion as a nonlinear programme, transcribed for IPOPT or fatrop by CasADi.
+"""The optimised inversion as a nonlinear programme, transcribed for IPOPT by CasADi.
 
 Direct transcription: all angles M and all requests R are unknowns, and the model is a condition on
 them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010, ch. 4;
@@ -14,20 +14,18 @@ them (J. T. Betts, *Practical Methods for Optimal Control Using Nonlinear Progra
 with c + kappa tau_k for c under a load. F is one request period of the joint, with the corners of
 Equation 2 rounded, and first and last are the ages of the requests that act. The programme is
 solved for smaller and smaller radii of the corners, each time from the answer before. With sharp
-corners both solvers fail, or report success at two or three times the error; therefore every answer
-is judged by the exact model, and the best one is kept.
+corners IPOPT fails, or reports success at two or three times the error; therefore every answer is
+judged by the exact model, and the best one is kept.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.exceptions import SolverFailed, angle_text
 from planner.inversion.arguments import Norm
@@ -37,27 +35,12 @@ from planner.model.joint import JointModel, acting, request_ages
 from planner.model.symbolic import period
 from planner.trajectory import Array
 
-NlpSolver = Literal["ipopt", "fatrop"]
-
-NLPSOL_OPTIONS = {"print_time": False, "error_on_fail": False, "expand": True}
-"""Options of ``casadi.nlpsol``: scalar operations in place of matrices, and no output."""
-
-SOLVER_OPTIONS: dict[NlpSolver, dict[str, Any]] = {
-    "ipopt": {"print_level": 0, "sb": "yes"},
-    "fatrop": {"print_level": 0},
-}
-"""Options of each solver: no output."""
-
-ENDS_APART = 1e-5
-"""How far the ends of a cycle may be apart for fatrop [theta_0]. With an equality it does not
-converge on cycles that are saturated throughout, where such a condition is singular."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TranscriptionOptions:
     """How the programme is set up and solved.
 
-    Measured with IPOPT on 14 instances of the benchmark: the rms is 0.02 % above that of the solver
+    Measured on 14 instances of the benchmark: the rms is 0.02 % above that of the solver
     "gauss-newton" on average, 0.2 % at worst; the figures below are changes of this excess.
 
     Attributes:
@@ -79,18 +62,12 @@ class TranscriptionOptions:
 OPTIONS = TranscriptionOptions()
 
 
-def transcribed_requests(
-    problem: TrackingProblem,
-    state: State,
-    *,
-    solver: NlpSolver,
-) -> Array:
-    """The best requests that a solver finds for one joint.
+def transcribed_requests(problem: TrackingProblem, state: State) -> Array:
+    """The best requests that IPOPT finds for one joint.
 
     Args:
         problem: Joint, boundary, limits and norm.
         state: Requests and angles to set out from; the answer is at least as good.
-        solver: "ipopt" or "fatrop".
 
     Returns:
         Requests within the limits [rad], shape (n, 1).
@@ -102,49 +79,42 @@ def transcribed_requests(
 
     if not problem.cyclic and len(problem.desired) <= problem.ages.youngest + 1:
         return state.requests  # none of the requests that may be chosen acts before the end
-    unit = problem.models[0].theta_0
+    samples, unit = len(problem.desired), problem.models[0].theta_0
     scaled = _Scaled.of(problem, state, OPTIONS.weight)
-    programme = _transcribed(scaled) if solver == "ipopt" else _transcribed_in_stages(scaled)
-    settings = {**SOLVER_OPTIONS[solver], "max_iter": OPTIONS.iterations}
-    solve = casadi.nlpsol(
-        "inversion",
-        solver,
-        programme.nlp,
-        {**NLPSOL_OPTIONS, **programme.structure, solver: settings},
-    )
+    programme = _transcribed(scaled)
+    settings = {"print_level": 0, "sb": "yes", "max_iter": OPTIONS.iterations}
+    options: dict[str, Any] = {
+        "print_time": False,
+        "error_on_fail": False,
+        "expand": True,
+        "ipopt": settings,
+    }
+    solve = casadi.nlpsol("inversion", "ipopt", programme.nlp, options)
     best, least = state.requests, problem.exact_error(state.requests)
     point, solved, status = programme.initial, False, ""
     for radius in OPTIONS.radii:
         answer = solve(x0=point, p=radius, **programme.bounds)
-        status, iterations = _status(solve.stats()), solve.stats()["iter_count"]
+        status, iterations = str(solve.stats()["return_status"]), solve.stats()["iter_count"]
         found = np.asarray(answer["x"], dtype=np.float64).ravel()
-        outcome = f"{solver}, corners of {radius:g} theta_0: {status} after {iterations} iterations"
+        outcome = f"ipopt, corners of {radius:g} theta_0: {status} after {iterations} iterations"
         if not solve.stats()["success"] or not np.all(np.isfinite(found)):
             logging.getLogger(__name__).debug("%s", outcome)
             continue
         point, solved = found, True
         requests = problem.resting.copy()
-        requests[programme.chosen, 0] = unit * found[programme.places]
+        requests[:samples, 0] = unit * found[samples : 2 * samples]
         if problem.coupled and not problem.cyclic:  # those that act after the end
-            requests[programme.chosen[-1] :] = requests[programme.chosen[-1]]
+            requests[samples - 1 :] = requests[samples - 1]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
         logging.getLogger(__name__).debug("%s, exact error %s", outcome, angle_text(error))
         if error < least:
             best, least = requests, error
     if not solved:
-        raise SolverFailed(f"inversion by {solver}", status)
+        raise SolverFailed("inversion by ipopt", status)
     if not math.isfinite(least):
-        raise SolverFailed(f"inversion by {solver}", "no requests lead to a steady cycle")
+        raise SolverFailed("inversion by ipopt", "no requests lead to a steady cycle")
     return best
-
-
-def _status(stats: Mapping[str, Any]) -> str:
-    """How a solver says that it ended, in words: fatrop has numbers for it."""
-    status = stats["return_status"]
-    if isinstance(status, str):
-        return status
-    return "solved" if stats["success"] else f"not solved ({status})"
 
 
 class _Scaled(NamedTuple):
@@ -194,15 +164,12 @@ class _Programme(NamedTuple):
     """A nonlinear programme: min f(x, p) where x and g(x, p) are within bounds."""
 
     nlp: dict[str, Any]  # x, p, f and g
-    initial: Array  # of x
+    initial: Array  # of x: angles, requests, and the largest error in the norm "max"
     bounds: dict[str, Array]  # lbx, ubx, lbg and ubg
-    chosen: npt.NDArray[np.int_]  # numbers of the requests that are unknowns
-    places: npt.NDArray[np.int_]  # where they are in x
-    structure: dict[str, Any]  # what fatrop must know of the order of x and g
 
 
 def _transcribed(problem: _Scaled) -> _Programme:
-    """The programme as it is written above, for a solver of sparse programmes."""
+    """The programme as it is written above."""
     import casadi
 
     samples, cyclic = len(problem.desired), problem.start is None
@@ -257,101 +224,6 @@ def _transcribed(problem: _Scaled) -> _Programme:
         {"x": casadi.vertcat(*unknowns), "p": radius, "f": cost, "g": g},
         np.concatenate(initial),
         {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},
-        np.arange(samples),
-        samples + np.arange(samples),
-        {},
-    )
-
-
-def _transcribed_in_stages(problem: _Scaled) -> _Programme:
-    """The same programme in the order of time, which fatrop needs: x_k, z_k, u_k stage by stage.
-
-    The lag is a pure shift, so stage k chooses the youngest request u_k that acts on sample k, and
-    its state x_k is the angle before it and the other requests that act. What couples stages that
-    are not neighbours is carried along as z_k: for a cycle the first state, where the last stage
-    has to end; for the norm "max" the largest error r. Where changes of the requests are limited,
-    the state has the request before u_k, whether it acts or not. From rest the first stage is that
-    of the first request that may be chosen.
-    """
-    import casadi
-
-    samples, cyclic = len(problem.desired), problem.start is None
-    at = request_ages(problem.model)
-    numbers = acting(at, samples, cyclic=cyclic)
-    limited = math.isfinite(problem.max_step)
-    if limited and at.width == 1:
-        before = numbers - 1
-        numbers = np.hstack([numbers, before % samples if cyclic else np.maximum(before, -1)])
-    held = problem.first[np.maximum(numbers, 0)]  # (n, width), or one more
-    begins = np.roll(problem.ideal, 1)
-    if problem.start is not None:
-        begins[0] = problem.start
-    states = np.column_stack([begins, held[:, 1:]])  # x_k at the start of the search
-    stages = range(0 if cyclic else at.youngest + 1, samples)
-    opening = states[stages[0]]
-    worst = np.max(np.abs(problem.ideal - problem.desired), keepdims=True)
-    carried = np.append(opening if cyclic else [], worst if problem.norm == "max" else [])
-
-    radius, step = casadi.SX.sym("e"), _step(problem.model)
-    unknowns: list[Any] = []
-    initial: list[Array] = []
-    conditions: list[Any] = []
-    limits: list[Array] = []  # on the conditions
-    cost = casadi.SX(0)
-
-    def unknown(name: str, values: Array) -> Any:
-        symbol = casadi.SX.sym(name, len(values))
-        unknowns.append(symbol)
-        initial.append(values)
-        return symbol
-
-    def condition(expression: Any, lower: float = 0.0, upper: float = 0.0) -> None:
-        conditions.append(expression)
-        limits.append(np.tile([[lower], [upper]], expression.numel()))
-
-    x, z = unknown("x", opening), unknown("z", carried)
-    for k in stages:
-        u = unknown("u", held[k, :1])
-        before, *older = casadi.vertsplit(x)
-        angle = step(before, casadi.vertcat(u, *older)[: at.width], radius, problem.loads[k])
-        error = angle - problem.desired[k]
-        x_next = unknown("x", states[k + 1] if k + 1 < samples else opening)
-        z_next = unknown("z", carried)
-        condition(x_next - casadi.vertcat(angle, *[u, *older][: len(older)]))
-        condition(z_next - z)
-        if limited:
-            condition(u - older[0], -problem.max_step, problem.max_step)
-        if k == stages[0]:
-            condition(x - (z[: len(opening)] if cyclic else opening))
-        if problem.norm == "max":
-            condition(casadi.vertcat(z[-1] - error, z[-1] + error), 0.0, np.inf)
-        else:
-            cost += error**2
-        cost += problem.weight * (u - problem.resting[numbers[k, 0]]) ** 2
-        x, z = x_next, z_next
-    if cyclic:
-        condition(x - z[: len(opening)], -ENDS_APART, ENDS_APART)
-    if problem.norm == "max":
-        cost += samples * z[-1] ** 2
-
-    sizes = [len(values) for values in initial]
-    ends = np.cumsum(sizes)
-    places = ends[2::3] - 1  # x, z, u, x, z, u, ..., x, z
-    lower, upper = np.full(ends[-1], -np.inf), np.full(ends[-1], np.inf)
-    lower[places], upper[places] = problem.limits
-    below, above = np.concatenate(limits, axis=1)
-    return _Programme(
-        {
-            "x": casadi.vertcat(*unknowns),
-            "p": radius,
-            "f": cost,
-            "g": casadi.vertcat(*conditions),
-        },
-        np.concatenate(initial),
-        {"lbx": lower, "ubx": upper, "lbg": below, "ubg": above},
-        numbers[stages, 0],
-        places,
-        {"structure_detection": "auto", "equality": (below == above).tolist()},
     )
 
 

@@ -124,8 +124,8 @@ def invert_optimal(
         norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
         start: From rest: where the joint rests before [rad]; by default at the first desired angle.
         tolerance: Error that the plan should keep [rad]; the plan says whether it does.
-        solver: "gauss-newton", the search above; "ipopt" or "fatrop", CasADi's, for the same
-            problem as a nonlinear programme (``docs/math.md``, section 6), judged as exactly.
+        solver: "gauss-newton", the search above; "ipopt" for the same problem as a nonlinear
+            programme, through CasADi (``docs/math.md``, section 6), judged as exactly.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
             entry k acts in the request period that ends in sample k.
         max_step: Largest change from one request to the next [rad], in a cycle also from the last
@@ -152,8 +152,8 @@ def invert_optimal(
             above 0, ``smoothness`` below it, or a model without intervals, or one in any
             case, is to be planned for robustly.
         Infeasible: The limits exclude each other, the start or a desired angle.
-        SolverFailed: No requests were found that lead to a steady cycle, or CasADi's solver
-            stopped without an answer.
+        SolverFailed: No requests were found that lead to a steady cycle, or IPOPT stopped without
+            an answer.
 
     Example:
         >>> import numpy as np
@@ -275,7 +275,7 @@ def _best_requests(problem: TrackingProblem, solver: Solver) -> Array:
     guess = initial_guess(problem)
     if solver == "gauss-newton":
         return search(problem, guess)
-    return transcribed_requests(problem, guess, solver=solver)
+    return transcribed_requests(problem, guess)
 
 
 def search(problem: TrackingProblem, state: State) -> Array:

@@ -44,7 +44,7 @@ ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hin
 Unreachable = Literal["raise", "nearest", "clamp"]
 Method = Literal["closed-form", "optimal", "foot-optimal"]
 Norm = Literal["rms", "max"]
-Solver = Literal["gauss-newton", "ipopt", "fatrop"]
+Solver = Literal["gauss-newton", "ipopt"]
 Rule = Literal["paper", "exact"]
 Robust = Literal["mean", "worst"]
 Load = Literal["urdf", "urdf-dynamics", "column"]
@@ -288,7 +288,7 @@ class Plan(Settings):
     solver: Annotated[
         Solver | None,
         About(
-            help="Method optimal: our own solver, or one of CasADi's with the same problem.",
+            help="Method optimal: our own solver, or IPOPT with the same problem.",
             otherwise='"gauss-newton"',
             example="gauss-newton",
         ),

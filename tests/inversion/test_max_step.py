@@ -78,14 +78,13 @@ def test_every_step_is_within_the_limit_whatever_else_is_asked_for(seed):
 
 
 @CYCLIC
-@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 @pytest.mark.parametrize("degrees", [3.0, 6.0])
-def test_no_solver_finds_anything_better(degrees, solver, cyclic):
+def test_ipopt_finds_nothing_better(degrees, cyclic):
     joint = REFERENCE_JOINTS[0]
     options = {"limits": joint.limits, "max_step": np.radians(degrees), "cyclic": cyclic}
     ours, theirs = (
         invert_optimal(ERS210A, joint.desired, solver=each, smoothness=0.0, **options)
-        for each in ("gauss-newton", solver)
+        for each in ("gauss-newton", "ipopt")
     )
     for made in (ours, theirs):
         assert made.largest_step <= np.radians(degrees) * (1.0 + EXACT)

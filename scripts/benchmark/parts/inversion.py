@@ -24,7 +24,7 @@ def build_ours(
     model: planner.JointModel,
     samples: int,
     *,
-    solver: Literal["gauss-newton", "ipopt", "fatrop"] = "gauss-newton",
+    solver: Literal["gauss-newton", "ipopt"] = "gauss-newton",
     smoothness: float | None = 0.0,
 ) -> Solve:
     """The optimised inversion, which builds what it needs when it solves."""
@@ -45,7 +45,6 @@ METHODS: dict[str, Callable[[planner.JointModel, int], Solve]] = {
     "IPOPT as a user writes it": opti_ipopt.build,
     "least_squares": scipy_least_squares.build,
     'invert_optimal, "ipopt"': partial(build_ours, solver="ipopt"),
-    'invert_optimal, "fatrop"': partial(build_ours, solver="fatrop"),
     OURS: build_ours,  # without smoothing: no other method gives up accuracy for it
     "invert_optimal, smoothed": partial(build_ours, smoothness=None),
 }
