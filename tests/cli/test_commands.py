@@ -168,3 +168,12 @@ def test_a_path_whose_ends_are_far_apart_is_a_motion_from_rest_unless_it_shall_r
     again = run("simulate", "requests.csv", "--desired", "open.csv", "--json")
     joint = json.loads(taken.stdout)["joints"]["hip"]
     assert json.loads(again.stdout)["joints"]["hip"]["rms_deg"] == pytest.approx(joint["rms_deg"])
+
+
+def test_whether_a_simulation_repeats_follows_from_the_desired_path(run, tmp_path):
+    (tmp_path / "sent.csv").write_text("knee_deg\n" + "\n".join(map(str, range(40))) + "\n")
+    closed = 10.0 * np.sin(2.0 * np.pi * np.arange(40) / 40)
+    (tmp_path / "wanted.csv").write_text("\n".join(["knee_deg", *map(repr, closed.tolist())]))
+    ask = ("simulate", "sent.csv", "--json")
+    assert json.loads(run(*ask).stdout)["cyclic"] is False
+    assert json.loads(run(*ask, "--desired", "wanted.csv").stdout)["cyclic"] is True

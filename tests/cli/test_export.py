@@ -93,6 +93,12 @@ def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests
     assert [each["task"] for each in tasks] == ["lift the cup"]
 
 
+def test_velocities_are_of_trajectories_only(run, requests):
+    result = run("export", requests, "--format", "csv", "--velocities")
+    assert result.exit_code == 2
+    assert "--velocities has no effect on --format csv, only on yaml, bag, mcap" in result.stderr
+
+
 def test_a_file_without_times_needs_a_period(run, tmp_path):
     (tmp_path / "bare.csv").write_text("knee_deg\n1\n2\n3\n")
     result = run("export", "bare.csv", "--format", "csv", "--period-s", "0.5")

@@ -11,6 +11,7 @@ from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
 from planner.files.learning_history import LearningState, read_history, write_history
+from planner.inversion.trials import Learning, SensorDelay, Trial
 from planner.model.evidence import Evidence
 from planner.trajectory import Array
 
@@ -416,3 +417,39 @@ def test_robust_first_requests_help_the_first_cycle_and_hinder_none_of_the_next(
     assert robust_start[0] < 0.9 * alone[0]
     assert np.all(np.diff(robust_start) <= 0.0)
     assert robust_start[-1] < 1.1 * alone[-1]
+
+
+def test_a_history_gives_back_all_that_it_was_given(tmp_path) -> None:
+    desired, file = np.zeros((3, 1)), str(tmp_path / "all.json")
+    trials = tuple(
+        Trial(requests=desired + k, measured=np.full((2, 3, 1), 0.1 * k), error=0.2 + k)
+        for k in range(3)
+    )
+    state = LearningState(
+        (replace(KNOWN, lag=0.02),),
+        Learning(
+            trials=trials,
+            noise=np.array([0.003]),
+            gain=0.4,
+            reidentified=(2,),
+            delays=(SensorDelay(seconds=0.01, share=0.6, removed=0.02),),
+            best=1,
+            floor=(0.05, math.nan),
+            next_error=0.15,
+            stopped="enough",
+            remarks=("late",),
+            replaced=(KNOWN,),
+        ),
+    )
+    write_history(file, desired, {"knee": state})
+    found = read_history(file, ["knee"], desired)["knee"]
+    assert found.models == state.models
+    for given, read in zip(trials, found.learning.trials, strict=True):
+        assert np.array_equal(read.requests, given.requests)
+        assert np.array_equal(read.measured, given.measured)
+        assert read.error == given.error
+    assert np.array_equal(found.learning.noise, [0.003])
+    assert found.learning.floor == pytest.approx((0.05, math.nan), nan_ok=True)
+    for name in ("gain", "reidentified", "delays", "best", "next_error", "stopped", "remarks"):
+        assert getattr(found.learning, name) == getattr(state.learning, name), name
+    assert found.learning.replaced == (KNOWN,)
