@@ -13,7 +13,7 @@ from kinematics.chain import Array, Chain, read_only
 from kinematics.exceptions import InvalidInput, InvalidUrdf, UnsupportedLeg
 from kinematics.limits import Limits
 from kinematics.load import Masses
-from kinematics.robot import Robot, find_frame, joints_between, read_robot
+from kinematics.robot import TO_LIMIT, Robot, find_frame, joints_between, named, read_robot
 
 AGREEMENT = 1e-12
 """The chain's foot must agree with Pinocchio's to this [m], relative to its size beyond 1 m."""
@@ -149,6 +149,12 @@ def _read_limits(path: Path, model: Any, joints: list[int]) -> Limits:
                 f"joint {model.names[joint]!r} has the limits {lower[k]:g} and {upper[k]:g}, "
                 "expected lower <= upper [rad]",
             )
+    if fixed := [str(model.names[joints[k]]) for k in np.flatnonzero(lower == upper)]:
+        raise InvalidUrdf(
+            path,
+            f"{named(fixed)} cannot turn: lower and upper limit are equal (one left out counts as "
+            f"0); {TO_LIMIT}; lock a joint that is to stay where it is",
+        )
     for limit in (lower, upper):
         limit[np.abs(limit) > UNLIMITED] = np.copysign(np.inf, limit[np.abs(limit) > UNLIMITED])
     return Limits(read_only(lower), read_only(upper))

@@ -25,6 +25,12 @@ MOST_BYTES = 64 * 2**20
 MOST_MOVING = 200
 """Most joints of a robot: Pinocchio's tables grow with their square."""
 
+TO_LIMIT = (
+    'write <limit lower="..." upper="..." effort="..." velocity="..."/> [rad] for each into the '
+    'file, or type="continuous" where nothing stops the joint'
+)
+"""What to do about revolute joints without limits."""
+
 BESIDE = 1e-9
 """A locked joint may be this far beyond its limits [rad], for rounding."""
 
@@ -103,6 +109,13 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
     mimics = {
         joint.get("name", "") for joint in root.iter("joint") if joint.find("mimic") is not None
     }
+    unlimited = [
+        joint.get("name", "")
+        for joint in root.iter("joint")
+        if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None
+    ]
+    if unlimited:
+        raise InvalidUrdf(path, f"{named(unlimited)} without <limit>; {TO_LIMIT}")
     with _captured_stderr() as complaints:
         try:
             model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
@@ -110,6 +123,13 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
             complaint = next(iter(complaints()), str(error))
             raise InvalidUrdf(path, f"is not a valid URDF: {complaint}") from error
     return model, mimics
+
+
+def named(joints: Sequence[str]) -> str:
+    """Names of joints for a message, as many as fit on a line."""
+    listed = ", ".join(repr(name) for name in joints[:6])
+    more = f" and {len(joints) - 6} more" if len(joints) > 6 else ""
+    return f"joint{'' if len(joints) == 1 else 's'} {listed}{more}"
 
 
 def _held(model: Any, coordinates: Any, name: str, position: float) -> int:

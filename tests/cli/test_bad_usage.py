@@ -47,6 +47,9 @@ FILES = {
     "clock.csv": b"time,hip_deg\n0,1\n0.008,20\n",
     "headless.csv": b"0,0\n0.008,0\n",
     "page.urdf": b"<html></html>",
+    "no_range.urdf": b'<robot name="r"><link name="a"/><link name="b"/><joint name="hip" '
+    b'type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>'
+    b'<limit effort="1" velocity="1"/></joint></robot>',
     "empty.toml": b"",
     "lost.toml": b'[path]\nfile = "no.csv"\n',
     "slow.toml": MODEL.encode() + b"tick = 0.02\n",
@@ -199,6 +202,7 @@ BAD = {
     "a leg without a file": "gait --leg no.urdf --base a --foot b",
     "a leg of no robot": "gait --leg d.csv --base a --foot b",
     "a leg of another XML": "gait --leg page.urdf --base a --foot b",
+    "a leg whose joints have no limits": "plan foot.csv --leg no_range.urdf --base a --foot b",
     "a ground fraction of one": "gait --ground-fraction 1",
     "a stroke of NaN": "gait --length nan",
     "a run of nothing": "run",

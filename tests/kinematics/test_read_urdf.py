@@ -45,6 +45,31 @@ def test_a_file_that_is_no_robot_is_an_error_that_says_why(text, message, tmp_pa
     assert capfd.readouterr() == ("", "")  # the parser's own complaints are in the message
 
 
+LIMIT = '<limit lower="-2.5" upper="2.5" effort="1" velocity="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("limit", "message"),
+    [
+        ("", "joints 'joint_1', 'joint_2' without <limit>; write <limit lower=.* for each"),
+        ('<limit effort="1" velocity="1"/>', "joints 'joint_1', 'joint_2' cannot turn: .* equal"),
+        ('<limit lower="0.3" upper="0.3" effort="1" velocity="1"/>', "'joint_2' cannot turn"),
+    ],
+    ids=["no element", "no lower and upper", "equal"],
+)
+def test_revolute_joints_without_limits_are_named_with_what_to_write(limit, message, tmp_path):
+    with pytest.raises(InvalidUrdf, match=message) as error:
+        leg_of(tmp_path, VALID.replace(LIMIT, limit))
+    assert 'type="continuous"' in str(error.value)
+
+
+def test_a_joint_that_is_locked_or_elsewhere_needs_no_range(tmp_path):
+    fixed = urdf_text([Joint((0, 0, 0), X, lower=0.0, upper=0.0), KNEE, KNEE], TIP)
+    assert leg_of(tmp_path, fixed, base="link_1").joint_names == ("joint_2", "joint_3")
+    leg = Leg.from_urdf(tmp_path / "robot.urdf", base="link_0", foot="tip", locked={"joint_1": 0.0})
+    assert leg.joint_names == ("joint_2", "joint_3")
+
+
 @pytest.mark.parametrize("name", ["no_such.urdf", "."])
 def test_a_file_that_cannot_be_read_is_an_error_with_its_path(name, tmp_path):
     with pytest.raises(InvalidUrdf, match="cannot be read"):
