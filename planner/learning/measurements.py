@@ -83,21 +83,22 @@ def check_motion(cycles: Array, requests: Array, modelled: Array) -> None:
             )
 
 
-def check_not_desired(cycles: Array, desired: Array, modelled: Array) -> None:
+def check_not_desired(cycles: Array, desired: Array, expected: Array) -> None:
     """Refuse the desired angles in place of measured ones.
 
     Args:
         cycles: Measured angles [rad], (cycles, n, k).
         desired: Desired angles [rad], (n, k).
-        modelled: Angles of the models under the executed requests [rad], (n, k).
+        expected: Angles to expect under the executed requests [rad], (n, k): those of the models,
+            with what they missed in the trial before.
 
     Raises:
         InvalidTrajectory: Every measured angle of a joint that moves is the desired one: as in a
-            rounded file where the model misses it, else to the last digits.
+            rounded file where others are expected, else to the last digits.
     """
     for j in range(desired.shape[1]):
         of = "the joint" if desired.shape[1] == 1 else f"joint {j + 1}"
-        misses = float(np.max(np.abs(modelled[:, j] - desired[:, j]))) > OPTIONS.lagging
+        misses = float(np.max(np.abs(expected[:, j] - desired[:, j]))) > OPTIONS.lagging
         equal = OPTIONS.equal if misses else OPTIONS.repeated
         moves = np.ptp(desired[:, j]) > OPTIONS.moving
         if moves and np.max(np.abs(cycles[:, :, j] - desired[:, j])) <= equal:

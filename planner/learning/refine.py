@@ -227,17 +227,18 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         remarks.append(AFTER_ROBUST_PLAN)
     requests = plan.requests.reshape(cycles.shape[1:])
     modelled = joints.respond(requests)
+    before = plan.learning
+    old = [joints.respond(trial.requests) for trial in before.trials] if before else []
+    missed = before.trials[-1].mean - old[-1] if before else 0.0
     check_motion(cycles, requests, modelled)
-    check_not_desired(cycles, joints.desired, modelled)
+    check_not_desired(cycles, joints.desired, modelled + missed)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
         remarks.append("the first cycle differs from the others: it is taken for the way into them")
-    before = plan.learning
     removed = delays_to_remove(joints, cycles, modelled, given=sensor_delay, before=before)
     cycles = earlier(cycles, removed, joints)
     check_same_motion(cycles, modelled)
     if before is not None:
-        old = [joints.respond(trial.requests) for trial in before.trials]
         check_new(cycles, modelled, before.trials, old)
     trials, now = _with_trial(before, joints, requests, cycles)
     models = Models.of(joints, before)
