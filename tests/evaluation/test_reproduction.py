@@ -53,7 +53,8 @@ def test_the_closed_form_as_in_the_paper_is_that_of_its_six_lines_without_refine
             reproduction.model, joint.desired, segments=6, rule="paper", refine=False
         )
         assert np.array_equal(joint.closed_form_plain.requests, plain.requests)
-    assert reproduction.foot_table["closed_form_plain"].rms == pytest.approx(1.079, abs=0.001)
+    printed = f"{reproduction.foot_table['closed_form_plain'].rms:.2f}"
+    assert printed == "1.08"  # as the README says
 
 
 def test_refined_knots_are_better_in_every_joint_and_need_not_be_in_the_foot(reproduction):
