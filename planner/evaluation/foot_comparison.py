@@ -25,7 +25,7 @@ from planner.evaluation.checks import (
     no_worse_checks,
     second_answer,
 )
-from planner.evaluation.joint_comparison import METHODS, JointComparison, planned
+from planner.evaluation.joint_comparison import METHODS, JointComparison, depend_on_motion, planned
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.inversion.arguments import Norm
@@ -208,7 +208,7 @@ def _checks(
     found.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
     if bound is not None:
         found.append(check(FOOT, label, ABOVE, bound - best.error(norm), FOOT_ABOVE_BOUND))
-    others = {}
+    others, known = {}, _known(together, _unsmoothed(together).predicted)
     for method in planned(joints):
         kept = [
             kept_within(joint.plans[method], (low, high))
@@ -217,17 +217,41 @@ def _checks(
         usable = [plan for plan in kept if plan is not None]
         if len(usable) == len(joints):
             other = _foot_plan(leg, together.desired_foot, usable)
-            others[METHODS[method]] = _shown(together, other)
+            others[METHODS[method]] = math.hypot(other.error(norm), known)
     steps = np.full(len(together.models), ENCODER_STEP)
     unseen = best.error(norm) <= _through_leg(together, best.predicted, steps)
-    shown = 0.0 if unseen else _shown(together, best)
+    shown = 0.0 if unseen else math.hypot(best.error(norm), _known(together, best.predicted))
     return found + no_worse_checks(FOOT, label, shown, others, FOOT_NO_WORSE)
 
 
-def _shown(together: FootInversion, plan: FootPlan) -> float:
-    """The error that a robot would show [m], (12b) of ``docs/math.md``."""
-    known = known_errors(together.models, plan.predicted, cyclic=together.cyclic)
-    return math.hypot(plan.error(together.norm), _through_leg(together, plan.predicted, known))
+def _unsmoothed(together: FootInversion) -> FootInversion:
+    """The best plan, whose known error counts in (12b) of ``docs/math.md``, or one with the same.
+
+    Other plans are judged with that error too: the search minimises the plan's own.
+    """
+    if together.smoothness == 0.0 or not depend_on_motion(together.models):
+        return together
+    torques = [
+        np.zeros(len(together.requests)) if load is None else load for load in together.loads
+    ]
+    return invert_foot(
+        together.models,
+        together.leg,
+        together.desired_foot,
+        cyclic=together.cyclic,
+        limits=together.limits,
+        norm=together.norm,
+        weights=tuple(together.weights),
+        load=np.column_stack(torques) if torques else None,
+        max_step=together.max_step,
+        smoothness=0.0,
+    )
+
+
+def _known(together: FootInversion, angles: Array) -> float:
+    """What the models' known errors for a motion make of the foot's [m], (12b)."""
+    known = known_errors(together.models, angles, cyclic=together.cyclic)
+    return _through_leg(together, angles, known)
 
 
 def _through_leg(together: FootInversion, angles: Array, errors: Array) -> float:

@@ -34,6 +34,7 @@ from planner.inversion.bounds.certify import Certificate, certify
 from planner.inversion.bounds.cvxpy_statement import stated_bound
 from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.inversion.error_norm import relative_gap
+from planner.inversion.optimal import invert_optimal
 from planner.inversion.result import Inversion
 from planner.inversion.smoothing import ENCODER_STEP, known_errors
 from planner.model.joint import JointModel
@@ -176,12 +177,12 @@ def compare_joint(
     checks: list[Check] = []
     for method, answer in answers.items():
         checks += answer_checks(name, METHODS[method], answer, cyclic=cyclic)
-    others = {}
+    others, known = {}, _known(_unsmoothed(optimal))
     for method, plan in closed_forms.items():
         kept = kept_within(plan, limits)
         if kept is not None:
-            others[METHODS[method]] = _shown(kept)
-    shown = 0.0 if optimal.error <= ENCODER_STEP else _shown(optimal)
+            others[METHODS[method]] = math.hypot(kept.error, known)
+    shown = 0.0 if optimal.error <= ENCODER_STEP else math.hypot(optimal.error, _known(optimal))
     checks += no_worse_checks(name, METHODS["optimal"], shown, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)
@@ -194,7 +195,7 @@ def compare_joint(
             checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
     checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
     if "optimal_ipopt" in plans:
-        checks += _as_good_checks(name, shown, _shown(plans["optimal_ipopt"]))
+        checks += _as_good_checks(name, shown, math.hypot(plans["optimal_ipopt"].error, known))
     if limits is not None:
         for method, plan in plans.items():
             if method not in CLOSED_FORMS:
@@ -215,10 +216,35 @@ def planned(joints: Sequence[JointComparison]) -> list[str]:
     return [method for method in METHODS if all(method in joint.plans for joint in joints)]
 
 
-def _shown(plan: Inversion) -> float:
-    """The error that a robot would show [rad], (12b) of ``docs/math.md``."""
-    known = known_errors((plan.model,), plan.predicted[:, np.newaxis], cyclic=plan.cyclic)
-    return math.hypot(plan.error, float(known[0]))
+def depend_on_motion(models: Sequence[JointModel]) -> bool:
+    """Whether some of the models' known errors differ from motion to motion."""
+    return any(model.evidence and model.evidence.depends_on_motion for model in models)
+
+
+def _unsmoothed(plan: Inversion) -> Inversion:
+    """The best plan, whose known error counts in (12b) of ``docs/math.md``, or one with the same.
+
+    Other plans are judged with that error too: the search minimises the plan's own.
+    """
+    if plan.smoothness == 0.0 or not depend_on_motion([plan.model]):
+        return plan
+    return invert_optimal(
+        plan.model,
+        plan.desired,
+        cyclic=plan.cyclic,
+        limits=plan.limits,
+        norm=plan.norm,
+        start=plan.start,
+        load=plan.load,
+        max_step=plan.max_step,
+        smoothness=0.0,
+    )
+
+
+def _known(plan: Inversion) -> float:
+    """The known error of the model for the plan's motion [rad], (12b) of ``docs/math.md``."""
+    angles = plan.predicted[:, np.newaxis]
+    return float(known_errors((plan.model,), angles, cyclic=plan.cyclic)[0])
 
 
 def _as_good_checks(name: str, optimal: float, second: float) -> list[Check]:

@@ -122,6 +122,11 @@ class Evidence(NamedTuple):
         """Whether v_max is only a lower bound: the logs do not show how fast the joint can be."""
         return not math.isfinite(self.intervals.get("v_max", (0.0, math.inf))[1])
 
+    @property
+    def depends_on_motion(self) -> bool:
+        """Whether the error to expect differs from motion to motion."""
+        return bool(self.by_acceleration) or self.delay_error > 0.0
+
     def error_of(self, angles: Array, *, period: float, cyclic: bool) -> float:
         """Error of the model to expect of a motion [rad], rms, by its acceleration.
 

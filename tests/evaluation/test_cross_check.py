@@ -21,6 +21,7 @@ from planner.inversion.closed_form import invert_closed_form
 from planner.inversion.direct_transcription import TranscriptionOptions
 from planner.inversion.foot.invert import invert_foot
 from planner.inversion.optimal import invert_optimal
+from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.report.comparison_tables import comparison_text
 from tests.instances import attainable, random_model, saturating
@@ -207,6 +208,40 @@ def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
         (OPTIMAL, f"no worse than {PAPER}"),
         (OPTIMAL, f"no worse than {EXACT}"),
     }
+
+
+KNOWN = {
+    "one error": Evidence(0.02),
+    "by acceleration": Evidence(0.006, by_acceleration=((0.0, 0.001), (10.0, 0.006), (40.0, 0.05))),
+}
+
+
+@pytest.mark.filterwarnings("ignore::planner.OutsideEquation13")
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("known", KNOWN)
+def test_a_plan_as_smooth_as_its_models_known_error_allows_passes_and_a_late_one_fails(known, norm):
+    """Closed form and smoothed plan are judged with the known error of the best plan."""
+    joint = JointModel(
+        v_max=6.0, theta_0=0.08, lag=0.05, acceleration_time=0.06, tick=0.02, dead_band=0.06
+    ).with_evidence(KNOWN[known])
+    desired = 0.3 * np.clip(2.0 * np.sin(2.0 * np.pi * np.arange(50) / 50), -1.0, 1.0)
+    closed = {
+        f"closed_form_{rule}": replace(invert_closed_form(joint, desired, rule=rule), norm=norm)
+        for rule in ("paper", "exact")
+    }
+    plan = invert_optimal(joint, desired, norm=norm)
+    assert not _broken(compare_joint("hip", {**closed, "optimal": plan}, levels=LEVELS[:1]))
+    late = replace(plan, requests=np.roll(plan.requests, 4))
+    assert (OPTIMAL, f"no worse than {EXACT}") in _broken(
+        compare_joint("hip", {**closed, "optimal": late}, levels=LEVELS[:1])
+    )
+
+
+def test_a_slow_sine_with_a_large_known_error_passes():
+    joint = JointModel(v_max=5.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.02)
+    desired = np.radians(10.0) * np.sin(2.0 * np.pi * np.arange(167) / 167)
+    check = cross_check(joint.with_evidence(KNOWN["one error"]), desired, level="slope")
+    assert check.passed, check.failures
 
 
 def test_requests_beyond_the_limits_are_noticed():
