@@ -49,7 +49,7 @@ def test_a_plan_for_gravity_is_that_of_the_library_and_carries_its_load(run):
 
 
 def test_simulate_takes_the_load_that_plan_wrote(run):
-    run("plan", "path.csv", *LEG, "--load", "urdf", "-o", "requests.csv")
+    run("plan", "path.csv", *LEG, "--load", "urdf", "--smoothness", "0", "-o", "requests.csv")
     arguments = ["requests.csv", "--model", "soft.toml", "--desired", "path.csv", "--json"]
     loaded = run("simulate", *arguments, "--load", "column")
     assert json.loads(loaded.stdout)["joints"]["pendulum"]["max_deg"] < 0.05  # the load is 3 deg
@@ -59,7 +59,8 @@ def test_simulate_takes_the_load_that_plan_wrote(run):
 
 
 def test_the_dynamics_count_inertia_along_the_desired_path(run):
-    run("plan", "path.csv", *LEG, "--load", "urdf-dynamics", "-o", "requests.csv")
+    asked = ["--load", "urdf-dynamics", "--smoothness", "0", "-o", "requests.csv"]
+    run("plan", "path.csv", *LEG, *asked)
     written = read_joint_path("requests.csv")
     leg = Leg.from_urdf("pendulum.urdf", base="base", foot="tip")
     along = leg.load_torques(DESIRED, dynamics=True, period=SOFT.period)
