@@ -41,7 +41,7 @@ def rms(errors):
 
 def test_at_its_own_speed_the_joint_repeats_what_it_did():
     log = recorded()
-    made = replay(log, SERVO)
+    made = replay(log, SERVO, smoothness=0.0)
     (joint,) = made.joints
     assert made.requests.shape == (COUNT, 1)
     assert joint.desired == pytest.approx(log.angles, abs=1e-12)

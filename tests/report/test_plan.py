@@ -103,6 +103,15 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
     assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
 
 
+def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
+    speeds = [row.speed for row in joint_rows(outcome)]
+    order = np.argsort(speeds)
+    models = [SERVO] * 3
+    models[order[2]] = replace(SERVO, v_max=2.0 * SERVO.v_max * speeds[order[2]] / speeds[order[1]])
+    words = " ".join(card.words for card in cards(replace(outcome, models=tuple(models))))
+    assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
+
+
 @pytest.mark.usefixtures("undrawn_pages")
 def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     """7 rad/s up and 3 rad/s down: of a path at 4 rad/s the way down is too fast, not that up."""
