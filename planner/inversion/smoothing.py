@@ -250,7 +250,8 @@ def _smoothest(problem: TrackingProblem, state: State, error: float, bound: _Bou
         allowed = _allowed_rise(problem, start, error, most, power)
         if before <= UNCHANGED or allowed <= 0.0 or most <= error:
             break
-        heaviest = bound.heaviest * (most / error if error else 1.0) ** (power - 2.0)
+        share = min(most / error, SEARCH_OPTIONS.largest_share) if error else 1.0
+        heaviest = bound.heaviest * share ** (power - 2.0)
         weight = min(factor * allowed / before, heaviest)
         stage = Stage(radius, weight, power=power, steps=1, smoothing=True)
         state = descend(problem, state, stage)

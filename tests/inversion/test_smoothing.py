@@ -248,3 +248,9 @@ def test_a_leg_with_friction_in_one_joint_does_not_cross_its_dead_band_for_noise
     models = [ERS210A, ERS210A, replace(ERS210A, dead_band=band)]
     plan = invert_foot(models, leg, leg.foot_positions(angles))
     assert travel(plan.requests[:, 2]) <= 15.0 * band  # 38 where the noise is followed
+
+
+def test_a_path_that_is_followed_to_rounding_is_planned_for_the_largest_error_too():
+    joint = JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.02)
+    desired = np.radians(1.0) * np.sin(2.0 * np.pi * np.arange(50) / 50)
+    assert invert_optimal(joint, desired, norm="max").error <= ENCODER_STEP
