@@ -133,6 +133,19 @@ def test_where_it_comes_from_is_reported_log_by_log(one):
         assert words in one
 
 
+def test_rows_that_were_left_out_are_counted_with_the_reason():
+    found = made_up()
+    log, used = found.fits[0].log, found.fits[0].used.copy()
+    torque_on = log.torque_on.copy()
+    torque_on[500:507] = used[500:507] = False
+    fit = dataclasses.replace(
+        found.fits[0], log=dataclasses.replace(log, torque_on=torque_on), used=used
+    )
+    page = identification_page({"": dataclasses.replace(found, fits=(fit,))})
+    assert "rows left out, and why" in page
+    assert "7 without torque" in page
+
+
 def test_a_page_on_data_that_says_nothing_can_still_be_drawn():
     nothing = Interval(-math.inf, math.inf)
     unknown = made_up(

@@ -307,7 +307,7 @@ def _names(joints: Sequence[Joint]) -> list[str]:
 
 
 def logs_table(found: Identification) -> Table:
-    """Every log: its rows, its length, and how it was read."""
+    """Every log: its rows, its length, which rows were not fitted and why, and how it was read."""
     rows = tuple(
         Row(
             fit.log.name,
@@ -315,6 +315,7 @@ def logs_table(found: Identification) -> Table:
                 f"{fit.used.sum()} of {len(fit.used)}",
                 f"{fit.log.times[-1] - fit.log.times[0]:.1f}",
                 f"{1.0 / fit.log.period:.1f} Hz",
+                ", ".join(f"{count} {reason}" for reason, count in fit.left_out.items()) or "none",
                 "; ".join(fit.log.notes),
             ),
         )
@@ -322,6 +323,7 @@ def logs_table(found: Identification) -> Table:
     )
     columns = (
         *map(Column, ("rows used", "seconds", "rate")),
+        Column("rows left out, and why", words=True),
         Column("how it was read", words=True),
     )
     return Table("log", columns, rows, label="Logs")
