@@ -84,9 +84,9 @@ def refine(
 
     REQUESTS is what `plan` or `refine` wrote. MEASURED has the same columns, a row for each
     request, and as many cycles as were recorded; several files are several recordings of the same
-    requests. Give the path, the leg, the models and the limits as to `plan`. After `plan --robust`
-    what was measured takes the place of the drawn models: the next requests are for the nominal
-    model and what was learnt.
+    requests. Joints that MEASURED has no column for keep their requests. Give the path, the leg,
+    the models and the limits as to `plan`. After `plan --robust` what was measured takes the place
+    of the drawn models: the next requests are for the nominal model and what was learnt.
 
     \b
     Example, the same line after every execution:
@@ -115,9 +115,9 @@ def refine(
             "give --method foot-optimal here too"
         )
     executed = read_executed(requests, prepared)
-    angles, left = read_measured(measured, prepared, cycles=cycles)
-    if left:
-        warn(f"{left} measured rows after the last whole cycle are not used")
+    angles = read_measured(measured, prepared, cycles=cycles)
+    if angles.left:
+        warn(f"{angles.left} measured rows after the last whole cycle are not used")
     with Progress([*desired.names]) as progress:
         answer = refined(
             prepared,
@@ -128,6 +128,8 @@ def refine(
             reidentify=reidentify,
             progress=progress,
         )
+    if answer.not_measured:
+        warn(answer.about_not_measured)
     if history is not None:
         write_states(history, answer)
     if report is not None:

@@ -39,7 +39,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
 
     Args:
         path: The file.
-        names: The plans.
+        names: The plans that there may be.
         desired: The path that they are for [rad], shape (n, k).
 
     Raises:
@@ -59,7 +59,7 @@ def read_history(path: str, names: Collection[str], desired: Array) -> dict[str,
         }
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise InvalidFile(path, f"damaged ({error}); begin another file") from error
-    if set(states) != set(names) or len(angles) != len(desired):
+    if not set(states) <= set(names) or len(angles) != len(desired):
         raise InvalidFile(
             path,
             f"got the trials of {len(angles)} requests of {', '.join(states)}, expected "

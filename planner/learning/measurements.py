@@ -94,14 +94,15 @@ def check_not_desired(cycles: Array, desired: Array, expected: Array) -> None:
 
     Raises:
         InvalidTrajectory: Every measured angle of a joint that moves is the desired one: as in a
-            rounded file where others are expected, else to the last digits.
+            rounded file where others are expected, else to the last digits; and it is not the
+            expected one.
     """
     for j in range(desired.shape[1]):
         of = "the joint" if desired.shape[1] == 1 else f"joint {j + 1}"
-        misses = float(np.max(np.abs(expected[:, j] - desired[:, j]))) > OPTIONS.lagging
-        equal = OPTIONS.equal if misses else OPTIONS.repeated
+        away = float(np.max(np.abs(expected[:, j] - desired[:, j])))
+        equal = OPTIONS.equal if away > OPTIONS.lagging else OPTIONS.repeated
         moves = np.ptp(desired[:, j]) > OPTIONS.moving
-        if moves and np.max(np.abs(cycles[:, :, j] - desired[:, j])) <= equal:
+        if moves and away > equal and np.max(np.abs(cycles[:, :, j] - desired[:, j])) <= equal:
             raise InvalidTrajectory(
                 f"measured: the angles of {of} are the desired ones: no joint follows so exactly; "
                 "give what its sensor measured"

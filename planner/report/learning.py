@@ -85,6 +85,7 @@ class LearningOutcome:
         predicted: What the model and the disturbance predict of them.
         disturbance: What was learnt: measured less modelled angles.
         progress: The errors of each joint, or of the foot.
+        about_others: What became of other joints, in words; empty for nothing.
     """
 
     names: tuple[str, ...]
@@ -97,6 +98,7 @@ class LearningOutcome:
     predicted: Array
     disturbance: Array
     progress: tuple[Progress, ...]
+    about_others: str = ""
 
 
 def learning_page(
@@ -124,7 +126,8 @@ def learning_page(
     first = _worst(outcome.progress)
     others = [each for each in outcome.progress if each is not first]
     more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(others)]
-    remarks = [f"{each.name}: {text}" for each in outcome.progress for text in each.remarks]
+    remarks = [outcome.about_others] if outcome.about_others else []
+    remarks += [f"{each.name}: {text}" for each in outcome.progress for text in each.remarks]
     remarks += [f"{each.name}: {each.stopped}" for each in outcome.progress if each.stopped]
     return Page(
         heading=heading(title),

@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
-from planner.files.table import read_table
+from planner.files.table import Table, read_table
 from planner.files.units import split_unit
 from planner.inversion.arguments import checked_smoothness
 from planner.inversion.foot.result import FootInversion
@@ -44,6 +44,20 @@ FOOT = "foot"
 """What the plan of a foot is called."""
 
 
+class Measured(NamedTuple):
+    """Measured angles.
+
+    Attributes:
+        names: The joints that were measured, in the order of the path.
+        angles: Their angles [rad], (cycles, n, joints).
+        left: Rows after the last whole cycle, which are not used.
+    """
+
+    names: tuple[str, ...]
+    angles: Array
+    left: int
+
+
 @dataclass(frozen=True)
 class Refined:
     """The next plans, with what they were made from.
@@ -51,14 +65,45 @@ class Refined:
     Attributes:
         prepared: What the joints or the foot should do.
         executed: The requests that were executed [rad], (n, k).
-        measured: What was measured of them [rad], (cycles, n, k).
-        plans: The next plans.
+        measured: What was measured of them.
+        plans: The next plans; those of joints that were not measured are the executed ones.
+        states: What the history says of other plans: of the foot where joints were learnt one by
+            one, or the reverse.
     """
 
     prepared: Prepared
     executed: Array
-    measured: Array
+    measured: Measured
     plans: Plans
+    states: Mapping[str, LearningState]
+
+    @property
+    def learnt(self) -> Plans:
+        """The plans that something was measured for."""
+        return {name: self.plans[name] for name in self.plans if name not in self.not_measured}
+
+    @property
+    def not_measured(self) -> tuple[str, ...]:
+        """The joints that were not measured: their requests are the executed ones."""
+        return tuple(name for name in self.names if name not in self.measured.names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All joints."""
+        return self.prepared.desired.names
+
+    @property
+    def about_not_measured(self) -> str:
+        """What became of the joints that were not measured, in words; empty where all were."""
+        if not self.not_measured:
+            return ""
+        words = f"no measured angles of {', '.join(self.not_measured)}: requests kept as they are"
+        if self.prepared.settings.plan.method == "foot-optimal":
+            words += (
+                f"; {', '.join(self.measured.names)} learnt by the angles of the plan for the "
+                "foot, joint by joint"
+            )
+        return words
 
     @property
     def requests(self) -> Array:
@@ -72,8 +117,8 @@ class Refined:
 
     @property
     def disturbance(self) -> Array:
-        """What was learnt [rad], shape (n, k)."""
-        return _columns(self.plans, "disturbance")
+        """What was learnt [rad], shape (n, measured joints)."""
+        return _columns(self.learnt, "disturbance")
 
     @property
     def loads(self) -> Array | None:
@@ -112,10 +157,8 @@ def _check_rate(given: JointPath, period: float) -> None:
         ) from error
 
 
-def read_measured(
-    paths: Sequence[str], prepared: Prepared, *, cycles: int | None
-) -> tuple[Array, int]:
-    """Measured angles [rad], (cycles, n, k), from one file or several, and rows left over.
+def read_measured(paths: Sequence[str], prepared: Prepared, *, cycles: int | None) -> Measured:
+    """Measured angles of the joints that every one of the files has, one file or several.
 
     Args:
         paths: Joint paths; each begins where a cycle does.
@@ -123,17 +166,18 @@ def read_measured(
         cycles: Cycles in all files together; None for as many as there are.
 
     Raises:
-        InvalidFile: Rows are missing, or at another rate.
+        InvalidFile: Rows are missing, or at another rate, or no joint was measured.
     """
     desired, found, left = prepared.desired, [], 0
-    samples = len(desired.angles)
-    for path in paths:
-        given = _measured_joints(path, desired.names)
+    samples, tables = len(desired.angles), [read_table(path) for path in paths]
+    columns = [_joints_of(table) for table in tables]
+    names = tuple(name for name in desired.names if all(name in each for each in columns))
+    for path, table in zip(paths, tables, strict=True):
+        given = joint_path(table, joints=names or desired.names)
         _check_rate(given, desired.period)
-        if desired.units is not None and given.units != desired.units:
-            pairs = zip(desired.names, given.units, desired.units, strict=True)
-            name, got, expected = next(each for each in pairs if each[1] != each[2])
-            if {got, expected} - {"deg", "rad"}:
+        for name, got in zip(given.names, given.units, strict=True):
+            expected = got if desired.units is None else desired.units[desired.names.index(name)]
+            if got != expected and {got, expected} - {"deg", "rad"}:
                 raise InvalidFile(
                     path, f"'{name}' is in {got}, expected {expected} as in the path", line=1
                 )
@@ -157,31 +201,25 @@ def read_measured(
         raise InvalidFile(
             paths[0], f"got {len(all_of_them)} of {samples} rows, expected {cycles} cycles"
         )
-    return all_of_them[: cycles or len(all_of_them)], left
+    return Measured(names or desired.names, all_of_them[: cycles or len(all_of_them)], left)
 
 
-def _measured_joints(path: str, names: Sequence[str]) -> JointPath:
-    """The measured angles of these joints.
+def _joints_of(table: Table) -> set[str]:
+    """The joints whose angles a table has."""
+    return {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
 
-    Raises:
-        InvalidFile: Some of them were not measured.
+
+def executed_plans(
+    prepared: Prepared, requests: Array, *, by_joint: bool = False
+) -> dict[str, Inversion | FootInversion]:
+    """The plans whose requests were executed, by whichever method they were planned.
+
+    Args:
+        prepared: What the joints or the foot should do.
+        requests: What was executed [rad], (n, k).
+        by_joint: Whether joints of a plan for the foot are to follow their angles in that plan,
+            each by itself.
     """
-    table = read_table(path)
-    measured = {parts[0] for each in table.names if (parts := split_unit(each, JOINT_UNITS))}
-    missing = [name for name in names if name not in measured]
-    if missing and len(missing) < len(names):
-        raise InvalidFile(
-            path,
-            f"no measured angles of {', '.join(missing)}, expected a column for each of "
-            f"{', '.join(names)}: record them too; of a path of joints, --joint chooses which to "
-            "learn",
-            line=1,
-        )
-    return joint_path(table, joints=names)
-
-
-def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion | FootInversion]:
-    """The plans whose requests were executed, by whichever method they were planned."""
     run, desired = prepared.settings, prepared.desired
     load, of_pose = prepared.load, callable(prepared.load)
     torques = load(desired.angles) if callable(load) else load
@@ -194,7 +232,10 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
     loads = [
         load if model.feels_load else None for load, model in zip(each, desired.models, strict=True)
     ]
-    if run.plan.method == "foot-optimal":
+    angles = desired.angles
+    if run.plan.method == "foot-optimal" and by_joint:
+        angles = prepared.answer(bounded=False).predicted  # whatever was executed since
+    elif run.plan.method == "foot-optimal":
         if desired.leg is None or desired.foot is None:
             raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
         lower, upper = zip(*(prepared.limits[name] for name in desired.names), strict=True)
@@ -219,7 +260,7 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
     return {
         name: Inversion(
             model=desired.models[j],
-            desired=desired.angles[:, j].copy(),
+            desired=angles[:, j].copy(),
             requests=columns[j],
             method="optimal",
             solver=run.plan.solver or "gauss-newton",
@@ -241,7 +282,7 @@ def executed_plans(prepared: Prepared, requests: Array) -> dict[str, Inversion |
 def refined(
     prepared: Prepared,
     executed: Array,
-    measured: Array,
+    measured: Measured,
     *,
     history: str | None,
     sensor_delay: float | None,
@@ -253,33 +294,42 @@ def refined(
     Args:
         prepared: What the joints or the foot should do.
         executed: Requests [rad], (n, k).
-        measured: What was measured of them [rad], (cycles, n, k).
+        measured: What was measured of them; the plans of other joints stay as they are.
         history: The file with the earlier trials; None for none, and it need not exist.
         sensor_delay: How late the sensors are [s]; None to look for it.
         reidentify: Whether models may be identified anew.
         progress: Called with the name of each joint.
     """
-    plans = executed_plans(prepared, executed)
-    if history is not None and Path(history).is_file():
-        states = read_history(history, plans.keys(), prepared.desired.angles)
-        plans = {name: _resumed(plan, states[name]) for name, plan in plans.items()}
-    answer: dict[str, Inversion | FootInversion] = {}
     names = prepared.desired.names
+    plans = executed_plans(prepared, executed, by_joint=measured.names != names)
+    states: dict[str, LearningState] = {}
+    if history is not None and Path(history).is_file():
+        known = (FOOT, *names) if prepared.settings.plan.method == "foot-optimal" else names
+        states = read_history(history, known, prepared.desired.angles)
+        plans = {
+            name: _resumed(plan, states.pop(name)) if name in states else plan
+            for name, plan in plans.items()
+        }
+    answer: dict[str, Inversion | FootInversion] = {}
     for name, plan in plans.items():
+        if name not in (FOOT, *measured.names):
+            answer[name] = plan
+            continue
         progress(name if name == FOOT else f"the {name}")
         options: dict[str, Any] = {"sensor_delay": sensor_delay, "reidentify": reidentify}
         if isinstance(plan, FootInversion):
             with _speaking_of(names):
-                answer[name] = refine(plan, measured, **options)
+                answer[name] = refine(plan, measured.angles, **options)
             continue
         j = names.index(name)
         token = ANGLE_UNIT.set(prepared.desired.unit(j))
         try:
             with _speaking_of((name,)):
-                answer[name] = refine(plan, measured[:, :, j], **options)
+                angles = measured.angles[:, :, measured.names.index(name)]
+                answer[name] = refine(plan, angles, **options)
         finally:
             ANGLE_UNIT.reset(token)
-    return Refined(prepared, executed, measured, answer)
+    return Refined(prepared, executed, measured, answer, states)
 
 
 def _resumed(plan: Inversion | FootInversion, state: LearningState) -> Inversion | FootInversion:
@@ -304,14 +354,16 @@ def write_states(path: str, answer: Refined) -> None:
     states = {
         name: LearningState(_models(plan), _learning_of(plan))
         for name, plan in answer.plans.items()
+        if plan.learning is not None
     }
-    write_history(path, answer.prepared.desired.angles, states)
+    write_history(path, answer.prepared.desired.angles, {**answer.states, **states})
 
 
 def document(answer: Refined) -> dict[str, Any]:
     """The answer for machines."""
     desired = answer.prepared.desired
     rows = progress_of(answer)
+    learnt = dict(zip(answer.measured.names, answer.disturbance.T, strict=True))
     return {
         "cyclic": desired.cyclic,
         "period_s": desired.period,
@@ -332,11 +384,14 @@ def document(answer: Refined) -> dict[str, Any]:
             }
             for each in rows
         },
+        "not_measured": list(answer.not_measured),
         "joints": {
             name: {
                 f"requests_{desired.unit(j)}": np.degrees(answer.requests[:, j]).tolist(),
                 f"predicted_{desired.unit(j)}": np.degrees(answer.predicted[:, j]).tolist(),
-                f"learnt_{desired.unit(j)}": np.degrees(answer.disturbance[:, j]).tolist(),
+                f"learnt_{desired.unit(j)}": np.degrees(learnt[name]).tolist()
+                if name in learnt
+                else None,
             }
             for j, name in enumerate(desired.names)
         },
@@ -346,7 +401,7 @@ def document(answer: Refined) -> dict[str, Any]:
 def summary(answer: Refined) -> str:
     """The answer for people."""
     rows = progress_of(answer)
-    measured = len(answer.measured)
+    measured = len(answer.measured.angles)
     cycles = "cycle" if measured == 1 else "cycles"
     first = f"{measured} measured {cycles} of {len(answer.executed)} requests"
     lines = [f"{first}; {model_words(answer.prepared.settings.model)}"]
@@ -368,7 +423,7 @@ def summary(answer: Refined) -> str:
 def progress_of(answer: Refined) -> list[Progress]:
     """The errors of each joint, or of the foot, in the user's units."""
     desired, found = answer.prepared.desired, []
-    for name, plan in answer.plans.items():
+    for name, plan in answer.learnt.items():
         learning = _learning_of(plan)
         foot = isinstance(plan, FootInversion)
         unit = "cm" if foot else desired.unit(desired.names.index(name))
@@ -424,15 +479,20 @@ def learning_report(
     """The page about what was learnt, as HTML."""
     prepared = answer.prepared
     desired, run = prepared.desired, prepared.settings
+    columns = [answer.names.index(name) for name in answer.measured.names]
+    followed = desired.angles[:, columns]
+    if answer.not_measured:
+        followed = _columns(answer.learnt, "desired")
     outcome = LearningOutcome(
-        names=desired.names,
+        names=answer.measured.names,
         period=desired.period,
         cyclic=desired.cyclic,
-        desired=desired.angles,
-        executed=answer.executed,
-        measured=answer.measured.mean(axis=0),
-        requests=answer.requests,
-        predicted=answer.predicted,
+        desired=followed,
+        executed=answer.executed[:, columns],
+        measured=answer.measured.angles.mean(axis=0),
+        requests=answer.requests[:, columns],
+        predicted=answer.predicted[:, columns],
+        about_others=answer.about_not_measured,
         disturbance=answer.disturbance,
         progress=tuple(progress_of(answer)),
     )

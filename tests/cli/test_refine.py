@@ -32,6 +32,13 @@ def execute():
     return execute
 
 
+@pytest.fixture
+def unbounded(monkeypatch):
+    """No lower bound of a foot, which takes seconds."""
+    for module in ("run.plan", "learning.refine"):
+        monkeypatch.setattr(f"planner.{module}.MOST_SAMPLES_BOUNDED", 0)
+
+
 def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):
     """The file of the history takes the trials from one call to the next."""
     assert run("plan", desired, "-o", "requests.csv").exit_code == 0
@@ -82,8 +89,8 @@ def test_calls_after_a_model_was_identified_anew_say_so_too(run, tmp_path):
     assert said == [[False, False], [True, False], [False, True]]
 
 
-def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
-    monkeypatch.setattr("planner.learning.refine.MOST_SAMPLES_BOUNDED", 0)  # it takes seconds
+@pytest.mark.usefixtures("unbounded")
+def test_a_foot_is_learnt_too(run, execute, tmp_path):
     file = tmp_path / "foot.csv"
     write_foot_path(file, half_ellipse(), period=0.008)
     assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
@@ -99,14 +106,14 @@ def test_a_foot_is_learnt_too(run, execute, tmp_path, monkeypatch):
     assert answer["learning"]["foot"]["trials"] == 2
 
 
+@pytest.mark.usefixtures("unbounded")
 @pytest.mark.parametrize(
     ("method", "limit"),
     [("optimal", ("--max-request-speed-deg-s", 500)), ("foot-optimal", ("--max-step-deg", 4))],
 )
 def test_the_next_requests_keep_the_largest_step_and_are_smoothed_as_planned(
-    run, execute, tmp_path, monkeypatch, method, limit
+    run, execute, tmp_path, method, limit
 ):
-    monkeypatch.setattr("planner.learning.refine.MOST_SAMPLES_BOUNDED", 0)
     file = tmp_path / "foot.csv"
     write_foot_path(file, half_ellipse(samples=40, length=0.03, height=0.01), period=0.008)
     leg = (*LEG[:-1], method)
@@ -244,17 +251,79 @@ def test_the_desired_path_is_not_taken_for_a_measured_one(run, desired):
     assert result.stderr.count("\n") == 1
 
 
-def test_joints_that_were_not_measured_are_named(run, desired, execute, tmp_path):
+def keep_columns(file, *names):
+    """Leave only some joints in a file of angles."""
+    path = read_joint_path(file, joints=names)
+    write_joint_path(file, names, path.angles, period=0.008)
+
+
+def test_joints_that_were_not_measured_keep_their_requests_and_are_named(
+    run, desired, execute, tmp_path
+):
+    """Each joint has its own trials: what is measured later is learnt then."""
     run("plan", desired, "-o", "requests.csv")
+    line = ("refine", "requests.csv", "measured.csv", "--desired", desired, "--no-reidentify")
+    line = (*line, "--history", "all.json", "-o", "requests.csv", "--report", "page.html")
+    said = "no measured angles of hip: requests kept as they are"
+    for _ in range(2):
+        before = read_joint_path("requests.csv").angles
+        execute()
+        keep_columns("measured.csv", "knee")
+        result = run(*line)
+        assert result.exit_code == 0, result.output
+        assert result.stderr.count(said) == 1
+        assert said in (tmp_path / "page.html").read_text("utf-8")
+        after = read_joint_path("requests.csv")
+        assert after.names == ("hip", "knee")
+        np.testing.assert_allclose(after.angles[:, 0], before[:, 0], atol=1e-12)
+        assert np.max(np.abs(after.angles[:, 1] - before[:, 1])) > 1e-3
     execute()
-    whole = read_joint_path("measured.csv")
-    write_joint_path(tmp_path / "knee.csv", ["knee"], whole.angles[:, 1:], period=0.008)
-    line = ("refine", "requests.csv", "knee.csv", "--desired", desired)
-    result = run(*line)
-    assert result.exit_code == 2
-    assert "knee.csv, line 1: no measured angles of hip, expected a column" in result.stderr
-    assert "did you mean" not in result.stderr
-    assert run(*line, "--joint", "knee", "--no-reidentify", "-o", "next.csv").exit_code == 0
+    result = run(*line, "--json")
+    answer = json.loads(result.stdout)
+    assert [answer["learning"][name]["trials"] for name in ("hip", "knee")] == [1, 3]
+    assert answer["not_measured"] == []
+    execute()
+    keep_columns("measured.csv", "hip")
+    answer = json.loads(run(*line, "--json").stdout)
+    assert answer["not_measured"] == ["knee"]
+    assert answer["learning"].keys() == {"hip"}
+    assert answer["joints"]["knee"]["learnt_deg"] is None
+    assert len(answer["joints"]["knee"]["requests_deg"]) == 88
+
+
+@pytest.mark.usefixtures("unbounded")
+def test_after_a_plan_for_the_foot_the_measured_joints_learn_their_part_of_it(
+    run, execute, tmp_path
+):
+    """They come to follow their angles in that plan; a foot measured whole is learnt as ever."""
+    file = tmp_path / "foot.csv"
+    write_foot_path(file, half_ellipse(samples=40, length=0.015, height=0.005), period=0.008)
+    assert run("plan", file, *LEG, "-o", "requests.csv").exit_code == 0
+    first = read_joint_path("requests.csv")
+    planned = np.column_stack([simulate(KNOWN, column) for column in first.angles.T])
+    line = ("refine", "requests.csv", "measured.csv", "--desired", file, *LEG, "--no-reidentify")
+    line = (*line, "--history", "all.json", "--json", "-o", "requests.csv")
+    line = (*line, "--report", "page.html")
+    name, errors = first.names[1], []
+    for _ in range(2):
+        errors.append(np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2)))
+        keep_columns("measured.csv", name)
+        result = run(*line)
+        assert result.exit_code == 0, result.output
+        assert "no measured angles of rotator, knee: requests kept" in result.stderr
+        said = f"{name} learnt by the angles of the plan for the foot"
+        assert said in result.stderr
+        assert said in (tmp_path / "page.html").read_text("utf-8")
+        learning = json.loads(result.stdout)["learning"]
+        assert learning.keys() == {name}
+        assert np.radians(learning[name]["errors_deg"]) == pytest.approx(errors, rel=1e-6)
+        sent = read_joint_path("requests.csv").angles
+        np.testing.assert_allclose(sent[:, [0, 2]], first.angles[:, [0, 2]], atol=1e-12)
+    left = np.sqrt(np.mean((execute()[:, 1] - planned[:, 1]) ** 2))
+    assert left < 0.25 * errors[0]
+    answer = json.loads(run(*line).stdout)
+    assert answer["learning"]["foot"]["trials"] == 1
+    assert json.loads((tmp_path / "all.json").read_text())["plans"].keys() == {name, "foot"}
 
 
 @pytest.mark.parametrize("method", [None, "optimal"])
