@@ -160,6 +160,51 @@ def test_a_joint_that_answers_earlier_than_the_model_is_no_late_sensor() -> None
     assert "sensor_delay" not in remark
 
 
+def test_a_first_cycle_on_the_way_into_the_others_is_left_out_and_said() -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
+    joint = MadeJoint(replace(KNOWN, theta_0=1.2 * KNOWN.theta_0), noise=math.radians(0.05))
+    cycles = joint.play(plan.requests, 4)[1].copy()
+    cycles[0, :10] += np.linspace(0.3, 0.0, 10)
+    after = planner.refine(plan, cycles)
+    assert [trial.cycles for trial in after.learning.trials] == [3]
+    assert any("the way into them" in remark for remark in after.learning.remarks)
+    resting = planner.invert_optimal(KNOWN, plan.desired, cyclic=False)
+    motions = np.tile(resting.predicted, (4, 1))
+    motions[0, :10] += np.linspace(0.3, 0.0, 10)
+    assert [trial.cycles for trial in planner.refine(resting, motions).learning.trials] == [4]
+
+
+def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial() -> None:
+    desired = random_path(5, 88, span=1.0, fastest=0.03)
+    plan = planner.invert_optimal(KNOWN, desired)
+    joint = MadeJoint(replace(KNOWN, theta_0=1.1 * KNOWN.theta_0), late=2)
+    after = planner.refine(plan, joint.play(plan.requests)[1], sensor_delay=2 * KNOWN.period)
+    after = planner.refine(after, joint.play(after.requests)[1])
+    assert after.learning.delays[0].removed == 2 * KNOWN.period
+    plan = planner.invert_optimal(KNOWN, desired)
+    noisy = MadeJoint(KNOWN, noise=math.radians(0.5)).play(plan.requests, 3)[1]
+    once = planner.refine(plan, noisy[:2])
+    twice = planner.refine(replace(plan, learning=once.learning), noisy[2])
+    assert [trial.cycles for trial in twice.learning.trials] == [3]
+    assert twice.learning.trials[0].error == pytest.approx(rms(noisy.mean(axis=0) - desired))
+
+
+def test_of_many_trials_the_worst_makes_room_and_the_best_is_kept() -> None:
+    plan = planner.invert_optimal(KNOWN, random_path(5, 60, span=1.0, fastest=0.03))
+    true = replace(KNOWN, theta_0=1.1 * KNOWN.theta_0)
+    plan = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
+    (first,) = plan.learning.trials
+    many = tuple(
+        Trial(requests=first.requests + 0.01 * k, measured=first.measured + 0.01 * k, error=1.0 + k)
+        for k in range(1, 30)
+    )
+    plan = replace(plan, learning=replace(plan.learning, trials=(first, *many)))
+    after = planner.refine(plan, planner.simulate(true, plan.requests), reidentify=False)
+    assert [trial.error for trial in after.learning.trials[:-1]] == [first.error, *range(2, 30)]
+    np.testing.assert_array_equal(after.learning.trials[-1].requests[:, 0], plan.requests)
+    assert after.learning.best in (0, 29)
+
+
 def test_the_remaining_error_has_no_part_that_exceeds_it() -> None:
     """Many noisy cycles of the model itself: their mean is off by less than one of them."""
     plan = planner.invert_optimal(KNOWN, random_path(1, 88, span=1.0, fastest=0.03))
@@ -299,6 +344,10 @@ def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatc
     [
         (np.zeros(87), r"got shape \(87,\), expected \(88,\) or \(cycles, 88\)"),
         (np.full(88, np.nan), "88 of 88 angles are not finite, the first in cycle 0, row 0"),
+        (
+            np.where(np.arange(176).reshape(2, 88) == 93, np.nan, 0.1),
+            "1 of 176 angles are not finite, the first in cycle 1, row 5",
+        ),
         (["a"] * 88, "expected angles"),
     ],
 )

@@ -165,9 +165,17 @@ def test_requests_at_a_limit_are_counted(outcome):
     rows = joint_rows(replace(outcome, limits=tight))
     assert rows[0].at_limit >= 1
     assert rows[0].limits[0] == pytest.approx(np.degrees(-10.0))
+    tight = {**outcome.limits, first: (float(outcome.requests[:, 0].min()), 10.0)}
+    assert joint_rows(replace(outcome, limits=tight))[0].at_limit >= 1
     free = replace(outcome, limits={first: (-np.inf, np.inf)})
     assert joint_rows(free)[0].at_limit == 0
     assert "none" in joints_table(free).rows[0].cells
+    for limits, words in (
+        ((-np.inf, 10.0), "at most 573.0"),
+        ((-10.0, np.inf), "at least −573.0"),
+    ):
+        half = joints_table(replace(outcome, limits={first: limits})).rows[0].cells
+        assert words in half
 
 
 def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
@@ -183,6 +191,17 @@ def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
     cells = joints_table(exact).rows[0].cells
     assert "bound 0" in cells
     assert "inf" not in str(cells)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
+    errors = np.abs(outcome.errors["planned"][:, 0])
+    error = np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2))
+    (row, *_) = joint_rows(
+        replace(outcome, norm=norm, bounds={outcome.names[0]: float(error) / 1.25})
+    )
+    assert row.gap == pytest.approx(0.25)
+    assert row.bound == pytest.approx(np.degrees(error) / 1.25)
 
 
 @pytest.mark.usefixtures("undrawn_pages")
