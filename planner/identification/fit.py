@@ -264,7 +264,11 @@ def with_speed_of(fit: Fit, speed: float) -> Fit:
     lowest = (1.0 + OPTIONS.just_above) * speed
     if fit.parameters.v_max >= lowest:
         return fit
-    return replace(fit, parameters=fit.parameters._replace(v_max=lowest))
+    at = fit.parameters._replace(v_max=lowest)
+    raised = least_squares(
+        fit.grid, at, free=only(), starts=fit.starts, scale=fit.scale, effort=FITTING.search
+    )
+    return replace(raised, free=fit.free)
 
 
 def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, ...] | None:

@@ -45,6 +45,9 @@ from planner.identification.verdict import (
 from planner.trajectory import Array
 from planner.validation import as_flag
 
+SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
+"""Standard deviations of the noise that the angles at both ends of 0.1 s may be off [1/s]."""
+
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain beside those at a mechanical stop."""
 
@@ -100,18 +103,21 @@ def identify(
     fit = with_observed_speed(trial.fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
+    unit = "" if logs[0].unit == "1" else logs[0].unit
     seen = max(map(measured_speed, every))
     faster = bounds["v_max"].upper == math.inf and seen > fit.parameters.v_max
+    refuted = _refuted(every, fit, bounds["v_max"].upper, unit)
+    if refuted:
+        faster, seen = True, refuted.speed
     if faster:  # in rows that are not fitted
         fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
     for name in trial.confounded & set(bounds):
         bounds[name] = Interval(-math.inf if name == "offset" else 0.0, math.inf)
-    held = held_out(logs, timing, fit) if hold_out else None
+    held = held_out(logs, timing, fit, faster=bool(refuted)) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
-    unit = "" if logs[0].unit == "1" else logs[0].unit
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
     judged = verdict_on(
@@ -130,7 +136,9 @@ def identify(
     )
     intervals = _intervals(fit, bounds, uncertainty)
     notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
-    if faster:
+    if refuted:
+        notes.append(refuted.words)
+    elif faster:
         notes += _unfitted(fits, seen, unit)
     if evenly_timed:
         notes.append(
@@ -167,6 +175,41 @@ def identify(
             for term in trial.terms
         ),
     )
+
+
+class _Refuted(NamedTuple):
+    """A top speed that rows which are not fitted refute."""
+
+    speed: float
+    words: str
+
+
+def _refuted(logs: Sequence[Log], fit: Fit, upper: float, unit: str) -> _Refuted | None:
+    """The speed of rows that are not fitted [rad/s], where those that are fitted exclude it.
+
+    Args:
+        logs: The logs.
+        fit: The fit.
+        upper: Upper end of the interval of the top speed by the rows that are fitted [rad/s].
+        unit: Of the angles.
+    """
+    if upper == math.inf:
+        return None
+    model = fit.parameters.model(tick=fit.grid.tick, hold=1)
+    heaviest = float(np.max(np.abs(fit.grid.loads), initial=0.0))
+    limits = model.speed_limits(np.array([-heaviest, 0.0, heaviest]))
+    most = float(np.max(np.abs(limits))) * upper / fit.parameters.v_max
+    speeds = [measured_speed(log, ~used) for log, used in zip(logs, fit.grid.places, strict=True)]
+    log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
+    if speed - SPEED_NOISE * noise_of(fit) <= most:
+        return None
+    words = (
+        f"{log.name}: the joint moves at up to {said(speed, unit, '/s')} in rows that are not "
+        f"fitted, and those that are bound its top speed at {said(most, unit, '/s')}: a limit in "
+        "the servo was changed, or something pushed the joint; v_max is the measured speed; record "
+        "anew with one limit, or leave out the rows in which it was pushed"
+    )
+    return _Refuted(speed, words)
 
 
 def _unfitted(fits: Sequence[LogFit], speed: float, unit: str) -> list[str]:

@@ -243,11 +243,15 @@ def sound_rows(log: Log) -> Rows:
     return sound
 
 
-def measured_speed(log: Log) -> float:
+def measured_speed(log: Log, among: Rows | None = None) -> float:
     """Highest mean speed over 0.1 s, or three rows of slower logs, with torque [rad/s].
 
     Of all rows, whether their requests are known or not: no joint is as fast in the mean as it can
     be, so that but for noise and for what pushes it this bounds its top speed from below.
+
+    Args:
+        log: The log.
+        among: Only motion with some of these rows in it, shape (n,); by default all.
     """
     rows = np.flatnonzero(sound_rows(log) & log.torque_on)
     far = max(3, round(OPTIONS.speed_over / log.period))
@@ -256,6 +260,9 @@ def measured_speed(log: Log) -> float:
     times, angles = log.times[rows], log.angles[rows]
     steps, moved = times[far:] - times[:-far], np.abs(angles[far:] - angles[:-far])
     whole = steps <= 1.5 * far * log.period  # no gap between
+    if among is not None:
+        before = np.concatenate([[0], np.cumsum(among[rows])])
+        whole &= before[far + 1 :] > before[: -far - 1]
     return float(np.max(moved[whole] / steps[whole], initial=0.0))
 
 

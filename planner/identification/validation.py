@@ -68,7 +68,9 @@ class HeldOut(NamedTuple):
     beyond: bool
 
 
-def held_out(logs: Sequence[Log], timing: Timing, whole: Fit) -> HeldOut | None:
+def held_out(
+    logs: Sequence[Log], timing: Timing, whole: Fit, *, faster: bool = False
+) -> HeldOut | None:
     """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
 
     A top speed that the first part does not bound, and the rest may exceed, cannot be predicted
@@ -78,6 +80,7 @@ def held_out(logs: Sequence[Log], timing: Timing, whole: Fit) -> HeldOut | None:
         logs: The logs.
         timing: Their ticks.
         whole: The fit to all rows that are used in the end.
+        faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
     """
     grid = whole.grid
     middles = [_middle(log) for log in logs]
@@ -101,7 +104,7 @@ def held_out(logs: Sequence[Log], timing: Timing, whole: Fit) -> HeldOut | None:
     states = respond(grid, at, starts, active=active)
     called = commanded_speed(at, grid, active, states)
     beyond = called > OPTIONS.faster * shown and not speed_bounded(fit)
-    if beyond:
+    if beyond or faster:
         at = at._replace(v_max=whole.parameters.v_max)
         states = respond(grid, at, starts, active=active, guess=states)
     predicted = grid.at_rows(states)

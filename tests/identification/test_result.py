@@ -141,3 +141,24 @@ def test_the_error_to_expect_is_the_larger_one_of_all_rows_and_of_those_held_out
         other = replace(found, held_out_rms=held_out)
         assert other.expected_error == expected * found.rms
         assert other.model.evidence.error == expected * found.rms
+
+
+def test_rows_that_are_fitted_do_not_bound_a_top_speed_that_others_exceed():
+    """A servo whose speed was limited after the first step, whose request came before the log."""
+    times = 0.02 * np.arange(700)
+    turns = np.random.default_rng(5).choice([-0.8, 0.1, 0.9], 24)
+    requests = np.repeat(turns, 30)[: len(times)]
+    requests[:30] = 1.2
+    fast = JointModel(v_max=6.0, theta_0=0.2, lag=0.02, acceleration_time=0.06, tick=0.02)
+    start = simulate(fast, requests[:30], cyclic=False, start=-1.2)
+    limited = replace(fast, v_max=2.0, theta_0=0.2 / 3.0)
+    slow = simulate(limited, requests[29:], cyclic=False, start=float(start[-1]))
+    angles = np.append(-1.2, np.concatenate([start[:-1], slow]))[: len(times)]
+    noise = np.radians(0.05) * np.random.default_rng(3).standard_normal(len(times))
+    found = identify(Log(times=times, requests=requests, angles=angles + noise))
+    assert not found.fits[0].used[0]
+    assert found.model.v_max >= 0.9 * np.max(np.diff(angles)) / 0.02
+    assert found.intervals["v_max"].lower >= 0.9 * 6.0
+    assert found.intervals["v_max"].upper == np.inf
+    (warning,) = [words for words in found.warnings if "a limit in the servo" in words]
+    assert "deg/s" in warning or "rad/s" in warning
