@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
-from planner import InvalidInput, JointModel, invert_foot, shortest_cycle
+from planner import Infeasible, InvalidInput, JointModel, invert_foot, shortest_cycle
 from planner.shortest_cycle import in_samples
 
 JOINT = JointModel.ers210a()
@@ -36,6 +37,7 @@ def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monk
         JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
     )
     assert found.plan.max_error <= TOLERANCE
+    np.testing.assert_array_equal(found.plan.limits, leg.limits)
     assert found.period == pytest.approx(found.samples * JOINT.period)
     if found.samples > 11:
         shorter = in_samples(circle, found.samples - 1)
@@ -59,3 +61,32 @@ def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):
         JOINT, leg, lambda count: np.tile(middle, (count, 1)), tolerance=TOLERANCE, samples=16
     )
     assert (found.samples, found.too_short) == (shortest_cycle.OPTIONS.fewest, None)
+
+
+def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_tolerance(
+    leg, monkeypatch
+):
+    def plan(models, leg, path, **options):  # noqa: ARG001
+        return SimpleNamespace(
+            requests=path, max_error=1.0 / len(path), lower_bound=0.9 / len(path)
+        )
+
+    monkeypatch.setattr(shortest_cycle, "invert_foot", plan)
+    for samples in (16, 88):
+        found = shortest_cycle.shortest_cycle(
+            JOINT, leg, lambda count: np.zeros((count, 3)), tolerance=1.0 / 40.0, samples=samples
+        )
+        assert found.samples == 40
+        assert found.too_short == (35, 0.9 / 35)
+
+
+def test_a_tolerance_that_no_cycle_keeps_is_refused_with_the_largest_distance(
+    leg, circle, monkeypatch
+):
+    options = replace(shortest_cycle.OPTIONS, most=20)
+    monkeypatch.setattr(shortest_cycle, "OPTIONS", options)
+    largest = invert_foot(JOINT, leg, in_samples(circle, 16), norm="max").max_error
+    with pytest.raises(Infeasible, match=f"cycle of 16 samples .* {100.0 * largest:.3g} cm off"):
+        shortest_cycle.shortest_cycle(
+            JOINT, leg, lambda count: in_samples(circle, count), tolerance=1e-9, samples=16
+        )

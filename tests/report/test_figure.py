@@ -172,6 +172,7 @@ def test_a_cycle_ends_where_it_begins_and_cycles_do_not_touch():
     np.testing.assert_array_equal(two.x, [0.0, 8.0, 16.0, math.nan, 0.0, 8.0, 16.0])
     once = Timeline(0.008, 2, cyclic=False)
     np.testing.assert_array_equal(once.curve(np.array([1.0, 2.0]), DIRECT).x, [0.0, 8.0])
+    assert (timeline.axis.range, once.axis.range) == ((0.0, 16.0), (0.0, 8.0))
 
 
 def test_long_motions_are_in_seconds():

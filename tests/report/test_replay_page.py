@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from kinematics import Leg, urdf_path
 from planner import JointModel, Log, fastest, replay, simulate
-from planner.report.replay import replay_page, speeds_figure
+from planner.report.replay import cards, replay_page, speeds_figure
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 
@@ -82,6 +83,8 @@ def test_the_curve_of_errors_over_speed_is_on_the_page():
     assert names[-4:] == ["direct, off the scale", "best time shift", "optimised", "lower bound"]
     coarse = speeds_figure(fastest(logs("elbow"), SERVO, tolerance=0.2))
     assert "direct" in [curve.name for curve in coarse.panels[0].curves]
+    (panel,) = speeds_figure(replace(found, foot=True)).panels  # the tolerance in metres then
+    assert (panel.y.unit, panel.curves[0].y.tolist()) == ("cm", [2.0, 2.0])
     assert "How fast it can be" in page
     assert "V_max is 1." in page, "names in sentences stay as they are"
 
@@ -94,3 +97,11 @@ def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     (promised,) = re.findall(r"stays within (\S+) degrees", page)
     largest = np.degrees(np.max(np.abs(made.planned[0].errors["planned"])))
     assert largest <= float(promised) <= 1.1 * largest
+
+
+def test_the_joint_that_is_farthest_off_is_that_of_the_plan_and_not_of_the_path_as_it_is():
+    late, slow = replace(SERVO, lag=0.2), replace(SERVO, v_max=0.1, theta_0=0.005)
+    made = replay([*logs("late", size=1.0), *logs("slow", size=0.1)], {"late": late, "slow": slow})
+    by_name = {each.name: np.abs(each.errors["direct"]).max() for each in made.planned}
+    assert by_name["late"] > by_name["slow"]
+    assert "the joint that is farthest off, slow;" in cards(made)[0].words
