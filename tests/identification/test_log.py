@@ -111,3 +111,10 @@ def test_a_turn_lost_between_rows_far_apart_is_found_whether_requests_wrap_or_no
     assert jumps == np.count_nonzero(np.abs(np.diff(angles % TURN)) > 4.0) > 0
     assert np.allclose(found.angles - found.requests, angles - requests, rtol=0.0, atol=SAME)
     assert np.allclose(np.diff(found.angles), np.diff(angles), rtol=0.0, atol=SAME)
+
+
+@pytest.mark.parametrize("period", [5.0, 1e-5])
+def test_times_in_another_unit_are_refused_with_the_option_that_names_it(period):
+    log = rich_log()
+    with pytest.raises(planner.InvalidInput, match=f"one row every {period:g} s, .* --time COLU"):
+        planner.identify(changed(log, times=period * np.arange(len(log.times))))

@@ -77,6 +77,16 @@ def test_one_load_tells_neither_compliance_nor_slowing():
     assert abs(found.model.offset - 0.025) <= 0.001  # rad: it is in the static sag
 
 
+def test_a_joint_that_saturates_in_one_direction_only_tells_no_asymmetry():
+    """Sudden steps up, slow ramps down."""
+    rows = np.arange(600)
+    requests = 0.8 * (1.0 - rows % 150 / 150.0)
+    angles = planner.simulate(AIBO, requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=QUANTUM)
+    found = planner.identify((AIBO.tick * rows, requests, angles), hold_out=False)
+    assert {each.name for each in found.terms} == {"dead_band"}
+
+
 def test_motion_in_one_direction_tells_friction_from_sag_by_nothing():
     truth = replace(AIBO, dead_band=math.radians(1.0))
     requests = np.concatenate([np.zeros(100), np.linspace(0.0, 2.0, 300), np.full(100, 2.0)])

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import planner
 from planner.evaluation.swept import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
+from planner.report.sweep import verdict
 from planner.run.results import Results, results_beside
 from planner.run.settings import HalfEllipse
 from planner.run.sweep.space import number_of_points, read_sweep
@@ -146,6 +148,23 @@ def test_the_front_has_no_point_that_another_beats_in_both():
     for each in beaten:
         assert any(o.speed >= each.speed and o.error <= each.error for o in made.front)
     assert list(made.front) == sorted(made.front, key=lambda each: each.speed)
+
+
+def test_the_nearest_point_is_told_where_none_meets_what_is_required():
+    outcomes = tuple(
+        Outcome((float(k),), speed, error)
+        for k, (speed, error) in enumerate([(1.0, 0.2), (2.0, 0.9), (2.0, 0.6), (3.0, 1.5)])
+    )
+    swept = Swept("a.toml", ("length",), outcomes, "cm/s", "cm", Requirement("speed", 1.0))
+    assert [each.point for each in swept.front] == [(0.0,), (2.0,), (3.0,)]
+    assert verdict(swept).startswith("The best point with at least 1 cm/s has 1 cm/s at 0.2 cm:")
+    swept = replace(swept, requirement=Requirement("error", 2.0))
+    assert verdict(swept).startswith("The best point with at most 2 cm has 3 cm/s at 1.5 cm:")
+    swept = replace(swept, outcomes=tuple(replace(each, reason="missed") for each in outcomes))
+    swept = replace(swept, requirement=Requirement("error", 0.1))
+    assert verdict(swept) == "No point has at most 0.1 cm: the nearest has 1 cm/s at 0.2 cm"
+    swept = replace(swept, requirement=Requirement("speed", 4.0))
+    assert verdict(swept) == "No point has at least 4 cm/s: the nearest has 3 cm/s at 1.5 cm"
 
 
 @pytest.mark.parametrize(
