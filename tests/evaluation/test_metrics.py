@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
+from planner.evaluation.metrics import (
+    Distance,
+    angle_distance,
+    foot_distance,
+    foot_distances,
+    request_motion,
+)
 from planner.exceptions import InvalidTrajectory
 
 ROUNDING = 1e-12
@@ -71,3 +77,17 @@ def test_what_cannot_be_compared_is_refused(one, other, message):
 def test_a_foot_path_has_three_columns():
     with pytest.raises(InvalidTrajectory, match=r"expected \(n, 3\) twice"):
         foot_distance(np.zeros((4, 2)), np.zeros((4, 2)))
+
+
+def test_a_cycle_turns_at_its_boundary_too_and_goes_beyond_a_range_on_either_side():
+    there_and_back, desired = [0.0, 0.3, 0.1], [0.0, 0.2, 0.0]
+    turns = [
+        request_motion(there_and_back, desired, period=0.1, cyclic=cyclic).reversals_per_s
+        for cyclic in (True, False)
+    ]
+    assert turns == pytest.approx([2.0 / 0.3, 1.0 / 0.3])
+    for sign in (1.0, -1.0):
+        motion = request_motion(
+            sign * np.array(there_and_back), sign * np.array(desired), period=0.1, cyclic=True
+        )
+        assert motion.beyond == pytest.approx(0.1)

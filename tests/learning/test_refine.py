@@ -189,6 +189,16 @@ def test_a_sensors_delay_stays_what_it_was_and_the_same_requests_are_one_trial()
     assert twice.learning.trials[0].error == pytest.approx(rms(noisy.mean(axis=0) - desired))
 
 
+def test_a_delay_taken_off_a_motion_from_rest_leaves_its_end_where_it_was() -> None:
+    desired = 0.25 * (1.0 - np.cos(np.linspace(0.0, np.pi, 100)))
+    plan = planner.invert_optimal(KNOWN, desired, cyclic=False)
+    late = plan.predicted[np.maximum(np.arange(100) - 2, 0)]
+    after = planner.refine(plan, late, sensor_delay=2 * KNOWN.period, reidentify=False)
+    apart = after.learning.trials[0].mean[:, 0] - plan.predicted
+    np.testing.assert_allclose(apart[:-2], 0.0, rtol=0.0, atol=1e-9)
+    assert np.max(np.abs(apart[-2:])) < 0.01
+
+
 def test_of_many_trials_the_worst_makes_room_and_the_best_is_kept() -> None:
     plan = planner.invert_optimal(KNOWN, random_path(5, 60, span=1.0, fastest=0.03))
     true = replace(KNOWN, theta_0=1.1 * KNOWN.theta_0)

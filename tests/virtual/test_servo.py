@@ -83,3 +83,13 @@ def test_the_derivative_brakes_a_joint_that_comes_near():
         moving.control(0.003 * k)
         still.control(0.057)
     assert moving.duty < still.duty
+
+
+def test_the_derivative_is_of_a_speed_that_is_filtered():
+    """A step of the sensor by 0.01 rad in 1 ms is 10 rad/s, of which the filter passes a fifth."""
+    constants = Constants(integral_gain=0.0)
+    servo = Servo(constants, 0.0)
+    servo.control(0.01)
+    passed = constants.control_period / (constants.derivative_filter + constants.control_period)
+    expected = -0.01 * constants.proportional_gain - 10.0 * passed * constants.derivative_gain
+    assert abs(servo.duty - expected) <= 0.5 / constants.duty_steps
