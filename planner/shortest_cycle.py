@@ -105,7 +105,7 @@ def shortest_cycle(
     def plan(count: int) -> FootInversion:
         if count not in known:
             progress(f"a cycle of {count} samples")
-            known[count] = invert_foot(models, leg, path(count), limits=leg.limits, norm="max")
+            known[count] = invert_foot(models, leg, path(count), norm="max")
         return known[count]
 
     def keeps(count: int) -> bool:
