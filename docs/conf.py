@@ -42,7 +42,7 @@ nitpick_ignore_regex = [
         "py:(mod|func|data|class)",
         r"(kinematics\.|planner$|SHIPPED|collections).*",
     ),  # no public name
-    ("py:(func|class)", r"planner\.(model|files|evaluation)\..*|speed_law"),
+    ("py:(func|class)", r"planner\.(model|files|evaluation)\..*"),
 ]
 
 html_theme = "furo"

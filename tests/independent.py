@@ -44,14 +44,23 @@ def of_whole_ticks(model, requests, start):
     )
 
 
-def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0):
-    """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; of functions of ticks."""
+def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0, speed=0.0):
+    """M(0), ..., M(ticks-1) with w_i the length of [i-1, i] ∩ [l, l+a]; of functions of ticks.
+
+    Section 9's law, which is Equation 3 without friction and inertia.
+    """
     lag, acceleration = model.lag / model.tick, model.acceleration_time / model.tick
     window = []
     for i in range(1, math.ceil(lag + acceleration) + 2):
         length = min(i, lag + acceleration) - max(i - 1, lag)
         if length > 0.0:
             window.append((i, length))
+    share = 1.0
+    if model.time_constant > 0.0:
+        share = 1.0 - math.exp(-model.tick / model.time_constant)
+    friction = model.v_max * model.tick / model.theta_0 * model.dead_band
+    most = model.max_acceleration * model.tick**2
+    top = model.v_max * model.tick + friction
     angles = []
     for t in range(ticks):
         total = 0.0
@@ -59,12 +68,14 @@ def windowed(model, request_at, ticks, before, load_at=lambda _: 0.0):
             error = request_at(t - i) + model.offset + model.compliance * load_at(t) - before
             total += length * equation_2(
                 error,
-                v_max=model.v_max * model.tick,
-                theta_0=model.theta_0,
-                dead_band=model.dead_band,
+                v_max=top,
+                theta_0=top / (model.v_max * model.tick) * model.theta_0,
                 v_offset=(model.v_offset + model.speed_per_torque * load_at(t)) * model.tick,
             )
-        before = before + total / acceleration
+        change = share * (total / acceleration - speed)
+        speed += max(min(change, most), -most)
+        speed = math.copysign(max(abs(speed) - share * friction, 0.0), speed)
+        before = before + speed
         angles.append(before)
     return np.array(angles)
 
@@ -84,7 +95,7 @@ def from_rest(model, requests, *, start=None, load=None):
     return windowed(model, request_at, ticks, before, load_at)[:: model.hold]
 
 
-def next_cycle(model, requests, last_angle, *, load=None):
+def next_cycle(model, requests, last_angle, *, load=None, speed=0.0):
     """Angles at the requests of the cycle that follows the one that ends in ``last_angle``."""
     hold, n = model.hold, len(requests)
 
@@ -94,4 +105,5 @@ def next_cycle(model, requests, last_angle, *, load=None):
     def load_at(tick):
         return 0.0 if load is None else load[tick // hold]
 
-    return windowed(model, request_at, n * hold, last_angle, load_at)[hold - 1 :: hold]
+    every = windowed(model, request_at, n * hold, last_angle, load_at, speed)
+    return every[hold - 1 :: hold]

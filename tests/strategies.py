@@ -22,7 +22,16 @@ def ticks(least, most):
 
 
 @st.composite
-def models(draw, *, whole=False, holds=(1, 4), offsets=True, friction=False, overshoots=True):
+def models(
+    draw,
+    *,
+    whole=False,
+    holds=(1, 4),
+    offsets=True,
+    friction=False,
+    overshoots=True,
+    inertia=False,
+):
     """Joints of every kind: Equation 13 kept or broken, corners of the parameters included.
 
     Those with friction can move against any load within ±1 N m.
@@ -42,6 +51,10 @@ def models(draw, *, whole=False, holds=(1, 4), offsets=True, friction=False, ove
             "compliance": draw(st.one_of(st.just(0.0), st.floats(0.0, 0.3))),
             "speed_per_torque": draw(st.floats(0.0, 0.9)) * (1.0 - abs(share)) * v_max,
         }
+    if inertia:
+        limit = st.one_of(st.just(np.inf), st.floats(0.05, 2.0).map(lambda a: a * v_max / TICK))
+        dry["time_constant"] = draw(st.one_of(st.just(0.0), st.floats(0.1, 8.0))) * TICK
+        dry["max_acceleration"] = draw(limit)
     return JointModel(
         v_max=v_max,
         theta_0=theta_0,

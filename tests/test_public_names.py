@@ -11,7 +11,7 @@ import kinematics
 import planner
 import planner.exceptions
 
-HEAVY = ("casadi", "cvxpy", "osqp", "matplotlib", "pinocchio", "scipy", "jinja2")
+HEAVY = ("casadi", "numba", "cvxpy", "osqp", "matplotlib", "pinocchio", "scipy", "jinja2")
 
 
 @pytest.mark.parametrize("package", [planner, kinematics], ids=["planner", "kinematics"])

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.evaluation.independent import independent_angles, next_cycle
+from planner.evaluation.independent import independent_angles, last_speed, next_cycle
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import SMOOTHNESS
 from planner.inversion.bounds.reachable_set import Level
@@ -164,7 +164,8 @@ def second_answer(
         sag = float(model.sag(0.0 if load is None else load[0]))
         rest = float(requests[0]) + sag if start is None else start
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
-    following = next_cycle(model, requests, float(predicted[-1]), load)
+    speed = last_speed(model, predicted)
+    following = next_cycle(model, requests, float(predicted[-1]), load, speed=speed)
     closure = abs(float(following[-1] - predicted[-1]))
     repeated = float(np.max(np.abs(predicted - following)))
     if apart <= AGREEMENT.value or max(repeated, closure) > AGREEMENT.value:

@@ -1,19 +1,23 @@
 """An independent simulation of the joint: Equation 3 tick by tick and term by term.
 
 Nothing here is shared with :mod:`planner.model.response`: the window comes from the times of the
-model, the speed from the cases of Equation 2, with friction and load, and the steady cycle from a
-root finder of SciPy's. So a mistake in one of the two shows as a difference.
+model, the speed from the cases of Equation 2, with friction, load and inertia, and the steady cycle
+from a root finder of SciPy's. So a mistake in one of the two shows as a difference.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.model.joint import JointModel
 from planner.trajectory import Array
+
+SETTLING = 20
+"""Cycles that a joint with inertia runs before the root finder takes over."""
 
 SETTLED = 1e-13
 """Ends of a cycle that agree to this are one [rad], relative to angles beyond 1 rad: rounding."""
@@ -52,14 +56,40 @@ def independent_angles(
             lambda tick: given[max(tick // model.hold, 0)],
             lambda tick: torques[-(-tick // model.hold)],
             (len(given) - 1) * model.hold + 1,
-            before,
+            _Motion(before, 0.0),
         )
-        return np.array(every[:: model.hold])
-    return next_cycle(model, requests, _steady_end(model, requests, load), load)
+        return np.array([motion.angle for motion in every[:: model.hold]])
+    end = _steady_end(model, requests, load)
+    return next_cycle(model, requests, end.angle, load, speed=end.speed)
 
 
-def next_cycle(model: JointModel, requests: Array, last: float, load: Array | None = None) -> Array:
-    """Angles of the cycle that follows one whose last sample was ``last`` [rad], shape (n,)."""
+def next_cycle(
+    model: JointModel,
+    requests: Array,
+    last: float,
+    load: Array | None = None,
+    *,
+    speed: float = 0.0,
+) -> Array:
+    """Angles of the cycle that follows one whose last sample was ``last`` [rad], shape (n,).
+
+    With inertia ``speed`` [rad/tick] is that of its last tick.
+    """
+    every = _cycle(model, requests, _Motion(last, speed), load)
+    return np.array([motion.angle for motion in every])
+
+
+def last_speed(model: JointModel, angles: Array) -> float:
+    """Speed in the last tick of a cycle, from its last angles [rad/tick]: exact for one tick."""
+    return float(angles[-1] - angles[-2]) / model.hold
+
+
+class _Motion(NamedTuple):
+    angle: float  # [rad]
+    speed: float  # in the tick before [rad/tick]
+
+
+def _cycle(model: JointModel, requests: Array, last: _Motion, load: Array | None) -> list[_Motion]:
     given, count, hold = requests.tolist(), len(requests), model.hold
     torques = [0.0] * count if load is None else load.tolist()
     # Tick 0 is the one after that sample, which was taken right after the cycle's last request.
@@ -70,16 +100,27 @@ def next_cycle(model: JointModel, requests: Array, last: float, load: Array | No
         count * hold,
         last,
     )
-    return np.array(every[hold - 1 :: hold])
+    return every[hold - 1 :: hold]
 
 
-def _steady_end(model: JointModel, requests: Array, load: Array | None) -> float:
-    """Last angle of the steady cycle [rad]."""
-    from scipy.optimize import brentq
+def _steady_end(model: JointModel, requests: Array, load: Array | None) -> _Motion:
+    """Last angle and speed of the steady cycle."""
+    from scipy.optimize import brentq, root
 
     def end(last: float) -> float:
-        return float(next_cycle(model, requests, last, load)[-1])
+        return _cycle(model, requests, _Motion(last, 0.0), load)[-1].angle
 
+    if model.time_constant > 0.0 or math.isfinite(model.max_acceleration):
+        now = _Motion(float(requests[-1]) + model.offset, 0.0)
+        for _ in range(SETTLING):
+            before, now = now, _cycle(model, requests, now, load)[-1]
+        if math.dist(before, now) > SETTLED:
+
+            def apart(last: Array) -> Array:
+                return np.array(_cycle(model, requests, _Motion(*last.tolist()), load)[-1]) - last
+
+            now = _Motion(*root(apart, np.array(now), tol=SETTLED).x.tolist())
+        return now
     once = end(float(requests[-1]) + model.offset)
     twice = end(once)
     # A joint moves by 2 v_max a tick at most, so it does not pass a request by more than that.
@@ -88,8 +129,8 @@ def _steady_end(model: JointModel, requests: Array, load: Array | None) -> float
     high = float(np.max(requests) + np.max(sag)) + 2.0 * model.v_max * model.tick
     tolerance = SETTLED * max(1.0, abs(low), abs(high))
     if abs(twice - once) <= tolerance:
-        return twice
-    return float(brentq(lambda last: end(last) - last, low, high, xtol=tolerance))
+        return _Motion(twice, 0.0)
+    return _Motion(float(brentq(lambda last: end(last) - last, low, high, xtol=tolerance)), 0.0)
 
 
 def _equation_3(
@@ -97,34 +138,46 @@ def _equation_3(
     request_at: Callable[[int], float],
     torque_at: Callable[[int], float],
     ticks: int,
-    before: float,
-) -> list[float]:
-    """M(0), ..., M(ticks - 1) of Equation 3, M(-1) being ``before``."""
+    before: _Motion,
+) -> list[_Motion]:
+    """The motion at ticks 0, ..., ticks - 1, that at tick -1 being ``before``."""
     window = _window(model.lag / model.tick, model.acceleration_time / model.tick)
     duration = math.fsum(length for _, length in window)
-    angle, angles = before, []
+    (angle, speed), motions = before, []
     for tick in range(ticks):
         torque, total = torque_at(tick), 0.0
         sag = model.offset + model.compliance * torque
         for age, length in window:
             total += length * _equation_2(model, request_at(tick - age) + sag - angle, torque)
-        angle += total / duration
-        angles.append(angle)
-    return angles
+        speed = _motor(model, total / duration, speed)
+        angle += speed
+        motions.append(_Motion(angle, speed))
+    return motions
 
 
 def _equation_2(model: JointModel, error: float, torque: float) -> float:
-    """Speed that an error calls for [rad/tick], case by case."""
-    if abs(error) <= model.dead_band:
-        return 0.0
-    beyond = error - model.dead_band if error > 0.0 else error + model.dead_band
+    """Speed that an error calls for [rad/tick], case by case; friction is yet to be overcome."""
     faster = model.v_offset + model.speed_per_torque * torque
-    speed = beyond * model.v_max / model.theta_0
-    if speed >= model.v_max + faster:
-        speed = model.v_max + faster
-    elif speed <= faster - model.v_max:
-        speed = faster - model.v_max
+    speed = error * model.v_max / model.theta_0
+    friction = model.dead_band * model.v_max / model.theta_0
+    if speed >= model.v_max + faster + friction:
+        speed = model.v_max + faster + friction
+    elif speed <= faster - model.v_max - friction:
+        speed = faster - model.v_max - friction
     return speed * model.tick
+
+
+def _motor(model: JointModel, called: float, speed: float) -> float:
+    """Speed of a tick [rad/tick]: inertia, an acceleration limit and Coulomb friction."""
+    kept = math.exp(-model.tick / model.time_constant) if model.time_constant > 0.0 else 0.0
+    after = kept * speed + (1.0 - kept) * called
+    most = model.max_acceleration * model.tick**2
+    after = speed + most if after - speed > most else after
+    after = speed - most if speed - after > most else after
+    friction = (1.0 - kept) * model.dead_band * model.v_max * model.tick / model.theta_0
+    if abs(after) <= friction:
+        return 0.0
+    return after - friction if after > 0.0 else after + friction
 
 
 def _window(lag: float, acceleration: float) -> list[tuple[int, float]]:

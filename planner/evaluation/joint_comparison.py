@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -101,7 +100,7 @@ class JointComparison:
         """Plain values for JSON, angles in degrees."""
         finest = max(self.bounds, key=lambda level: self.bounds[level])
         return {
-            "model": dataclasses.asdict(self.model),
+            "model": self.model.parameters(),
             "limits_deg": _limits(self.plans["optimal"].limits),
             "desired_deg": _degrees(self.desired),
             "lower_bound_deg": math.degrees(self.bounds[finest]),

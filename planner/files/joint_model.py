@@ -21,7 +21,10 @@ from planner.model.joint import JointModel
 from planner.trajectory import Array
 from planner.validation import as_reals, is_one_of, shown
 
-FIELDS = tuple(each.name for each in fields(JointModel))
+UNITS = {each.name: each.metadata.get("unit", "-") for each in fields(JointModel)}
+"""The unit of every parameter."""
+
+FIELDS = tuple(UNITS)
 TESTED: dict[str, tuple[tuple[int, ...], str]] = {
     "expected_error": ((), "[rad] rms error on rows that were not fitted"),
     "tested_speed": ((), "[rad/s] fastest motion of the logs"),
@@ -202,9 +205,8 @@ def models_text(
         lines = [f"[{_key(joint)}]"] if joint else []
         lines += [_comment(line) for line in said.get("", "").splitlines()]
         lines += [
-            f"{each.name} = {getattr(model, each.name)!r}  "
-            + _comment(said.get(each.name, f"[{each.metadata.get('unit', '-')}]"))
-            for each in fields(model)
+            f"{name} = {value!r}  " + _comment(said.get(name, f"[{UNITS[name]}]"))
+            for name, value in model.parameters().items()
         ]
         seen: tuple[Any, ...] = model.evidence or ()
         lines += [

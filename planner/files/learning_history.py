@@ -106,7 +106,7 @@ def write_history(path: str, desired: Array, states: Mapping[str, LearningState]
         "desired_rad": desired.tolist(),
         "plans": {
             name: {
-                "models": [asdict(model) for model in models],
+                "models": [model.parameters() for model in models],
                 "learning": _as_json(learning),
             }
             for name, (models, learning) in states.items()
@@ -134,7 +134,7 @@ def _as_json(learning: Learning) -> dict[str, Any]:
         "next_error": None if math.isnan(learning.next_error) else learning.next_error,
         "stopped": learning.stopped,
         "remarks": list(learning.remarks),
-        "replaced": [None if model is None else asdict(model) for model in learning.replaced],
+        "replaced": [None if model is None else model.parameters() for model in learning.replaced],
     }
 
 

@@ -243,7 +243,7 @@ def commanded_speed(
     """Highest speed that the requests called for in any run, limited or not [rad/s]."""
     errors = active.targets - states[grid.states - 1]
     errors[active.weights <= 0.0] = 0.0
-    return float(parameters.gain * np.max(np.abs(parameters.beyond(errors))))
+    return float(parameters.gain * max(np.max(np.abs(errors)) - parameters.dead_band, 0.0))
 
 
 def with_observed_speed(fit: Fit) -> Fit:

@@ -171,7 +171,7 @@ def least_squares(
     floor = NO_ERROR * max(float(np.std(grid.angles)), 1e-300)
     if starts is None:
         starts = grid.measured_starts
-    fit = _evaluated(grid, _within(grid, begin, free), starts, scale or math.inf, free=free)
+    fit = _evaluated(grid, _within(grid, begin, free), starts, scale or math.inf, free)
     if scale is not None:
         return _minimised(fit, effort, enough)
     for _ in range(effort.rounds):
@@ -208,7 +208,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
             starts = begin.starts + span * unknowns[len(chosen) :]
             joint = parameters_at(grid, np.clip(coordinates, lower, upper))
             fits.clear()
-            fits[key] = _evaluated(grid, joint, starts, scale, accepted.states, free)
+            fits[key] = _evaluated(grid, joint, starts, scale, free)
         return fits[key]
 
     def residuals(unknowns: Array) -> Array:
@@ -263,11 +263,10 @@ def _evaluated(
     parameters: Parameters,
     starts: Array,
     scale: float,
-    guess: Array | None = None,
     free: Free = USUAL,
 ) -> Fit:
     active = active_requests(grid, parameters)
-    states = respond(grid, parameters, starts, active=active, guess=guess)
+    states = respond(grid, parameters, starts, active=active)
     residuals = grid.at_rows(states) - grid.angles
     cost, weights = huber(residuals, scale)
     return Fit(grid, parameters, free, starts, active, states, scale, cost, weights)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.resampling import Grid
-from planner.model.joint import JointModel, SpeedLaw, speed_law
+from planner.model.joint import JointModel, Law
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -48,6 +48,7 @@ class Parameters(NamedTuple):
     asymmetry: float = 0.0  # v_offset / v_max [-]
     compliance: float = 0.0  # [rad/(N m)]
     slowing: float = 0.0  # speed_per_torque / v_max [1/(N m)]
+    time_constant: float = 0.0  # [s]
 
     @classmethod
     def of(cls, model: JointModel) -> Self:
@@ -62,44 +63,35 @@ class Parameters(NamedTuple):
             asymmetry=model.v_offset / model.v_max,
             compliance=model.compliance,
             slowing=model.speed_per_torque / model.v_max,
+            time_constant=model.time_constant,
         )
 
-    @property
-    def linear(self) -> bool:
-        """Whether f is a line wherever it does not saturate."""
-        return self.dead_band == 0.0
-
-    def faster(self, load: Array | float = 0.0) -> Array | float:
-        """v_offset + speed_per_torque * load [rad/s], for any shape of the load."""
-        if math.isinf(self.v_max) or not (self.asymmetry or self.slowing):
-            return 0.0
-        return self.v_max * (self.asymmetry + self.slowing * load)
-
-    def law(self, load: Array | float = 0.0) -> SpeedLaw:
-        """F under a load [N m] of any shape that goes with the errors: (1a)."""
-        return speed_law(
+    def law_per_tick(self, tick: float) -> Law:
+        """The numbers of the law for ticks of this time [s]."""
+        return Law.of(
+            tick=tick,
             gain=self.gain,
             v_max=self.v_max,
             dead_band=self.dead_band,
-            v_offset=self.faster(load),
+            time_constant=self.time_constant,
+            max_acceleration=math.inf,
         )
 
-    def inside(self, errors: Array, load: Array | float = 0.0) -> npt.NDArray[np.bool_]:
-        """Whether f has the slope ``gain`` at each error: neither saturated nor in the band."""
-        called, faster = self.gain * self.beyond(errors), self.faster(load)
-        found = (called < self.v_max + faster) & (called > faster - self.v_max)
-        return found if self.linear else found & (np.abs(errors) > self.dead_band)
+    def faster(self, load: npt.ArrayLike = 0.0) -> Array:
+        """v_offset + speed_per_torque * load [rad/s], like the load."""
+        v_max = 0.0 if math.isinf(self.v_max) else self.v_max
+        return v_max * (self.asymmetry + self.slowing * np.asarray(load, dtype=np.float64))
 
-    def beyond(self, errors: Array) -> Array:
-        """What the dead band leaves of errors [rad]."""
-        if self.linear:
-            return errors
-        return errors - np.clip(errors, -self.dead_band, self.dead_band)
+    def inside(self, errors: Array, load: npt.ArrayLike = 0.0) -> npt.NDArray[np.bool_]:
+        """Whether Equation 2 has the slope ``gain`` at each error: where it does not saturate."""
+        called, faster = self.gain * errors, self.faster(load)
+        top = self.v_max + self.gain * self.dead_band
+        return np.asarray((called < top + faster) & (called > faster - top))
 
     @property
     def whole_delay(self) -> float:
         """Time by which the joint trails slow requests [s]."""
-        return self.lag + self.acceleration_time / 2.0 + 1.0 / self.gain
+        return self.lag + self.acceleration_time / 2.0 + 1.0 / self.gain + self.time_constant
 
     def model(self, *, tick: float, hold: int) -> JointModel:
         """The model with these parameters."""
@@ -115,6 +107,7 @@ class Parameters(NamedTuple):
             v_offset=self.asymmetry * self.v_max,
             compliance=self.compliance,
             speed_per_torque=self.slowing * self.v_max,
+            time_constant=self.time_constant,
         )
 
 
@@ -192,6 +185,12 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: MOST_SLOWING / grid.heaviest,
         scale=lambda grid, _: 1.0 / grid.heaviest,
     ),
+    "time_constant": Coordinate(
+        unit=lambda grid: grid.tick,
+        lower=lambda _: 0.0,
+        upper=lambda grid: grid.reach,
+        scale=lambda _, at: at.whole_delay,
+    ),
 }
 """One row for each field of :class:`Parameters`, in the same order."""
 
@@ -202,6 +201,7 @@ TERMS = {
     "asymmetry": "v_offset",
     "compliance": "compliance",
     "slowing": "speed_per_torque",
+    "time_constant": "time_constant",
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,24 +48,6 @@ Rows = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int_]
 Place = tuple[int, int]
 """A row of a log: number of the log, number of the row."""
-
-
-CHUNKS_PER_TICK = 0.5
-"""Length of a chunk over the square root of the number of ticks: shorter chunks are wider steps,
-longer ones fewer corrections; anything within a factor of 2 takes the same time."""
-
-
-class Chunks(NamedTuple):
-    """The ticks of a grid in chunks that are simulated side by side, a column a chunk.
-
-    Short columns are filled with tick t, beyond the last, which leads to state s, beyond the last.
-    """
-
-    ticks: Indices  # (length, chunks)
-    states: Indices  # to which the ticks lead, (length, chunks)
-    before: Indices  # from which each chunk sets out, (chunks,)
-    last: Indices  # in which it ends, (chunks,)
-    fresh: Rows  # whether it begins a run, (chunks,)
 
 
 class Run(NamedTuple):
@@ -130,33 +110,6 @@ class Grid:
         at_states[self.states] = self.ticks
         at_states[self.starts] = at_states[self.starts + 1] - self.tick
         return self.at_rows(at_states)
-
-    @cached_property
-    def chunks(self) -> Chunks:
-        """The ticks, divided evenly."""
-        count = len(self.ticks)
-        length = max(1, round(CHUNKS_PER_TICK * math.sqrt(count)))
-        firsts = self.starts - np.arange(len(self.starts))  # a start is no tick
-        begins = np.concatenate(
-            [np.arange(a, b, length) for a, b in pairwise(np.append(firsts, count))]
-        ).astype(int)
-        beyond = np.append(begins[1:], count)
-        ticks = np.minimum(begins + np.arange(length)[:, np.newaxis], count)
-        ticks[ticks >= beyond] = count
-        before = self.states[begins] - 1
-        return Chunks(
-            ticks=ticks,
-            states=np.append(self.states, count + len(self.starts))[ticks],
-            before=before,
-            last=self.states[beyond - 1],
-            fresh=np.isin(before, self.starts),
-        )
-
-    @cached_property
-    def guess(self) -> Array:
-        """Measured angle at or after each state [rad], shape (s,)."""
-        nearest = np.searchsorted(self.before, np.arange(len(self.ticks) + len(self.starts)))
-        return np.asarray(self.angles[np.minimum(nearest, len(self.before) - 1)])
 
     @property
     def measured_starts(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -294,7 +294,7 @@ class Identification:
     def to_dict(self) -> dict[str, Any]:
         """Everything but the rows, as JSON can hold it: an unknown bound is None."""
         return {
-            "model": {f.name: getattr(self.model, f.name) for f in fields(self.model)},
+            "model": self.model.parameters(),
             "unit": self.unit,
             "accepted": self.accepted,
             "verdict": self.verdict,

@@ -9,12 +9,16 @@ import numpy as np
 
 from planner.identification.parameters import COUNT, Free, Parameters, units
 from planner.identification.resampling import Grid
-from planner.identification.simulation import ActiveRequests, recursion
+from planner.identification.simulation import ActiveRequests, sags
 from planner.trajectory import Array
 
 EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
+
+
+VANISHES = 40.0
+"""Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
 
 
 class Sensitivities(NamedTuple):
@@ -46,54 +50,65 @@ def sensitivities(
         averaging: Distance to both sides over which derivatives by lag and acceleration time are
             averaged [ticks].
     """
-    gain, load = parameters.gain, grid.loads
-    before = states[grid.states - 1]
-    errors = active.targets - before
-    beyond = parameters.beyond(errors)
-    limited = parameters.law(load)(errors)
-    sloped = parameters.inside(errors, load)
-    inside = sloped * active.weights
-    saturated = ((beyond != 0.0) & ~sloped) * active.weights
+    from planner.model import kernel
+
+    tick, loads = grid.tick, grid.loads
     young = grid.ticks - parameters.lag
-    newest, oldest = (
-        _speed_at(grid, parameters, edge, before, averaging * grid.tick)
+    sag, apart = sags(parameters, loads), averaging * tick
+    edges = [
+        kernel.in_force(grid.edges, grid.requests, edge + way) + sag
         for edge in (young, young - parameters.acceleration_time)
+        for way in (-apart, apart)
+    ]
+    slopes = kernel.slopes_along(
+        parameters.law_per_tick(tick),
+        active.weights,
+        active.targets,
+        tick * parameters.faster(loads),
+        loads,
+        np.array(edges),
+        parameters.acceleration_time / tick,
+        grid.states,
+        states,
+        _speeds(grid, states),
+        grid.before,
+        grid.share,
     )
-    slack = np.sum(inside, axis=0)
-    at_limit = (0.0 if math.isinf(parameters.v_max) else parameters.v_max) * np.sum(
-        saturated, axis=0
+    # From what the kernel takes to the fields of Parameters.
+    by_gain, by_v_max, by_lag, by_window, by_sag, by_band, by_faster, *by_load, by_share, _, _ = (
+        slopes.T
     )
-    relative = parameters.asymmetry + parameters.slowing * load
-    drives = np.stack(
-        [
-            np.sum(inside * beyond, axis=0),
-            np.sum((np.sign(beyond) + relative) * saturated, axis=0),
-            (oldest - newest) / parameters.acceleration_time,
-            (oldest - np.sum(active.weights * limited, axis=0)) / parameters.acceleration_time,
-            gain * slack,
-            -gain * np.sum(np.sign(beyond) * inside, axis=0),
-            at_limit,
-            gain * slack * load,
-            at_limit * load,
-        ]
-    )
+    v_max = 0.0 if math.isinf(parameters.v_max) else parameters.v_max
+    relative = parameters.asymmetry * by_faster + parameters.slowing * by_load[1]
+    columns = [
+        tick * by_gain,
+        tick * (by_v_max + relative),
+        by_lag / tick,
+        by_window / tick,
+        by_sag,
+        by_band,
+        tick * v_max * by_faster,
+        by_load[0],
+        tick * v_max * by_load[1],
+        by_share * _share_by_time(tick, parameters.time_constant),
+    ]
     chosen = np.arange(COUNT) if free is None else np.flatnonzero(free)
-    inputs = np.zeros((len(chosen) + 1, len(states)))
-    inputs[:-1, grid.states] = (grid.tick * units(grid, parameters)[:, np.newaxis] * drives)[chosen]
-    inputs[-1, grid.starts] = 1.0
-    at_rows = grid.at_rows(recursion(grid, 1.0 - grid.tick * gain * slack, inputs.T))
-    return Sensitivities(at_rows[:, :-1], at_rows[:, -1])
+    scales = units(grid, parameters)
+    by_parameter = np.empty((len(slopes), len(chosen)))
+    for place, number in enumerate(chosen):
+        np.multiply(columns[number], scales[number], out=by_parameter[:, place])
+    return Sensitivities(by_parameter, slopes[:, -1])
 
 
-def _speed_at(
-    grid: Grid, parameters: Parameters, times: Array, before: Array, distance: float
-) -> Array:
-    """Speed called for by the request in force at each time, the mean of a moment to both sides."""
-    law = parameters.law(grid.loads)
-    sag = parameters.offset + parameters.compliance * grid.loads
-    speed = np.zeros(len(times))
-    for moment in (times - distance, times + distance):
-        number = np.maximum(np.searchsorted(grid.edges, moment, side="right") - 1, 0)
-        errors = grid.requests[number] + sag - before
-        speed += law(errors) / 2.0
-    return speed
+def _speeds(grid: Grid, states: Array) -> Array:
+    """Speed of the tick that leads to each state [rad/tick]; 0 where a run starts."""
+    speeds = np.zeros(len(states))
+    speeds[grid.states] = states[grid.states] - states[grid.states - 1]
+    return speeds
+
+
+def _share_by_time(tick: float, time_constant: float) -> float:
+    """Derivative of the motor's share, 1 - exp(-tick / time constant), by that [1/s]."""
+    if tick > VANISHES * time_constant:  # without inertia
+        return 0.0
+    return -tick / time_constant**2 * math.exp(-tick / time_constant)

@@ -51,7 +51,7 @@ class TermOptions:
 
 OPTIONS = TermOptions()
 
-ORDER = ("compliance", "dead_band", "slowing", "asymmetry")
+ORDER = ("time_constant", "compliance", "dead_band", "slowing", "asymmetry")
 """In which order the terms are tried, each beside those that were kept before it."""
 
 
@@ -106,14 +106,12 @@ def _shows(name: str, fit: Fit) -> bool:
     grid = fit.grid
     if fit.scale <= OPTIONS.rounded * float(np.std(grid.angles)):
         return False
-    if name == "dead_band":
+    if name in ("dead_band", "time_constant"):
         return True
     if name == "compliance":
         return _loads_differ(grid)
     errors = fit.active.targets - fit.states[grid.states - 1]
-    beyond = fit.parameters.beyond(errors)
-    saturated = (fit.active.weights > 0.0) & (beyond != 0.0)
-    saturated &= ~fit.parameters.inside(errors, grid.loads)
+    saturated = (fit.active.weights > 0.0) & ~fit.parameters.inside(errors, grid.loads)
     if name == "slowing":
         return bool(saturated.any()) and _loads_differ(grid)
     return bool((saturated & (errors > 0.0)).any() and (saturated & (errors < 0.0)).any())
@@ -131,7 +129,19 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     if name == "dead_band":
         at = at._replace(dead_band=OPTIONS.first_dead_band * fit.scale)
     search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=FITTING.search)
-    found = search(at, starts=fit.starts)
+    if name == "time_constant":
+        begins = [  # it takes the place of a part of the window, and of the lag
+            at._replace(
+                time_constant=share * at.whole_delay,
+                acceleration_time=max(window * at.acceleration_time, fit.grid.tick),
+                lag=lag * at.lag,
+            )
+            for share, window, lag in ((0.2, 0.5, 1.0), (0.4, 0.2, 0.5))
+        ]
+        fits = [search(each, starts=fit.starts) for each in begins]
+        found = min(fits, key=lambda each: each.cost)
+    else:
+        found = search(at, starts=fit.starts)
     at, shown = found.parameters, peak_command(found)
     if name == "dead_band" and at.v_max > shown:
         # Friction hides how fast the joint is called to move: v_max had no slope until here.

@@ -2,12 +2,10 @@
 
 The model is enlarged by what many servos have and Equation 3 does not, and fitted again::
 
-    w(t) = w(t-1) + clip((1 - exp(-tick / T)) (called(t) - w(t-1)), -A tick^2, A tick^2)
-    m(t) = m(t-1) + w(t)
-    M(t) = clip(M(t-1), m(t) - h, m(t) + h)
+    m(t) = m(t-1) + w(t),  M(t) = clip(M(t-1), m(t) - h, m(t) + h)
 
-``called`` is what Equation 3 adds to M(t-1), T a time constant of the speed, A the acceleration
-limit and 2 h the play between the motor m and the angle M. The limit is named where T and A explain
+``w`` is the speed of (1a) of ``docs/math.md`` with a time constant T and an acceleration limit A,
+and 2 h the play between the motor m and the angle M. The limit is named where T and A explain
 the rows much better than T alone, the play where T and h do: T is the inertia of every servo.
 """
 
@@ -67,8 +65,8 @@ class UnmodelledOptions:
     chunk: float = 4.0
     settling: float = 0.5
     most_ticks: int = 6000
-    trials: int = 4
-    evaluations: int = 15
+    trials: int = 12
+    evaluations: int = 40
     tolerance: float = 1e-3
     steps: tuple[float, float, float] = (1e-3, 0.05, 1e-4)
 
@@ -141,7 +139,7 @@ def unmodelled(fit: Fit) -> list[Departure]:
         joint._replace(play=size * error) for size in (2.0, 5.0) for joint in (bare.joint, divided)
     ]
     found = {
-        "acceleration limit": excerpt.best(_limited(bare.joint, fit)),
+        "acceleration limit": excerpt.best([*_limited(bare.joint, fit), *_limited(divided, fit)]),
         "backlash": excerpt.best(plays),
     }
     for each in found.values():
@@ -185,16 +183,20 @@ class _Excerpt:
 
     def __init__(self, fit: Fit) -> None:
         self._fit = fit
+        self._windows: tuple[tuple[float, ...], ActiveRequests] | None = None
         self._free = np.flatnonzero(fit.free | only("dead_band"))
         grid = fit.grid
         chunks = _chunks(fit)
-        ticks = chunks[:, :1] + np.arange(int(np.max(np.diff(chunks))))
-        self._ticks = np.minimum(ticks, len(grid.ticks) - 1).T  # (length, chunks)
+        lengths = np.diff(chunks)[:, 0]
+        self._ticks = np.concatenate([np.arange(*chunk) for chunk in chunks.tolist()])
+        # States of the chunks, one after the other, each after the one that it begins from.
+        chunk = np.repeat(np.arange(len(chunks)), lengths)
         self._begins = grid.states[chunks[:, 0]] - 1
-        inside = (ticks < chunks[:, 1:]).T
-        self._states = np.where(inside, grid.states[self._ticks], len(fit.states))
+        self._starts = np.concatenate([[0], np.cumsum(lengths + 1)[:-1]])
+        self._places = np.arange(len(self._ticks)) + chunk + 1
+        self._states = grid.states[self._ticks]
         since = np.full(len(fit.states) + 1, -1.0)
-        since[self._states] = grid.tick * np.arange(1, len(self._ticks) + 1)[:, np.newaxis]
+        since[self._states] = grid.tick * (self._places - self._starts[chunk])
         before = since[grid.before]
         self.compared = (before >= OPTIONS.settling) & (since[grid.before + 1] > before)
         self.angles = grid.angles[self.compared]
@@ -268,70 +270,36 @@ class _Excerpt:
 
     def _residuals(self, joints: Sequence[Enlarged]) -> Array:
         """Predicted minus actual angle at the rows that are compared, (rows, joints)."""
-        fit, grid = self._fit, self._fit.grid
-        weights, targets = self._windows([joint.parameters for joint in joints])
-        gain, v_max, band = (
-            np.array([getattr(each.parameters, name) for each in joints])[:, np.newaxis]
-            for name in ("gain", "v_max", "dead_band")
+        return np.column_stack([self._residuals_of(joint) for joint in joints])
+
+    def _residuals_of(self, joint: Enlarged) -> Array:
+        from planner.model import kernel
+
+        fit, grid, at = self._fit, self._fit.grid, joint.parameters
+        key = at.lag, at.acceleration_time, at.offset, at.compliance
+        if self._windows is None or self._windows[0] != key:
+            self._windows = key, active_requests(grid, at, some=self._ticks)
+        active = self._windows[1]
+        law = at._replace(time_constant=joint.time_constant).law_per_tick(grid.tick)
+        angles, speeds = np.zeros((2, len(self._ticks) + len(self._starts)))
+        angles[self._starts] = fit.states[self._begins]
+        moving = ~np.isin(self._begins, grid.starts)
+        earlier = fit.states[np.maximum(self._begins - 1, 0)]
+        speeds[self._starts] = np.where(moving, angles[self._starts] - earlier, 0.0)
+        kernel.follow(
+            law._replace(acceleration=joint.acceleration * grid.tick**2),
+            active.weights,
+            active.targets,
+            grid.tick * at.faster(grid.loads[self._ticks]),
+            joint.play,
+            self._places,
+            angles,
+            speeds,
         )
-        loads = grid.loads[self._ticks]
-        faster = np.stack(
-            [np.broadcast_to(each.parameters.faster(loads), loads.shape) for each in joints], axis=1
-        )
-        low, high = (faster - v_max) / gain, (faster + v_max) / gain  # (length, joints, chunks)
-        constants = np.array([each.time_constant for each in joints])[:, np.newaxis]
-        share = -np.expm1(-grid.tick / constants)
-        most = np.array([each.acceleration for each in joints])[:, np.newaxis] * grid.tick**2
-        half = np.array([each.play for each in joints])[:, np.newaxis] / 2.0
-        limited, loose = bool(np.isfinite(most).any()), bool(half.any())
-        motor = np.tile(fit.states[self._begins], (len(joints), 1))
-        angle = motor.copy() if loose else motor
-        speed = None
-        errors, spare = np.empty((2, *targets.shape[1:]))
-        angles = np.empty((len(targets), *motor.shape))
-        for t, after in enumerate(angles):  # in place, because the arrays are small
-            np.subtract(targets[t], angle, out=errors)
-            errors -= _clipped(errors, -band, band, out=spare)
-            _clipped(errors, low[t], high[t], out=errors)
-            errors *= weights[t]
-            called = np.add.reduce(errors)
-            if speed is None:
-                speed = called.copy()
-            called -= speed
-            called *= share
-            speed += _clipped(called, -most, most, out=called) if limited else called
-            motor += speed
-            if loose:
-                _clipped(angle, motor - half, motor + half, out=angle)
-            after[:] = angle
-        states = np.empty((len(fit.states) + 1, len(joints)))
-        states[self._states] = angles.transpose(0, 2, 1)
-        states[self._begins] = fit.states[self._begins, np.newaxis]
-        predicted = grid.at_rows(states)[self.compared]
-        return np.asarray(predicted - self.angles[:, np.newaxis])
-
-    def _windows(self, joints: Sequence[Parameters]) -> tuple[Array, Array]:
-        """Weights times gain and tick, and targets, of each tick: (length, m, joints, chunks)."""
-        grid, ticks = self._fit.grid, self._ticks.ravel()
-        found: dict[tuple[float, ...], ActiveRequests] = {}
-        for joint in joints:
-            key = joint.lag, joint.acceleration_time, joint.offset, joint.compliance
-            if key not in found:
-                found[key] = active_requests(grid, joint, some=ticks)
-        width = max(len(active.weights) for active in found.values())
-        tables = np.zeros((2, len(self._ticks), width, len(joints), self._ticks.shape[1]))
-        for k, joint in enumerate(joints):
-            key = joint.lag, joint.acceleration_time, joint.offset, joint.compliance
-            for table, values in zip(tables, found[key], strict=True):
-                shaped = values.reshape(len(values), *self._ticks.shape).transpose(1, 0, 2)
-                table[:, : len(values), k] = shaped
-            tables[0, :, :, k] *= grid.tick * joint.gain
-        return tables[0], tables[1]
-
-
-def _clipped(values: Array, low: Array, high: Array, *, out: Array) -> Array:
-    """``np.clip`` in half its time on small arrays."""
-    return np.minimum(np.maximum(values, low, out=out), high, out=out)
+        states = np.empty(len(fit.states))
+        states[self._states] = angles[self._places]
+        states[self._begins] = fit.states[self._begins]
+        return np.asarray(grid.at_rows(states)[self.compared] - self.angles)
 
 
 def _chunks(fit: Fit) -> npt.NDArray[np.int_]:

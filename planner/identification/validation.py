@@ -106,7 +106,7 @@ def held_out(
     beyond = called > OPTIONS.faster * shown and not speed_bounded(fit)
     if beyond or faster:
         at = at._replace(v_max=whole.parameters.v_max)
-        states = respond(grid, at, starts, active=active, guess=states)
+        states = respond(grid, at, starts, active=active)
     predicted = grid.at_rows(states)
     simple = simple_fits(
         moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))

@@ -360,8 +360,9 @@ def requests_of(
 
 
 def switching_time(model: JointModel) -> float:
-    """How long before the angles the requests change from line to line: l + a/2 [s].
+    """How long before the angles the requests change from line to line: l + a/2 + T [s].
 
     A request that is held acts (hold - 1) / 2 ticks later on average than the line it stands for.
     """
-    return model.lag + model.acceleration_time / 2.0 + (model.hold - 1) / 2.0 * model.tick
+    held = (model.hold - 1) / 2.0 * model.tick
+    return model.lag + model.acceleration_time / 2.0 + model.time_constant + held

@@ -103,7 +103,7 @@ def transcribed_requests(problem: TrackingProblem, state: State) -> Array:
         point, solved = found, True
         requests = problem.resting.copy()
         requests[:samples, 0] = unit * found[samples : 2 * samples]
-        if problem.coupled and not problem.cyclic:  # those that act after the end
+        if problem.limited_step and not problem.cyclic:  # those that act after the end
             requests[samples - 1 :] = requests[samples - 1]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
@@ -146,6 +146,7 @@ class _Scaled(NamedTuple):
                 v_offset=model.v_offset / unit,
                 compliance=model.compliance / unit,
                 speed_per_torque=model.speed_per_torque / unit,
+                max_acceleration=model.max_acceleration / unit,
             ),
             problem.desired[:, 0] / unit,
             problem.resting[:, 0] / unit,
@@ -185,13 +186,16 @@ def _transcribed(problem: _Scaled) -> _Programme:
 
     # Dynamics, and the boundary: a cycle, or from rest
     period_of = _step(problem.model)
-    earlier = angles[-1] if problem.start is None else problem.start
-    before = casadi.vertcat(earlier, angles[:-1])
+    speeds = casadi.SX.sym("w", samples if problem.model.has_inertia else 0)
+    states = casadi.horzcat(angles, speeds).T if speeds.numel() else angles.T
+    rest = [] if problem.start is None else [problem.start, *[0.0] * (states.shape[0] - 1)]
+    begin = casadi.vertcat(*rest) if rest else states[:, -1]
+    before = casadi.horzcat(begin, states[:, :-1])
     sent = np.maximum(acting(request_ages(problem.model), samples, cyclic=cyclic), 0).tolist()
     reached = [
-        period_of(before[k], requests[sent[k]], radius, problem.loads[k]) for k in range(samples)
+        period_of(before[:, k], requests[sent[k]], radius, problem.loads[k]) for k in range(samples)
     ]
-    dynamics = angles - casadi.vertcat(*reached)
+    dynamics = casadi.vec(states - casadi.horzcat(*reached))
 
     # Limits
     free = np.full(samples, np.inf)
@@ -216,10 +220,15 @@ def _transcribed(problem: _Scaled) -> _Programme:
         initial.append(np.max(np.abs(problem.ideal - problem.desired), keepdims=True))
         lower, upper = np.append(lower, 0.0), np.append(upper, np.inf)
 
+    if speeds.numel():
+        unknowns.append(speeds)
+        initial.append(np.gradient(problem.ideal) / problem.model.hold)
+        lower, upper = np.append(lower, -free), np.append(upper, free)
     g = casadi.vertcat(dynamics, changes, path)
     step = np.full(changes.numel(), problem.max_step)
-    below = np.concatenate([np.zeros(samples), -step, np.zeros(path.numel())])
-    above = np.concatenate([np.zeros(samples), step, np.full(path.numel(), np.inf)])
+    closed = np.zeros(dynamics.numel())
+    below = np.concatenate([closed, -step, np.zeros(path.numel())])
+    above = np.concatenate([closed, step, np.full(path.numel(), np.inf)])
     return _Programme(
         {"x": casadi.vertcat(*unknowns), "p": radius, "f": cost, "g": g},
         np.concatenate(initial),
@@ -228,11 +237,23 @@ def _transcribed(problem: _Scaled) -> _Programme:
 
 
 def _step(model: JointModel) -> Any:
-    """F as a CasADi function of the angle before, the requests that act, the radius, the load."""
+    """F as a CasADi function of the state before, the requests that act, the radius, the load.
+
+    The state is the angle, and with inertia the speed, too.
+    """
     import casadi
 
-    angle, radius = casadi.SX.sym("M"), casadi.SX.sym("e")
+    state, radius = casadi.SX.sym("x", 2 if model.has_inertia else 1), casadi.SX.sym("e")
     requests = casadi.SX.sym("R", request_ages(model).width)
     load = casadi.SX.sym("load")
-    after = period(model, angle, requests, radius=radius, load=load if model.feels_load else 0.0)
-    return casadi.Function("step", [angle, requests, radius, load], [after])
+    angle, *speed = casadi.vertsplit(state)
+    after = period(
+        model,
+        angle,
+        requests,
+        speed=speed[0] if speed else 0.0,
+        radius=radius,
+        load=load if model.feels_load else 0.0,
+    )
+    reached = casadi.vertcat(*after) if speed else after.angle
+    return casadi.Function("step", [state, requests, radius, load], [reached])

@@ -141,7 +141,7 @@ class State(NamedTuple):
     """Where a search is, and what it has learnt for its next step."""
 
     requests: Array  # (n, joints) [rad]
-    angles: Array  # (n, joints) [rad]
+    angles: Array  # states, (n, states): angles [rad], and where joints have inertia speeds
     damping: float = 0.0
     multipliers: Array | None = None
     held: Mask | None = None  # requests that stay at their limits
@@ -180,10 +180,11 @@ def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
     """Lower one stage's cost by damped Gauss-Newton steps."""
     unit = 1.0
     if stage.power > 2.0:
-        unit = max(float(np.max(problem.goal.distances(state.angles))), np.finfo(np.float64).tiny)
+        distances = problem.goal.distances(problem.angles_of(state.angles))
+        unit = max(float(np.max(distances)), np.finfo(np.float64).tiny)
     damping = max(state.damping, OPTIONS.first_damping)
     multipliers, held = state.multipliers, state.held
-    current = iterate(problem, state.requests, state.angles, stage, unit)
+    current = iterate(problem, state.requests, problem.states_of(state.angles), stage, unit)
     penalty = OPTIONS.defect_penalty * float(current.cost.curvature.max())
     negligible = OPTIONS.negligible_prediction * OPTIONS.least_decrease
     for _ in range(stage.steps):
@@ -239,7 +240,7 @@ def iterate(
         unit: Error that counts as one where powers are summed [rad].
     """
     response = problem.respond(angles, requests, radius=stage.radius)
-    errors = problem.goal.errors(angles)
+    errors = problem.errors(angles)
     cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)
     if stage.smoothing:
         regularisation = Regularisation(
@@ -307,8 +308,13 @@ def _damping(
     even = np.full_like(current.requests, damping)
     if multipliers is None:
         return Damping(even, np.zeros_like(current.angles))
-    bending = np.maximum(-multipliers * current.response.bending, 0.0)
-    after = bending.sum(axis=0)[problem.windows.after]  # bends by the angle before each sample
+    bending = -multipliers * current.response.bending
+    angles = len(problem.models)
+    if problem.has_speeds:
+        bending = bending[..., :angles] + bending[..., angles:]
+    bending = np.maximum(bending, 0.0)
+    after = np.zeros_like(current.angles)  # bends by the angle before each sample
+    after[:, :angles] = bending.sum(axis=0)[problem.windows.after]
     bending = problem.over_driven(bending)
     return Damping(even + problem.windows.gathered(bending), after)
 

@@ -106,13 +106,13 @@ def kkt_step(
     matrix = band.matrix(response, inverse, weighted)
     steepest = _times(inverse, cost.gradient)
     gradient = regularisation.weight * regularisation.away  # half that of the regularisation
-    right = response.by_angle * steepest[windows.before] - steepest - current.defects
+    right = response.by_own * steepest[windows.before] - steepest - current.defects
     right += (weighted * windows.spread(gradient)).sum(axis=0)
     multipliers = band.solve(matrix, right)
     reduced_gradient = gradient - windows.gathered(response.by_request * multipliers)
     requests = -inverse_q * reduced_gradient
     # (B' lambda)[k] = lambda[k] - by_angle[k+1] lambda[k+1]
-    forces = multipliers - (response.by_angle * multipliers)[windows.after]
+    forces = multipliers - (response.by_own * multipliers)[windows.after]
     angles = -steepest - _times(inverse, forces)
     moved = regularisation._replace(away=regularisation.away + requests)
     predicted = cost.value + 2.0 * float(np.vdot(cost.gradient, angles)) + cost_of(moved)
@@ -211,7 +211,7 @@ class SchurBand:
             inverse: (K + E)^-1, (n, joints, joints).
             weighted: H Q^-1, like H.
         """
-        _, by_angle, by_request, _ = response
+        by_angle, by_request = response.by_own, response.by_request
         size = self.windows.samples * self.joints
         shared = np.empty((self.width, size))
         weighted = weighted.reshape(self.width, size)

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, OutsideEquation13, angle_text
-from planner.model.joint import JointModel, SpeedLaw, checked_model, speed_law
+from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
-from planner.model.response import advance
 from planner.trajectory import Array
 from planner.validation import is_one_of, shown
 
@@ -253,28 +252,26 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
     The top speed is v_max plus ``excess`` [rad/tick] in the direction of the slope, and v_max less
     ``excess`` in the other.
     """
+    from planner.model import kernel
+
     ages = model.window.first + np.arange(len(model.window.weights))
     ticks = np.arange(model.hold)  # the ticks between two requests
     # Where the held line stands, at each tick and age, relative to the angle of the line there.
     steps = np.floor_divide(ticks[:, np.newaxis] + 1 - ages, model.hold) * model.hold
     behind = float(np.max(ticks[:, np.newaxis] - steps))
     target = slope * model.hold
-    forth, back = model.v_max_per_tick + excess, model.v_max_per_tick - excess
+    faster = np.broadcast_to(np.asarray(excess, dtype=np.float64), slope.shape).copy()
+    forth, back = model.v_max_per_tick + faster, model.v_max_per_tick - faster
     # At these ends every term of S is saturated, even though the joint may stray from the line
     # until the next request.
     low = -model.theta_0 * (back / model.v_max_per_tick) - model.dead_band
     low = low - (back + slope) * (model.hold - 1)
     high = model.theta_0 * (forth / model.v_max_per_tick) + model.dead_band + slope * behind
     high = high + (forth - slope) * (model.hold - 1)
-    law = speed_law(
-        gain=model.gain_per_tick,
-        v_max=model.v_max_per_tick,
-        dead_band=model.dead_band,
-        v_offset=excess,
-    )
+    weights = model.window.weights.copy()
 
     def moved_by(offset: Array) -> Array:
-        return _moved(model, slope, steps, offset, law)
+        return kernel.moved_along_lines(model.law, weights, steps, slope, offset, faster)
 
     moved_low, moved_high = moved_by(low), moved_by(high)
     solution = high.copy()
@@ -300,19 +297,3 @@ def _exact(model: JointModel, slope: Array, excess: Array | float) -> Array:
             np.where(moved < target, moved_high, moved),
         )
     return solution
-
-
-def _moved(
-    model: JointModel, slope: Array, steps: npt.NDArray[np.int_], offset: Array, law: SpeedLaw
-) -> Array:
-    """How far the joint moves in one request period when it is ``offset`` behind the line."""
-    angle = np.zeros_like(slope)
-    for held in steps:
-        angle = advance(
-            angle,
-            [offset + slope * step for step in held],
-            weights=model.window.weights.tolist(),
-            speed=law,
-        )
-    moved: Array = angle
-    return moved

@@ -182,12 +182,14 @@ class _Programme:
     def __init__(self, problem: TrackingProblem, *, second_differences: bool) -> None:
         self._lower, self._upper = problem.lower, problem.upper
         self.free = problem.movable & (problem.lower < problem.upper)
-        samples, models = len(self.free), len(problem.models)
+        samples = len(self.free)
+        states = len(problem.models) * (2 if problem.has_speeds else 1)
+        self._joints = len(problem.models)
         self.count = int(self.free.sum())
         self._column = np.full(self.free.shape, -1)
         self._column[self.free] = np.arange(self.count)
-        self._angle = self.count + np.arange(samples * models).reshape(samples, models)
-        self._size = self.count + samples * models
+        self._angle = self.count + np.arange(samples * states).reshape(samples, states)
+        self._size = self.count + samples * states
         self.operator, self.transposed, self._squares = smoothing_matrices(
             samples,
             cyclic=problem.cyclic,
@@ -199,7 +201,7 @@ class _Programme:
         self._set_up_limits(problem.max_step, cyclic=problem.cyclic)
 
     def _set_up_dynamics(self, windows: Windows) -> None:
-        """``dM[k] - by_angle[k] dM[k-1] - sum_j by_request[j, k] dR[acting[j, k]] = defects``."""
+        """``dM[k] - by_own[k] dM[k-1] - sum_j by_request[j, k] dR[acting[j, k]] = defects``."""
         angle = self._angle
         row = np.arange(angle.size).reshape(angle.shape)
         acts = windows.acting[:, :, np.newaxis] >= 0
@@ -209,7 +211,9 @@ class _Programme:
         moved_row: Indices = np.broadcast_to(row, column.shape)[self._moved]
         rows: list[Indices] = [row, row, moved_row]
         columns: list[Indices] = [angle, angle[windows.before], column[self._moved]]
-
+        if angle.shape[1] > self._joints:  # of each angle the speed, and of each speed the angle
+            rows.append(row)
+            columns.append(np.roll(angle, self._joints, axis=1)[windows.before])
         shape = angle.size, self._size
         self._dynamics = _Conditions(
             _Pattern(rows, columns, shape), self._curvature, Cones(angle.size, 0)
@@ -218,7 +222,9 @@ class _Programme:
     def dynamics(self, response: Response) -> Array:
         """The stored entries of the matrix of the dynamics."""
         by_request = response.by_request[self._moved]
-        entries = [np.ones(self._angle.shape), -response.by_angle, -by_request]
+        entries = [np.ones(self._angle.shape), -response.by_own, -by_request]
+        if response.by_other is not None:
+            entries.append(-response.by_other)
         return self._dynamics.pattern.stored(entries)
 
     @cached_property
@@ -241,6 +247,7 @@ class _Programme:
         i, j = np.triu_indices(self._angle.shape[1])
         if norm == "rms":  # a sum over sets of models: none couples the angles of two
             own = i // self.free.shape[1] == j // self.free.shape[1]
+            own &= (i == j) | (j < self._joints)  # speeds have no cost
             i, j = i[own], j[own]
         self._triangle = i, j
         diagonal = np.arange(self.count)

@@ -171,7 +171,10 @@ class Inversion:
 
     @cached_property
     def lower_bound(self) -> float:
-        """Lower bound on the error of any requests, in the plan's norm [rad]: level "envelope"."""
+        """Lower bound on the error of any requests, in the plan's norm [rad].
+
+        Level "envelope", with inertia "slope".
+        """
         if self.load_of_pose and self.model.feels_load:
             return 0.0
         goal = self.desired if self.disturbance is None else self.desired - self.disturbance

@@ -261,16 +261,13 @@ class RobustProblem(TrackingProblem):
         """True: requests are coupled by the models that they drive."""
         return True
 
-    def over_driven(self, entries: Array) -> Array:
-        """Sums over the scenarios: what every request drives."""
-        by_scenario = entries.reshape(*entries.shape[:-1], len(self.scenarios), -1)
-        sums: Array = by_scenario.sum(axis=-2)
-        return sums
-
     def errors_of_models(self, angles: Array) -> Array:
         """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
         return np.array(
-            [self.nominal.error(each) for each in np.split(angles, len(self.scenarios), axis=1)]
+            [
+                self.nominal.error(each)
+                for each in np.split(self.angles_of(angles), len(self.scenarios), axis=1)
+            ]
         )
 
     def error(self, angles: Array) -> float:

@@ -15,9 +15,8 @@ from planner.inversion.arguments import Limits, Norm
 from planner.inversion.error_norm import error_norm
 from planner.model.joint import JointModel, RequestAges, acting, request_ages
 from planner.model.load import Loads, rest_requests, sags
-from planner.model.response import steady_cycle
+from planner.model.response import motion_under
 from planner.model.sensitivity import Periods, Response, periods, request_ages_of_all
-from planner.model.symbolic import exact_run
 from planner.trajectory import Array, Indices
 
 CENTRING = 0.1
@@ -97,12 +96,29 @@ class TrackingProblem:
 
     @cached_property
     def coupled(self) -> bool:
+        """Whether requests are coupled to one another: by the largest change from one to the next.
+
+        With inertia, too, as each drives two states.
+        """
+        return self.has_speeds or self.limited_step
+
+    @cached_property
+    def limited_step(self) -> bool:
         """Whether the change from any request to the next has a limit."""
         return bool(np.any(np.isfinite(self.max_step)))
 
+    @cached_property
+    def has_speeds(self) -> bool:
+        """Whether any joint has inertia: then the states are angles and speeds."""
+        return any(model.has_inertia for model in self.models)
+
     def over_driven(self, entries: Array) -> Array:
-        """Sums of entries of the angles, over those that every request drives: one here."""
-        return entries
+        """Sums of entries of the states, over those that every request drives."""
+        joints = self.desired.shape[1]
+        if entries.shape[-1] == joints:
+            return entries
+        sums: Array = entries.reshape(*entries.shape[:-1], -1, joints).sum(axis=-2)
+        return sums
 
     def within(self, limits: tuple[Array, Array]) -> TrackingProblem:
         """The same problem with other limits."""
@@ -169,7 +185,7 @@ class TrackingProblem:
             nearest[0] = self.first
         if self.limited:
             nearest = np.clip(nearest, self.lower, self.upper)
-        if self.coupled:
+        if self.limited_step:
             first = None if self.first is None else nearest[0]
             nearest = within_step(nearest, self.max_step, cyclic=self.cyclic, first=first)
             nearest = np.clip(nearest, self.lower, self.upper)  # rounding
@@ -200,7 +216,30 @@ class TrackingProblem:
 
     def error(self, angles: Array) -> float:
         """The error of the angles in the norm that counts."""
-        return error_norm(self.goal.distances(angles), self.norm)
+        return error_norm(self.goal.distances(self.angles_of(angles)), self.norm)
+
+    def angles_of(self, states: Array) -> Array:
+        """The angles among states [rad], (n, joints)."""
+        return states[:, : len(self.models)]
+
+    def states_of(self, angles: Array) -> Array:
+        """States near angles, whose speeds are the mean ones since the sample before."""
+        if not self.has_speeds or angles.shape[1] > len(self.models):
+            return angles
+        before = angles[self.windows.before]
+        if self.start is not None:
+            before[0] = np.resize(self.start, angles.shape[1])  # the same in all scenarios
+        holds = np.array([model.hold for model in self.models])
+        return self.periods.states(angles, (angles - before) / holds)
+
+    def errors(self, states: Array) -> Errors:
+        """The goal's errors, and their derivatives by the states."""
+        errors = self.goal.errors(self.angles_of(states))
+        if not self.has_speeds:
+            return errors
+        return Errors(
+            errors.values, np.pad(errors.jacobians, ((0, 0), (0, 0), (0, len(self.models))))
+        )
 
     def exact_error(self, requests: Array) -> float:
         """Error of the exact models; inf where a joint has no steady cycle."""
@@ -213,49 +252,35 @@ class TrackingProblem:
         A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
         which the first requests hold the joints.
         """
-        windows = self.windows.of(requests)
-        held = requests[0] + self.sag(0)
         answer = np.empty_like(requests)
-        for joint, (model, ages) in enumerate(zip(self.models, self.ages_of_each, strict=True)):
-            acting = windows[ages, :, joint].T
-            angles = self._run(model, acting, requests[:, joint], float(held[joint]), joint)
-            if angles is None:
+        for joint, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
+            start = None if self.start is None else float(self.start[joint])
+            try:
+                answer[:, joint] = motion_under(
+                    model, requests[:, joint], cyclic=self.cyclic, start=start, torques=load
+                ).angles
+            except NoSteadyCycle:
                 return None
-            answer[:, joint] = angles
         return answer
 
     def respond(self, angles: Array, requests: Array, *, radius: float) -> Response:
         """Where every request period of the smoothed models leads from these angles.
 
         Args:
-            angles: Angles at the samples, whether the models reach them or not [rad], (n, joints).
+            angles: States at the samples, whether the models reach them or not, (n, states).
             requests: Requests [rad], shape (n, joints).
             radius: Radius of the saturation's corners [theta_0].
         """
         before = angles[self.windows.before]
         if self.start is not None:
-            before[0] = self.start
+            before[0] = 0.0
+            before[0, : len(self.start)] = self.start
         response = self.periods(before, self.windows.of(requests), radius)
-        if self.start is not None:
-            response.by_angle[0] = 0.0  # nothing comes before the first sample that could change
+        if self.start is not None:  # nothing comes before the first sample that could change
+            response.by_own[0] = 0.0
+            if response.by_other is not None:
+                response.by_other[0] = 0.0
         return response
-
-    def _run(
-        self, model: JointModel, windows: Array, requests: Array, near: float, joint: int
-    ) -> Array | None:
-        compiled, load = exact_run(model, len(windows)), self.loads[joint]
-        if self.start is not None:
-            return compiled(float(self.start[joint]), windows, load)
-        try:
-            return steady_cycle(
-                model,
-                lambda start: compiled(start, windows, load),
-                requests + model.offset,
-                near=near,
-                load=load,
-            )
-        except NoSteadyCycle:
-            return None
 
 
 def track(

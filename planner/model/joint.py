@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -34,13 +33,6 @@ LEAST, MOST = 1e-15, 1e9
 """Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""
 
 
-Clip = Callable[[Any, Any, Any], Any]
-"""Brings a value between two limits."""
-
-SpeedLaw = Callable[[Any], Any]
-"""The speed that an error calls for: floats, arrays or CasADi expressions."""
-
-
 class Window(NamedTuple):
     """The requests that drive the joint at one tick, and how much each of them counts.
 
@@ -60,62 +52,45 @@ class Window(NamedTuple):
         return self.first + len(self.weights) - 1
 
 
-def clip(value: Any, low: Any, high: Any) -> Any:
-    """The value within [low, high]: arrays, and whatever NumPy takes."""
-    return np.minimum(np.maximum(value, low), high)
+class Law(NamedTuple):
+    """The numbers of a joint's law, (1a) of ``docs/math.md``, by ticks: for ``model/kernel.py``.
 
-
-def rounded_clip(radius: Any) -> Clip:
-    """A clip with corners of this radius: each ``|x|`` of it becomes sqrt(x^2 + radius^2).
-
-    Nothing but operators: for floats, arrays and CasADi expressions.
+    Attributes:
+        gain: gamma = v_max / theta_0 [1/tick].
+        top: Limit of the drive, v_max + gamma delta [rad/tick].
+        friction: gamma delta, delta the dead band [rad/tick].
+        share: Of the difference between the speed that is called for and the speed, what a motor
+            makes up for in a tick: k = 1 - exp(-tick / time constant) [-].
+        acceleration: Most by which the speed changes in a tick [rad/tick^2].
     """
 
-    def rounded(value: Any, low: Any, high: Any) -> Any:
-        above, below = value - low, value - high
-        lengths = (above**2 + radius**2) ** 0.5 - (below**2 + radius**2) ** 0.5
-        return (low + high + lengths) / 2.0
+    gain: float
+    top: float
+    friction: float
+    share: float = 1.0
+    acceleration: float = math.inf
 
-    return rounded
-
-
-def speed_law(
-    *, gain: Any, v_max: Any, dead_band: float = 0.0, v_offset: Any = 0.0, clip: Clip = clip
-) -> SpeedLaw:
-    """Equation 2 with dry friction and load, (1a) of ``docs/math.md``, as a function of the error.
-
-    ``f(x) = clip(gain (x - clip(x, -dead_band, dead_band)), v_offset - v_max, v_offset + v_max)``
-
-    All simulations use this function; floats, arrays, CasADi expressions and rounded corners differ
-    by the function that clips. These restate f in other forms and must change with it:
-    its zeros in ``model/load.py``; its derivatives in ``model/sensitivity.py``,
-    ``identification/simulation.py`` and ``sensitivities.py``; where it saturates in
-    ``identification/parameters.py``, ``inversion/line_inverse.py`` and ``bounds/hull_cuts.py``;
-    its symmetry in the lead of ``inversion/line_inverse.py``; and the conditions of
-    ``inversion/bounds``.
-
-    Args:
-        gain: v_max / theta_0 [1/s], or [1/tick].
-        v_max: Top speed in the unit of time of ``gain``; may be infinite.
-        dead_band: Error up to which the joint stays where it is [rad], 0 or more.
-        v_offset: How much faster the joint is in the positive direction, and slower in the other,
-            in the unit of time of ``gain``; less than ``v_max``.
-        clip: Called with a value, its lower and its upper limit.
-
-    Returns:
-        f: called with requests plus offset and sag minus angles [rad], it returns speeds like
-        them, in the unit of time of ``gain``. It increases with the error, by ``gain`` at most.
-    """
-    low, high = -(v_max - v_offset), v_max + v_offset
-
-    def frictionless(error: Any) -> Any:
-        return clip(gain * error, low, high)
-
-    def with_dead_band(error: Any) -> Any:
-        rising = clip(gain * (error - dead_band), 0.0, high)
-        return rising + clip(gain * (error + dead_band), low, 0.0)
-
-    return with_dead_band if dead_band else frictionless
+    @classmethod
+    def of(
+        cls,
+        *,
+        tick: float,
+        gain: float,
+        v_max: float,
+        dead_band: float,
+        time_constant: float,
+        max_acceleration: float,
+    ) -> Self:
+        """The law for ticks of this time, from numbers in SI."""
+        friction = gain * dead_band
+        share = -math.expm1(-tick / time_constant) if time_constant > 0.0 else 1.0
+        return cls(
+            gain * tick,
+            (v_max + friction) * tick,
+            friction * tick,
+            share,
+            max_acceleration * tick**2,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,11 +106,15 @@ class JointModel:
         hold: Number of ticks for which one request is held.
         offset: Static sag: the joint comes to rest at request + offset [rad].
         dead_band: Dry friction: error between request and angle that does not move it [rad].
+            Friction slows the joint, too, but not below v_max.
         v_offset: How much faster it is in the positive direction than v_max, and slower in the
             other [rad/s].
         compliance: Sag by a torque on the joint [rad/(N m)], beside ``offset``.
         speed_per_torque: Change of its top speeds by that torque [rad/(s N m)], beside
             ``v_offset``.
+        time_constant: Time constant with which its speed follows the speed that is called for,
+            a motor's inertia [s]; 0 for the paper's joint.
+        max_acceleration: Largest change of its speed [rad/s^2]; infinite for the paper's joint.
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
@@ -153,6 +132,8 @@ class JointModel:
     v_offset: float = field(default=0.0, metadata={"unit": "rad/s"})
     compliance: float = field(default=0.0, metadata={"unit": "rad/(N m)"})
     speed_per_torque: float = field(default=0.0, metadata={"unit": "rad/(s N m)"})
+    time_constant: float = field(default=0.0, metadata={"unit": "s"})
+    max_acceleration: float = field(default=math.inf, metadata={"unit": "rad/s^2"})
 
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model can be trusted."""
@@ -161,7 +142,7 @@ class JointModel:
                 value = _number(parameter.name, getattr(self, parameter.name))
                 object.__setattr__(self, parameter.name, value)
         object.__setattr__(self, "hold", _count("hold", self.hold))
-        for name in ("v_max", "theta_0", "acceleration_time", "tick"):
+        for name in ("v_max", "theta_0", "acceleration_time", "tick", "max_acceleration"):
             value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata["unit"]
             if value <= 0.0:
                 raise InvalidModel(f"{name}: got {value:g}, expected more than 0")
@@ -170,7 +151,7 @@ class JointModel:
                     f"{name}: got {value:g} {unit}, expected at least {LEAST:g} {unit}; is it in "
                     "SI units?"
                 )
-        for name in ("lag", "dead_band", "compliance", "speed_per_torque"):
+        for name in ("lag", "dead_band", "compliance", "speed_per_torque", "time_constant"):
             if getattr(self, name) < 0.0:
                 unit = self.__dataclass_fields__[name].metadata["unit"]
                 raise InvalidModel(
@@ -304,6 +285,16 @@ class JointModel:
 
         write_model(path, self)
 
+    def parameters(self) -> dict[str, Any]:
+        """The parameters by name, those of the inertia where there is one: what files hold."""
+        every = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {
+            name: value
+            for name, value in every.items()
+            if name not in ("time_constant", "max_acceleration")
+            or value != self.__dataclass_fields__[name].default
+        }
+
     @property
     def period(self) -> float:
         """Time between requests [s]."""
@@ -374,28 +365,32 @@ class JointModel:
             error: Request plus :meth:`sag` minus angle [rad].
             load: Torque on the joint in the direction of positive angles [N m].
         """
-        law = speed_law(
+        beyond = np.asarray(error, dtype=np.float64)
+        beyond = beyond - np.clip(beyond, -self.dead_band, self.dead_band)
+        low, high = self.speed_limits(load)
+        return np.asarray(np.minimum(np.maximum(self.v_max / self.theta_0 * beyond, low), high))
+
+    @cached_property
+    def law(self) -> Law:
+        """The numbers of the law, by ticks."""
+        return Law.of(
+            tick=self.tick,
             gain=self.v_max / self.theta_0,
             v_max=self.v_max,
             dead_band=self.dead_band,
-            v_offset=self.v_offset + self.speed_per_torque * np.asarray(load, dtype=np.float64),
+            time_constant=self.time_constant,
+            max_acceleration=self.max_acceleration,
         )
-        return np.asarray(law(np.asarray(error, dtype=np.float64)))
 
-    def law_per_tick(self, load: Any = 0.0, *, clip: Clip = clip) -> SpeedLaw:
-        """Equation 2 in rad/tick, for :func:`planner.model.response.advance`.
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the speed before a tick counts, a part of the joint's state."""
+        return self.time_constant > 0.0 or math.isfinite(self.max_acceleration)
 
-        Args:
-            load: Torque on the joint [N m], a float, an array or a CasADi expression.
-            clip: See :func:`speed_law`.
-        """
-        return speed_law(
-            gain=self.gain_per_tick,
-            v_max=self.v_max_per_tick,
-            dead_band=self.dead_band,
-            v_offset=(self.v_offset + self.speed_per_torque * load) * self.tick,
-            clip=clip,
-        )
+    def faster_per_tick(self, load: npt.ArrayLike = 0.0) -> Array:
+        """How much faster it is in the positive direction under a load [rad/tick]."""
+        torque = np.asarray(load, dtype=np.float64)
+        return np.asarray((self.v_offset + self.speed_per_torque * torque) * self.tick)
 
     @cached_property
     def window(self) -> Window:
@@ -423,6 +418,7 @@ class RequestAges(NamedTuple):
         return self.oldest - self.youngest + 1
 
 
+@lru_cache(maxsize=128)
 def request_ages(model: JointModel) -> RequestAges:
     """The ages, counted back from sample k, of the requests that act between samples k-1 and k."""
     ticks = np.arange(1 - model.hold, 1)  # relative to the tick of sample k
@@ -441,6 +437,7 @@ def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.i
     return numbers % samples if cyclic else np.maximum(numbers, -1)
 
 
+@lru_cache(maxsize=128)
 def weights_by_tick(model: JointModel) -> Array:
     """How much each request that acts counts at each tick of a period: (hold, width)."""
     at = request_ages(model)
@@ -483,10 +480,10 @@ def checked_model(model: object) -> JointModel:
 
 
 def _number(name: str, value: object) -> float:
-    number = as_number(value)
+    number = as_number(value, infinite=name == "max_acceleration")
     if math.isnan(number):
         raise InvalidModel(f"{name}: got {shown(value)}, expected a finite number in SI units")
-    if abs(number) > MOST:
+    if MOST < abs(number) < math.inf:
         raise InvalidModel(f"{name}: got {shown(value)}, expected at most {MOST:g} in SI units")
     return number
 

@@ -1,17 +1,22 @@
-"""How the joint answers a trajectory of requests: Equation 3 for numbers and arrays, run."""
+"""How the joint answers a trajectory of requests: Equation 3, run from rest and on a cycle."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from itertools import repeat
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.model.joint import JointModel, SpeedLaw, Window, checked_model
+from planner.model.joint import (
+    JointModel,
+    RequestAges,
+    checked_model,
+    request_ages,
+    weights_by_tick,
+)
 from planner.model.load import Loads, checked_load
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
@@ -29,6 +34,15 @@ SECANT_CYCLES = 10
 MOST_CYCLES = 200
 """Cycles after which a response that still drifts is given up; bisection ends well before."""
 
+DIFFERENCE = 1e-7
+"""Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
+
+SETTLING_CYCLES = 8
+"""Cycles that a joint with inertia goes through before it is moved in the direction it drifts."""
+
+SINGULAR = 1e-6
+"""Share of its largest singular value below which one of the matrix of these counts as 0."""
+
 MOST_TICKS = 20_000_000
 """Longest simulation [ticks]: more than two days at 100 Hz."""
 
@@ -44,18 +58,19 @@ def simulate(
     """Angles of the joint under ``requests``: the exact model, Equation 3, which judges every plan.
 
     Cyclic, the answer is the steady cycle, whose ends agree to 1e-12 rad; it is found by the secant
-    method on the angle at which a cycle starts. With a dead band there may be many: the answer is
-    the one nearest to where the first request holds the joint, into which the motion from there
-    settles (``docs/math.md``, section 1). From rest, the requests before the first are taken to
+    method on the angle at which a cycle starts, with inertia by Newton's on angle and speed. With a
+    dead band there may be many: the answer is one near where the first request holds the joint,
+    without inertia the nearest, into which the motion from there settles (``docs/math.md``,
+    section 1). From rest, the requests before the first are taken to
     have been the first.
 
     Args:
         model: The joint.
         requests: Requests [rad], shape (n,), one every ``model.period``.
         cyclic: Whether the requests repeat for ever.
-        start: From rest only: angle one tick before the first request [rad]. By default the joint
-            rests where the first request holds it, at request + offset, in the middle of the dead
-            band.
+        start: From rest only: angle one tick before the first request [rad], at rest. By
+            default the joint rests where the first request holds it, at request + offset, in the
+            middle of the dead band.
         load: Torque on the joint in the direction of positive angles [N m], a number or shape
             (n,); entry k acts in the request period that ends in sample k.
 
@@ -84,22 +99,73 @@ def simulate(
             f"{MOST_TICKS} ticks; simulate them part by part"
         )
     torques = checked_load(load, model, len(requests))
-    targets = np.repeat(requests + model.offset, model.hold)
-    padded = _with_history(targets, model.window, cyclic=cyclic)
-    rest = float(targets[0] if torques is None else targets[0] + model.compliance * torques[0])
-    if cyclic:
-        angles = steady_cycle(
-            model,
-            lambda angle: _run(model, padded, angle, torques),
-            targets,
-            near=rest,
-            load=torques,
-        )
-    else:
-        angles = _run(model, padded, rest if start is None else start, torques)
-    sampled = angles[:: model.hold].copy()
+    sampled = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques).angles
     sampled.setflags(write=False)
     return sampled
+
+
+class Motion(NamedTuple):
+    """What a joint does at the samples."""
+
+    angles: Array  # [rad], (n,)
+    speeds: Array  # in the tick before each sample [rad/tick], (n,)
+
+
+def motion_under(
+    model: JointModel,
+    requests: Array,
+    *,
+    cyclic: bool,
+    start: float | None = None,
+    torques: Array | None = None,
+) -> Motion:
+    """:func:`simulate` of arguments that have been checked; the answer may be written to.
+
+    Raises:
+        NoSteadyCycle: The response does not settle.
+    """
+    from planner.model import kernel
+
+    count, weights = len(requests), weights_by_tick(model)
+    load = np.zeros(count) if torques is None else torques
+    sags, faster = model.sag(load), model.faster_per_tick(load)
+    history = requests_acting(requests, request_ages(model), cyclic=cyclic)
+    motion = Motion(np.empty(count), np.empty(count))
+    rest = float(requests[0] + sags[0])
+
+    def run(angle: float, speed: float = 0.0, skipped: int = 0) -> tuple[float, float]:
+        return kernel.run(model.law, weights, history, sags, faster, angle, speed, skipped, *motion)
+
+    if not cyclic:
+        run(rest if start is None else start, skipped=model.hold - 1)
+    elif model.has_inertia:
+        _steady_motion(run, rest, _ends(model, requests, load))
+    else:
+        ends = _ends(model, requests, load)
+        steady_cycle(lambda angle: run(angle)[0], ends, near=rest, nearest=model.dead_band > 0.0)
+    return motion
+
+
+def _ends(model: JointModel, requests: Array, load: Array) -> tuple[float, float]:
+    """Angles between which some steady cycle begins [rad], where the joint has no inertia."""
+    beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
+    if beyond:  # the joint overshoots a request by as much as their difference
+        beyond *= float(np.max(np.abs(model.speed_limits(load)))) / model.v_max
+    low, high = (
+        float(end(requests) + model.offset + model.compliance * end(load))
+        for end in (np.min, np.max)
+    )
+    return low - beyond, high + beyond
+
+
+def requests_acting(requests: Array, ages: RequestAges, *, cyclic: bool) -> Array:
+    """Every request that acts in a run, the oldest first [rad], shape (n + width - 1,).
+
+    Before sample k act the entries k to k + width - 1. From rest the requests before the first one
+    equal it.
+    """
+    numbers = np.arange(-ages.oldest, len(requests) - ages.youngest)
+    return requests.take(numbers if cyclic else np.maximum(numbers, 0), mode="wrap")
 
 
 def simulate_joints(
@@ -134,97 +200,36 @@ def simulate_joints(
     )
 
 
-def advance(angle: Any, targets: Any, *, weights: Any, speed: SpeedLaw) -> Any:
-    """Angle one tick later: Equation 3, ``M(t) = M(t-1) + sum_j W_j f(R_j - M(t-1))``.
-
-    Args:
-        angle: M(t-1) [rad], a float, an array or a CasADi expression.
-        targets: The requests of the window plus the model's sag [rad], youngest first; a
-            sequence of whatever ``angle`` is.
-        weights: Weight of each of them, summing to 1.
-        speed: f [rad/tick]: :meth:`planner.JointModel.law_per_tick`.
-
-    Returns:
-        M(t) [rad], like ``angle``.
-    """
-    moved = angle
-    for weight, target in zip(weights, targets, strict=True):
-        moved = moved + weight * speed(target - angle)
-    return moved
-
-
-def run_columns(
-    starts: Array, targets: Array, *, weights: Array, speed: SpeedLaw | Iterable[SpeedLaw]
-) -> Array:
-    """Many runs of Equation 3 side by side, tick by tick; a column each.
-
-    The array form of :func:`advance`: on one run it takes three times as long, on a hundred a
-    twentieth of the time.
-
-    Args:
-        starts: Angle before the first tick of each run [rad], shape (c,).
-        targets: Request plus sag of each tick's window [rad], shape (t, m, c).
-        weights: Weight of each of them times the time of a tick, shape (t, m, c).
-        speed: f, for the unit of time of the weights: :func:`planner.model.joint.speed_law`; or
-            one for each tick.
-
-    Returns:
-        Angles after each tick [rad], shape (t, c).
-    """
-    angles = np.empty((len(targets), len(starts)))
-    angle = starts
-    laws = repeat(speed, len(targets)) if callable(speed) else speed
-    for weight, target, law, after in zip(weights, targets, laws, angles, strict=True):
-        np.add.reduce(weight * law(target - angle), out=after)
-        after += angle
-        angle = after
-    return angles
-
-
 def steady_cycle(
-    model: JointModel,
-    run: Callable[[float], Array],
-    targets: Array,
-    *,
-    near: float,
-    load: Array | None = None,
-) -> Array:
-    """Angles of the cycle that repeats itself: what ``run`` makes of the angle where it closes.
+    run: Callable[[float], float], ends: tuple[float, float], *, near: float, nearest: bool
+) -> None:
+    """Run the cycle that repeats itself: the fixed point of ``run``, which is run last.
 
-    The angle at the end of a cycle is a continuous, piecewise linear function of the angle at its
-    start, of slope within [-1, 1]: the secant method finds where they agree, between two angles
-    that are known to be on either side of it. With a dead band they may agree in a whole range of
-    angles; then the answer is the one in it that is nearest to ``near``.
+    The angle at the end of a cycle of a joint without inertia is a continuous, piecewise linear
+    function of the angle at its start, of slope within [-1, 1]: the secant method finds where they
+    agree, between two angles that are known to be on either side of it. With a dead band they may
+    agree in a whole range of angles.
 
     Args:
-        model: The joint.
-        run: Angles of one cycle, given the angle before it [rad].
-        targets: All requests plus offset [rad], of any shape.
+        run: Last angle of a cycle, given the angle before it [rad].
+        ends: Angles between which they agree [rad].
         near: Angle near which the ends of the cycle are sought [rad].
-        load: The torques under which ``run`` runs the joint [N m], if there are any.
-
-    Returns:
-        Angles of the cycle [rad], as ``run`` returns them.
+        nearest: Whether the answer is to be the cycle that is nearest to it.
 
     Raises:
         NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES`.
     """
-    torques = np.zeros(1) if load is None else load
-    beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
-    if beyond:  # the joint overshoots a request by as much as their difference
-        beyond *= float(np.max(np.abs(model.speed_limits(torques)))) / model.v_max
-    low = float(targets.min()) + model.compliance * float(torques.min()) - beyond
-    high = float(targets.max()) + model.compliance * float(torques.max()) + beyond
+    low, high = ends
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
     start, earlier = min(max(near, low), high), None
-    if model.dead_band:
-        return _nearest_cycle(run, start, (low, high), tolerance)
+    if nearest:
+        _nearest_cycle(run, start, (low, high), tolerance)
+        return
     for cycle in range(MOST_CYCLES):
-        angles = run(start)
-        end = float(angles[-1])
+        end = run(start)
         mismatch = abs(end - start)
         if mismatch <= tolerance:
-            return angles
+            return
         low, high = (start, high) if end > start else (low, start)
         middle = (low + high) / 2.0
         closing = math.inf if earlier is None else _secant(earlier, (start, end))
@@ -239,34 +244,72 @@ def steady_cycle(
 
 
 def _nearest_cycle(
-    run: Callable[[float], Array], start: float, ends: tuple[float, float], tolerance: float
-) -> Array:
-    """Angles of the steady cycle that is nearest to ``start``: fixed-point iteration, bisected.
+    run: Callable[[float], float], start: float, ends: tuple[float, float], tolerance: float
+) -> None:
+    """Run the steady cycle that is nearest to ``start``: fixed-point iteration, bisected.
 
     How much further a cycle ends than it starts does not increase with the angle where it starts.
     So the steady cycles start in one range, on the side of ``start`` to which a cycle from there
     moves. Where v_max <= theta_0 a tick the iteration cannot pass the near end of that range.
     """
-    angles = run(start)
-    end = float(angles[-1])
+    end = run(start)
     if abs(end - start) <= tolerance:
-        return angles
+        return
     sign, far = (1.0, ends[1]) if end > start else (-1.0, ends[0])
     for cycle in range(1, MOST_CYCLES):
         bisecting = cycle > FIXED_POINT_CYCLES and cycle % 2 == 1
         bisecting |= sign * (far - end) <= 0.0
         trial = (start + far) / 2.0 if bisecting else end
-        angles = run(trial)
-        ahead = sign * (float(angles[-1]) - trial)
+        after = run(trial)
+        ahead = sign * (after - trial)
         if ahead > tolerance:
-            start, end = trial, float(angles[-1])
+            start, end = trial, after
         elif abs(ahead) <= tolerance and not bisecting:
-            return angles
+            return
         else:
             far = trial
         if abs(far - start) <= tolerance:
-            return angles
+            return
     raise NoSteadyCycle(abs(end - start), MOST_CYCLES)
+
+
+def _steady_motion(
+    run: Callable[[float, float], tuple[float, float]], rest: float, ends: tuple[float, float]
+) -> None:
+    """Run the cycle of a joint with inertia that repeats itself, from rest near an angle.
+
+    Newton's method on angle and speed, between two corners of the law exact; where a step of it
+    does not halve how far the ends of a cycle are apart, the next cycle begins where the last one
+    ended. A joint that saturates drifts in one direction from cycle to cycle: now and then a cycle
+    begins half way to the farthest angle in that direction. With a dead band the cycles that repeat
+    themselves are not isolated: the step is the shortest one.
+
+    Raises:
+        NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES`.
+    """
+    low, high = ends
+    largest = max(1.0, abs(low), abs(high))
+    start = np.array([rest, 0.0])
+    end = np.array(run(rest, 0.0))
+    for cycle in range(1, MOST_CYCLES):
+        apart = end - start
+        mismatch = float(np.max(np.abs(apart)))
+        if mismatch <= CYCLE_TOLERANCE * largest:
+            run(*start.tolist())
+            return
+        step = DIFFERENCE * largest
+        columns = [np.array(run(*(start + way).tolist())) - end for way in step * np.eye(2)]
+        closing = np.eye(2) - np.column_stack(columns) / step
+        trial = start + np.linalg.lstsq(closing, apart, rcond=SINGULAR)[0]
+        reached = np.array(run(*trial.tolist()))
+        if not np.max(np.abs(reached - trial)) < mismatch / 2.0:
+            trial = end.copy()
+            if cycle % SETTLING_CYCLES == 0:
+                low, high = (start[0], high) if apart[0] > 0.0 else (low, start[0])
+                trial[0] = (low + high) / 2.0
+            reached = np.array(run(*trial.tolist()))
+        start, end = trial, reached
+    raise NoSteadyCycle(mismatch, MOST_CYCLES)
 
 
 def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
@@ -333,35 +376,3 @@ def checked_start(start: float | None, *, cyclic: bool) -> float | None:
             f"start: got {shown(start)}, expected an angle of at most {LARGEST:g} rad either way"
         )
     return angle
-
-
-def _with_history(targets: Array, window: Window, *, cyclic: bool) -> list[float]:
-    """The targets of every tick, preceded by the ``window.last`` that came before them."""
-    if cyclic:
-        history = np.resize(targets[::-1], window.last)[::-1]
-    else:
-        history = np.full(window.last, targets[0])
-    return [*history.tolist(), *targets.tolist()]
-
-
-def _run(model: JointModel, targets: list[float], angle: float, load: Array | None = None) -> Array:
-    """Angles at every tick after ``angle``; ``targets`` starts with the history of the window."""
-    first, last = model.window.first, model.window.last
-    weights = model.window.weights.tolist()
-    youngest_first = targets[::-1]
-    laws: Iterable[tuple[float, SpeedLaw]] = repeat((0.0, model.law_per_tick(clip=_clip)))
-    if load is not None:
-        # The torque at a sample acts in the ticks since the sample before.
-        torques = np.roll(np.repeat(load, model.hold), 1 - model.hold).tolist()
-        laws = ((model.compliance * t, model.law_per_tick(t, clip=_clip)) for t in torques)
-    angles = []
-    windows = range(len(targets) - last - 1 + first, first - 1, -1)
-    for start, (sag, speed) in zip(windows, laws, strict=False):
-        window = youngest_first[start : start + last - first + 1]
-        angle = sag + advance(angle - sag, window, weights=weights, speed=speed)
-        angles.append(angle)
-    return np.array(angles)
-
-
-def _clip(value: float, low: float, high: float) -> float:
-    return low if value < low else high if value > high else value

@@ -24,8 +24,8 @@ from planner.model.joint import (
     request_ages,
     weights_by_tick,
 )
-from planner.model.load import Loads, checked_load, sags
-from planner.model.response import simulate
+from planner.model.load import Loads, checked_load
+from planner.model.response import motion_under, simulate
 from planner.trajectory import Array, as_trajectory
 from planner.validation import freeze
 
@@ -70,49 +70,75 @@ def sensitivities(
     """
     model = checked_model(model)
     requests = as_trajectory(requests, name="requests")
-    n = len(requests)
-    angles = simulate(model, requests, cyclic=cyclic, start=start, load=load)
-    torques = checked_load(load, model, n)
+    simulate(model, requests, cyclic=cyclic, start=start, load=load)  # checks the arguments
+    n, torques = len(requests), checked_load(load, model, len(requests))
+    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
     numbers = np.maximum(acting(request_ages(model), n, cyclic=cyclic), 0)
-    windows = requests[numbers.T, np.newaxis]
     evaluate = periods((model,), n) if torques is None else Periods((model,), n, (torques,))
-    response = evaluate(np.roll(angles, 1)[:, np.newaxis], windows, 0.0)
-    by_angle, by_request = response.by_angle[:, 0], response.by_request[:, :, 0].T
+    before = evaluate.states(motion.angles[:, np.newaxis], motion.speeds[:, np.newaxis])
+    windows = requests[numbers.T, np.newaxis]
+    response = evaluate(np.roll(before, 1, axis=0), windows, 0.0)
+    size = before.shape[1]  # the angle, and with inertia the speed
+    kept = np.zeros((n, size, size))
+    kept[:, range(size), range(size)] = response.by_own
+    if response.by_other is not None:
+        kept[:, [0, 1], [1, 0]] = response.by_other
+    driven = np.zeros((n, size, n))
+    place = np.arange(n)[:, np.newaxis, np.newaxis], np.arange(size), numbers[:, :, np.newaxis]
+    np.add.at(driven, place, response.by_request.transpose(1, 0, 2))
     if cyclic:
-        contraction = float(np.prod(by_angle))
-        before = np.zeros(n)
-        if contraction < 1.0:
-            open_ended = _recursion(by_angle, by_request, numbers, before)
-            before = open_ended[-1] / (1.0 - contraction)
+        begin = np.zeros((size, n))
+        closing = np.eye(size) - _product(kept)
+        if np.linalg.det(closing) > 0.0:
+            begin = np.linalg.solve(closing, _recursion(kept, driven, begin)[-1])
         elif model.dead_band:
-            before[0] = 1.0
+            begin[0, 0] = 1.0
         else:
             raise NoSteadyCycle(0.0, 1)
-        rows = _recursion(by_angle, by_request, numbers, before)
+        rows = _recursion(kept, driven, begin)[:, 0]
     else:
-        first = np.zeros((1, n))
-        torque = 0.0 if torques is None else float(torques[0])
-        first[0, 0] = 1.0 if start is None else _slope(model, requests[0] - start, torque)
-        later = _recursion(by_angle[1:], by_request[1:], numbers[1:], first[0])
-        rows = np.vstack([first, later])
+        first = np.zeros((size, n))
+        first[0, 0] = 1.0
+        if start is not None:
+            torque = 0.0 if torques is None else float(torques[0])
+            first[:, 0] = _slope(model, requests[0] - start, torque)
+            first[1:] *= evaluate.units[0]
+        later = _recursion(kept[1:], driven[1:], first)[:, 0]
+        rows = np.vstack([first[:1], later])
+    rows = np.ascontiguousarray(rows)
     freeze(rows)
     return rows
 
 
 def _slope(model: JointModel, error: float, load: float) -> float:
-    """Derivative of f of Equation 2; at a corner the mean of those on either side."""
-    sides = np.sign(error + model.sag(load) - model.corners(load))
-    return float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
+    """Derivative of the first speed from rest by the request; at a corner the mean of both sides.
+
+    Args:
+        model: The joint.
+        error: First request minus angle [rad].
+        load: Torque on the joint [N m].
+    """
+    error = float(error + model.sag(load))
+    sides = np.sign(error - model.corners(load))
+    slope = float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
+    most = model.law.acceleration / model.law.share
+    beyond = float(np.sign(abs(model.speed(error, load)) * model.tick - most))
+    return model.law.share * slope * (1.0 - beyond) / 2.0
 
 
-def _recursion(
-    by_angle: Array, by_request: Array, numbers: npt.NDArray[np.int_], before: Array
-) -> Array:
-    """Derivatives of a run's angles, given those of the angle before it, (samples, n)."""
-    rows = np.zeros((len(numbers), len(before)))
-    np.add.at(rows, (np.arange(len(numbers))[:, np.newaxis], numbers), by_request)
-    for row, kept in zip(rows, by_angle, strict=True):
-        row += kept * before
+def _product(kept: Array) -> Array:
+    """The product of all matrices, the last one leftmost."""
+    product = np.eye(kept.shape[1])
+    for each in kept:
+        product = each @ product
+    return product
+
+
+def _recursion(kept: Array, driven: Array, before: Array) -> Array:
+    """Derivatives of a run's states, given those of the state before it, (samples, states, n)."""
+    rows = driven.copy()
+    for row, each in zip(rows, kept, strict=True):
+        row += each @ before
         before = row
     return rows
 
@@ -120,15 +146,19 @@ def _recursion(
 class Response(NamedTuple):
     """Where each period leads, and to second order how that changes.
 
-    ``d reached[k] = by_angle[k] d before[k] + sum_j by_request[j, k] d requests[acting[j, k]]``
-    and half of ``bending[j, k]`` times the square of ``d requests[acting[j, k]] - d before[k]``;
-    where requests are held for several ticks, the bending is an estimate.
+    The states are the joints' angles [rad] and, where a joint has inertia, after all angles the
+    joints' speeds, times :attr:`Periods.units`; the other state of an angle is the joint's speed,
+    and that of a speed its angle. ``d reached[k] = by_own[k] d before[k] + by_other[k] d other[k]
+    + sum_j by_request[j, k] d requests[acting[j, k]]`` and half of ``bending[j, k]`` times the
+    square of ``d requests[acting[j, k]] - d angle before[k]``: an estimate where requests are held
+    for several ticks, or friction or an acceleration limit act on the sum of several.
     """
 
-    reached: Array  # (n, joints) [rad]
-    by_angle: Array  # (n, joints)
-    by_request: Array  # (width, n, joints)
-    bending: Array  # (width, n, joints) [1/rad]
+    reached: Array  # (n, states)
+    by_own: Array  # (n, states)
+    by_other: Array | None  # (n, states); None without inertia
+    by_request: Array  # (width, n, states)
+    bending: Array  # (width, n, states) [1/rad]
 
 
 class Periods:
@@ -149,101 +179,56 @@ class Periods:
                 shape (samples,), or None.
         """
         self.ages = request_ages_of_all(models)
-        ticks = max(model.hold for model in models)
-        weights = np.zeros((ticks, self.ages.width, len(models)))
-        for joint, model in enumerate(models):
-            own = request_ages(model)
-            first = own.youngest - self.ages.youngest
-            weights[: model.hold, first : first + own.width, joint] = weights_by_tick(model)
-        theta_0 = np.array([model.theta_0 for model in models])
-        speeds = np.array([model.v_max_per_tick for model in models])
-        shape = (self.ages.width, samples, len(models))
-        # Spelled out for every sample, so that no array below is stretched to fit another.
-        self._gains = _repeated(weights[:, :, np.newaxis] * speeds / (2.0 * theta_0), shape)
-        self._theta_0 = _repeated(theta_0[np.newaxis, np.newaxis, np.newaxis], shape)[0]
+        self._models = tuple(models)
+        self.has_speeds = any(model.has_inertia for model in models)
         torques = [
-            np.zeros(1) if load is None else load for load in (loads or [None] * len(models))
+            np.zeros(samples) if load is None else np.asarray(load)
+            for load in loads or [None] * len(models)
         ]
-        each = [model.corners(load) for model, load in zip(models, torques, strict=True)]
-        corners = np.stack([np.broadcast_to(own, (4, samples)) for own in each], axis=-1)
-        if not any(model.dead_band for model in models):
-            corners = corners[[0, 3]]  # the inner two are one
-        self._corners = _repeated(-corners[:, np.newaxis], shape)
-        self._sags = np.broadcast_to(sags(models, loads), shape[1:])
-        # Half the sum of the least and the largest speed, in each tick of a period.
-        limits = [
-            sum(m.speed_limits(load)) * m.tick for m, load in zip(models, torques, strict=True)
-        ]
-        middle = np.stack([np.broadcast_to(both / 2.0, samples) for both in limits], axis=-1)
-        running = weights.sum(axis=1)[:, np.newaxis]  # 0 where a joint has fewer ticks
-        self._middles = running * middle if np.any(middle) else None
+        pairs = list(zip(models, torques, strict=True))
+        self._sags = [model.sag(load) for model, load in pairs]
+        self._faster = [model.faster_per_tick(load) for model, load in pairs]
+        # A speed counts as the angle through which the joint coasts.
+        self.units = np.array([max(1.0 / model.law.share, model.hold) for model in models])
+
+    def states(self, angles: Array, speeds: Array) -> Array:
+        """Angles [rad] and, with inertia, speeds [rad/tick], both (n, joints), as states."""
+        return np.hstack([angles, self.units * speeds]) if self.has_speeds else angles
 
     def __call__(self, before: Array, windows: Array, radius: float) -> Response:
         """The response to requests.
 
         Args:
-            before: Angle before each sample [rad], shape (n, joints).
+            before: States before each sample, shape (n, states).
             windows: Requests that act before each sample, youngest first [rad], (width, n, joints).
             radius: Radius of the corners of f [theta_0].
         """
-        rounded = (max(radius, LEAST_RADIUS) * self._theta_0) ** 2
-        reached = before
-        for number, gains in enumerate(self._gains):
-            errors = windows - (reached - self._sags)
-            speeds, slopes, bends = _rounded_law(errors, self._corners, rounded, gains)
-            moved = speeds.sum(axis=0)
-            if self._middles is not None:
-                moved += self._middles[number]
-            kept = 1.0 - slopes.sum(axis=0)
-            reached = reached + moved
-            if number == 0:
-                by_angle, by_request, bending = kept, slopes, bends
-            else:
-                by_angle = by_angle * kept
-                by_request = by_request * kept + slopes
-                bending = bending * kept + bends
-        return Response(reached, by_angle, by_request, bending)
+        from planner.model import kernel
 
-
-def _rounded_law(
-    errors: Array, corners: Array, rounded: Array, gains: Array
-) -> tuple[Array, Array, Array]:
-    """Equation 2 with rounded corners, and its first and second derivative by the error.
-
-    ``f(x) = g sum_i ±sqrt((x - k_i)^2 + e^2)`` with signs that alternate, plus half the sum of the
-    least and the largest speed: :func:`planner.model.joint.speed_law` with
-    :func:`planner.model.joint.rounded_clip`, multiplied out.
-
-    Args:
-        errors: Request plus sag minus angle x [rad].
-        corners: The negative corners -k_i of f, increasing in i, two or four of them, shape
-            (corners, ...) [rad].
-        rounded: Square of the radius e [rad^2].
-        gains: Factor g: gain / 2 times the request's weight.
-    """
-    beyond = corners + errors  # of each corner
-    squares = beyond * beyond
-    squares += rounded
-    lengths = np.sqrt(squares)
-    beyond /= lengths
-    squares *= lengths
-    np.divide(rounded, squares, out=squares)
-    return (
-        _alternating(lengths) * gains,
-        _alternating(beyond) * gains,
-        _alternating(squares) * gains,
-    )
-
-
-def _alternating(values: Array) -> Array:
-    """The sum of two or four values, of alternating sign."""
-    first = values[0] - values[1]
-    return np.asarray(first if len(values) == 2 else first + (values[2] - values[3]))
-
-
-def _repeated(array: Array, shape: tuple[int, ...]) -> Array:
-    """The array, repeated to this shape along all axes but its first."""
-    return np.ascontiguousarray(np.broadcast_to(array, (len(array), *shape)))
+        joints = len(self._models)
+        reached, by_own, by_other = (np.empty(before.shape) for _ in range(3))
+        by_request, bending = np.zeros((2, len(windows), *before.shape))
+        for joint, model in enumerate(self._models):
+            kernel.respond(
+                model.law,
+                weights_by_tick(model),
+                before,
+                windows,
+                self._sags[joint],
+                self._faster[joint],
+                max(radius, LEAST_RADIUS) * model.theta_0,
+                float(self.units[joint]),
+                reached,
+                by_own,
+                by_other,
+                by_request,
+                bending,
+                joint,
+                joints + joint if self.has_speeds else -1,
+                request_ages(model).youngest - self.ages.youngest,
+            )
+        others = by_other if self.has_speeds else None
+        return Response(reached, by_own, others, by_request, bending)
 
 
 def request_ages_of_all(models: Sequence[JointModel]) -> RequestAges:

@@ -13,7 +13,7 @@ import json
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -57,11 +57,20 @@ PARAMETERS = {
     "v_offset": "difference of the top speeds up and down, half of it [rad/s]",
     "compliance": "sag per torque [rad/(N m)]",
     "speed_per_torque": "loss of top speed per torque [rad/(s N m)]",
+    "time_constant": "time constant of the speed [s]",
+    "max_acceleration": "largest acceleration [rad/s^2]",
 }
 """What the parameters of a joint are called in words."""
 
-OPTIONAL = ("dead_band", "v_offset", "compliance", "speed_per_torque")
-"""Parameters that are shown only where they are not zero."""
+OPTIONAL = (
+    "dead_band",
+    "v_offset",
+    "compliance",
+    "speed_per_torque",
+    "time_constant",
+    "max_acceleration",
+)
+"""Parameters that are shown only where a joint has them."""
 
 MANY = 6
 """So many figures stand in columns, each below the one before, and not in rows."""
@@ -237,7 +246,7 @@ def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
         tuple(Column(name) for name in names),
         tuple(
             Row(words, tuple(f"{getattr(model, name):.5g}" for model in models))
-            for name, words in parameters_of([asdict(model) for model in models]).items()
+            for name, words in parameters_of([model.parameters() for model in models]).items()
         ),
         label="Models",
     )

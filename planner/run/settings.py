@@ -128,6 +128,12 @@ Compliance = Annotated[float, About(help="Sag by a torque on the joint [rad/(N m
 SpeedPerTorque = Annotated[
     float, About(help="Change of the top speeds by that torque [rad/(s N m)].", example=0.0)
 ]
+TimeConstant = Annotated[
+    float, About(help="Time constant of the speed, a motor's inertia [s].", example=0.0)
+]
+MaxAcceleration = Annotated[
+    float, About(help="Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0)
+]
 
 
 class Parameters(Settings):
@@ -144,6 +150,8 @@ class Parameters(Settings):
     v_offset: SpeedOffset = 0.0
     compliance: Compliance = 0.0
     speed_per_torque: SpeedPerTorque = 0.0
+    time_constant: TimeConstant = 0.0
+    max_acceleration: MaxAcceleration = math.inf
 
 
 class OfJoint(Settings):
@@ -166,6 +174,8 @@ class OfJoint(Settings):
     v_offset: SpeedOffset | None = None
     compliance: Compliance | None = None
     speed_per_torque: SpeedPerTorque | None = None
+    time_constant: TimeConstant | None = None
+    max_acceleration: MaxAcceleration | None = None
 
 
 class Model(Settings):

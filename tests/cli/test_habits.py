@@ -15,6 +15,7 @@ from planner.cli import cli
 from planner.cli.program import COMMANDS
 
 HEAVY = (
+    "numba",
     "casadi",
     "cvxpy",
     "jinja2",

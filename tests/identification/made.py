@@ -79,8 +79,9 @@ def servo(
 ):
     """Angles of a servo that is not the model, in ``fine`` steps a period [rad].
 
-    The speed that it is called to follows the error of ``delay`` before, less what friction holds,
-    between its top speeds; it gains that speed with a time constant and at most ``most`` [rad/s^2].
+    The speed that it is called to follows the error of ``delay`` before; it gains that speed with a
+    time constant and at most ``most`` [rad/s^2]. Coulomb friction, which holds an error of
+    ``friction``, opposes the speed; ``up`` and ``down`` are the top speeds that it leaves.
     Between motor and joint is play; the error is that of the joint, or of the motor where the
     sensor of its loop is before the play and the joint is measured behind it.
     """
@@ -92,9 +93,10 @@ def servo(
         if k % fine == 0:
             angles.append(angle)
         error = request + sag - (motor if behind else angle)
-        error -= min(max(error, -friction), friction)
-        called = min(max(gain * error, -down), up)
+        called = min(max(gain * error, -down - gain * friction), up + gain * friction)
         speed += step * min(max((called - speed) / constant, -most), most)
+        held = step / constant * gain * friction
+        speed -= min(max(speed, -held), held)
         motor += step * speed
         angle = min(max(angle, motor - half), motor + half)
     return np.array(angles)

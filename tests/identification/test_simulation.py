@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import planner
 from planner.identification.log import OPTIONS
 from planner.identification.parameters import Parameters, units
-from planner.identification.resampling import CHUNKS_PER_TICK, glitches, resampled
+from planner.identification.resampling import glitches, resampled
 from planner.identification.sensitivities import sensitivities
 from planner.identification.simulation import active_requests, respond
 from tests.identification.made import changed, rich_log
@@ -51,16 +51,6 @@ def test_a_joint_with_dry_friction_and_a_load_is_simulated_as_the_planner_simula
     log = replace(rich_log(STICKY, load=load), load=load)
     grid = resampled([log], tick=STICKY.tick, reach=0.5, burn_in=0.0)
     states = respond(grid, Parameters.of(STICKY), log.angles[:1])
-    assert np.max(np.abs(grid.at_rows(states) - log.angles)) <= SAME_RUN
-
-
-def test_chunks_meet_whatever_they_are_guessed_to_begin_with():
-    model = planner.JointModel(v_max=0.3, theta_0=0.05, lag=0.02, acceleration_time=0.05)
-    log = rich_log(model, rows=600)  # saturated most of the time: nothing is forgotten
-    grid = resampled([log], tick=model.tick, reach=1.0, burn_in=0.0)
-    assert len(grid.ticks) > 4 * CHUNKS_PER_TICK * len(grid.ticks) ** 0.5
-    guess = np.random.default_rng(0).normal(size=len(grid.ticks) + 1)
-    states = respond(grid, Parameters.of(model), log.angles[:1], guess=guess)
     assert np.max(np.abs(grid.at_rows(states) - log.angles)) <= SAME_RUN
 
 

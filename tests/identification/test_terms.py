@@ -73,7 +73,8 @@ def test_compliance_and_slowing_are_found_from_several_loads():
 def test_one_load_tells_neither_compliance_nor_slowing():
     truth = replace(AIBO, compliance=0.05)
     found = planner.identify(noisy_log(truth, load=np.full(1500, 0.5)), hold_out=False)
-    assert {each.name for each in found.terms} <= {"dead_band", "v_offset"}
+    assert {each.name for each in found.terms} <= {"time_constant", "dead_band", "v_offset"}
+    assert not found.model.feels_load
     assert abs(found.model.offset - 0.025) <= 0.001  # rad: it is in the static sag
 
 
@@ -110,3 +111,12 @@ def test_intervals_of_a_dead_band_hold_the_truth_nineteen_times_in_twenty():
         for each in found
     ]
     assert sum(held) >= 9
+
+
+def test_a_motors_time_constant_is_found_beside_friction_and_not_where_there_is_none():
+    truth = replace(AIBO, time_constant=0.04, acceleration_time=0.016, dead_band=math.radians(1.0))
+    found = planner.identify(noisy_log(truth, rows=1500), hold_out=False)
+    assert term(found, "time_constant").kept
+    assert abs(found.model.time_constant - 0.04) <= 0.008
+    assert abs(found.model.dead_band / truth.dead_band - 1.0) <= 0.1
+    assert not planner.identify(noisy_log(AIBO, rows=1500), hold_out=False).model.has_inertia

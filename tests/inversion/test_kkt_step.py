@@ -82,7 +82,7 @@ def random_problem(rng, samples, joints, *, hold=1, cyclic=True):
     return Problem(
         ages=union,
         windows=Windows(union, samples, joints, cyclic=cyclic),
-        response=Response(np.empty(0), by_angle, by_request, np.empty(0)),
+        response=Response(np.empty(0), by_angle, None, by_request, np.empty(0)),
         cost=Quadratic(float(rng.uniform(1.0, 9.0)), rng.normal(size=(samples, joints)), definite),
         regularisation=Regularisation(
             float(10.0 ** rng.uniform(-5, -2)), rng.normal(size=(samples, joints)), rng.normal()
@@ -103,7 +103,7 @@ def dense_matrices(problem):
         for i in range(joints):
             row = k * joints + i
             if k > 0 or problem.windows.cyclic:
-                B[row, (k - 1) % samples * joints + i] -= problem.response.by_angle[k, i]
+                B[row, (k - 1) % samples * joints + i] -= problem.response.by_own[k, i]
             for j in range(width):
                 request = problem.windows.acting[j, k]
                 if request >= 0:
@@ -214,7 +214,7 @@ def test_joints_that_the_cost_does_not_couple_are_solved_one_by_one():
             ages=problem.ages,
             windows=Windows(problem.ages, 25, 1, cyclic=True),
             response=response._replace(
-                by_angle=response.by_angle[:, only], by_request=response.by_request[..., only]
+                by_own=response.by_own[:, only], by_request=response.by_request[..., only]
             ),
             cost=Quadratic(0.0, cost.gradient[:, only], cost.curvature[:, only, only]),
             regularisation=term._replace(away=term.away[:, only]),

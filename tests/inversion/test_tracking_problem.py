@@ -71,7 +71,7 @@ def test_from_rest_nothing_comes_before_the_first_sample():
     problem, requests = stacked(3, 2, cyclic=False)
     angles = np.random.default_rng(3).normal(size=requests.shape)
     response = problem.respond(angles, requests, radius=0.1)
-    assert np.all(response.by_angle[0] == 0.0)
+    assert np.all(response.by_own[0] == 0.0)
     angles[-1] += 1.0
     again = problem.respond(angles, requests, radius=0.1)
     np.testing.assert_array_equal(again.reached, response.reached)

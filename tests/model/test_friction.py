@@ -12,13 +12,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
-from planner.model.joint import JointModel, acting, request_ages
+from planner.model.joint import JointModel, request_ages
 from planner.model.load import rest_requests
-from planner.model.response import simulate
+from planner.model.response import motion_under, simulate
 from planner.model.sensitivity import Periods, sensitivities
-from planner.model.symbolic import exact_run, period
+from planner.model.symbolic import period
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
+from tests.model.test_symbolic import chained
 from tests.strategies import models, trajectories
 
 SAME = 1e-12
@@ -32,6 +33,8 @@ HALF_STEP = 1e-6
 
 AGREEMENT = 1e-5
 """What is left of a cycle's 1e-12 rad after division by HALF_STEP, and room for amplification."""
+
+ERS210A = JointModel.ers210a()
 
 DRY = replace(
     JointModel.ers210a(), dead_band=0.05, v_offset=1.5, compliance=0.1, speed_per_torque=0.8
@@ -78,7 +81,7 @@ def test_the_slope_of_the_speed_changes_at_the_corners_only(model, load):
         assert ends[1] - ends[0] == pytest.approx(slope * (high - low), abs=1e-11 * model.v_max)
 
 
-@given(models(friction=True), trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
+@given(models(friction=True, inertia=True), trajectories(), st.floats(-1.0, 1.0), st.integers(0, 9))
 def test_from_rest_friction_and_load_are_the_sum_over_overlaps(model, requests, start, seed):
     load = loads(len(requests), seed)
     expected = from_rest(model, requests, start=start, load=load)
@@ -183,6 +186,36 @@ def test_a_load_that_a_joint_does_not_feel_changes_nothing():
     np.testing.assert_array_equal(simulate(model, requests, load=2.0), simulate(model, requests))
 
 
+@given(models(friction=True, inertia=True, overshoots=False), trajectories(least=2))
+def test_a_cycle_with_inertia_is_followed_by_itself(model, requests):
+    load = loads(len(requests))
+    motion = motion_under(model, requests, cyclic=True, torques=load)
+    following = next_cycle(
+        model, requests, motion.angles[-1], load=load, speed=float(motion.speeds[-1])
+    )
+    np.testing.assert_allclose(following, motion.angles, rtol=0.0, atol=2.0 * CLOSED + SAME)
+
+
+def test_a_joint_with_inertia_coasts_through_its_dead_band_and_friction_stops_it():
+    coasting = replace(ERS210A, dead_band=0.05, time_constant=0.04, acceleration_time=0.008)
+    requests = np.concatenate([np.zeros(2), np.full(200, 0.5)])
+    angles = simulate(coasting, requests, cyclic=False)
+    stopped = simulate(replace(coasting, time_constant=0.0), requests, cyclic=False)
+    assert stopped[-1] == pytest.approx(0.45, abs=1e-12)
+    assert angles[-1] > 0.46
+    assert angles[-1] == angles[-20]
+
+
+def test_an_acceleration_limit_bounds_the_change_of_the_speed_from_tick_to_tick():
+    slow = replace(ERS210A, max_acceleration=200.0)
+    angles = simulate(slow, np.repeat([0.0, 2.0], 60), cyclic=False)
+    speeds = np.diff(angles, prepend=0.0) / slow.tick
+    change = np.diff(speeds) / slow.tick
+    assert np.max(np.abs(change)) == pytest.approx(200.0, rel=1e-9)
+    assert np.max(speeds) == pytest.approx(slow.v_max, rel=1e-9)
+
+
+@pytest.mark.parametrize("inert", [False, True])
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("samples", [3, 24])
 @pytest.mark.parametrize(
@@ -190,10 +223,12 @@ def test_a_load_that_a_joint_does_not_feel_changes_nothing():
     [{"cyclic": True}, {"cyclic": False}, {"cyclic": False, "start": 0.05}],
     ids=["cyclic", "from rest", "from a start"],
 )
-def test_sensitivities_are_the_slopes_of_the_simulation(options, samples, hold):
+def test_sensitivities_are_the_slopes_of_the_simulation(options, samples, hold, inert):
     rng = np.random.default_rng([samples, hold])
     model = random_dry_model(rng, whole=False, hold=hold, offset=True)
     requests = rng.uniform(-2.0, 2.0, size=samples) * model.theta_0
+    if inert:  # and moving, since friction that just holds it is a corner of the simulation
+        model, requests = with_inertia(rng, model), 4.0 * requests
     load = loads(samples)
     columns = []
     for j in range(samples):
@@ -217,41 +252,75 @@ def test_a_cycle_that_stays_in_the_dead_band_moves_with_the_first_request():
 
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
-def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing, hold):
+@pytest.mark.parametrize("inert", [False, True])
+def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing, hold, inert):
     rng = np.random.default_rng([3, hold])
     samples = 9
     plain = random_model(rng, whole=False, hold=hold, offset=True)
     models_ = [random_dry_model(rng, whole=False, hold=hold, offset=True), plain]
+    if inert:
+        models_ = [with_inertia(rng, model) for model in models_]
     torques = [loads(samples), None]
-    ages = Periods(models_, samples).ages
+    every = Periods(models_, samples, torques)
+    ages = every.ages
     before = rng.uniform(-1.0, 1.0, (samples, 2))
+    speeds = rng.uniform(-1.0, 1.0, (samples, 2)) * [m.v_max_per_tick for m in models_]
     errors = rng.uniform(-2.0, 2.0, (ages.width, samples, 2)) * [m.theta_0 for m in models_]
     windows = before + errors - [m.offset for m in models_]
-    together = Periods(models_, samples, torques)(before, windows, smoothing)
+    together = every(every.states(before, speeds), windows, smoothing)
     for joint, model in enumerate(models_):
         own = request_ages(model)
         felt = slice(own.youngest - ages.youngest, own.oldest + 1 - ages.youngest)
-        angle, load = casadi.SX.sym("angle"), casadi.SX.sym("load")
+        angle, speed, load = (casadi.SX.sym(name) for name in ("angle", "speed", "load"))
         requests, radius = casadi.SX.sym("requests", own.width), casadi.SX.sym("radius")
-        after = period(model, angle, requests, load=load, radius=radius)
-        slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
-        written = casadi.Function("period", [angle, requests, load, radius], [after, *slopes])
+        after = period(model, angle, requests, speed=speed, load=load, radius=radius)
+        state, unit = casadi.vertcat(*after), every.units[joint]
+        slopes = [
+            casadi.jacobian(state, casadi.vertcat(angle, speed)),
+            casadi.jacobian(state, requests),
+        ]
+        given_ = [angle, speed, requests, load, radius]
+        written = casadi.Function("period", given_, [state, *slopes])
         for k in range(samples):
             torque = 0.0 if torques[joint] is None else torques[joint][k]
             # A corner that is not rounded at all has no derivative; none is met here.
             rounding = max(smoothing * model.theta_0, 1e-150)
-            answers = written(before[k, joint], windows[felt, k, joint], torque, rounding)
-            reached, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
-            assert together.reached[k, joint] == pytest.approx(reached[0], abs=1e-13)
-            assert together.by_angle[k, joint] == pytest.approx(by_angle[0], abs=1e-13)
+            window = windows[felt, k, joint]
+            answers = written(before[k, joint], speeds[k, joint], window, torque, rounding)
+            reached, by_state, by_request = (np.asarray(answer) for answer in answers)
+            at = [joint, 2 + joint] if inert else [joint]
+            scale = np.array([1.0, unit])[: len(at)]
+            expected = by_state[: len(at), : len(at)] * scale[:, np.newaxis] / scale
             np.testing.assert_allclose(
-                together.by_request[felt, k, joint], by_request, rtol=0.0, atol=1e-13
+                together.reached[k, at], reached[: len(at), 0] * scale, rtol=0.0, atol=1e-13
             )
+            np.testing.assert_allclose(
+                together.by_own[k, at], np.diagonal(expected), rtol=0.0, atol=1e-12
+            )
+            if inert:
+                np.testing.assert_allclose(
+                    together.by_other[k, at], [expected[0, 1], expected[1, 0]], rtol=0.0, atol=1e-12
+                )
+            np.testing.assert_allclose(
+                together.by_request[felt, k][:, at],
+                by_request[: len(at)].T * scale,
+                rtol=0.0,
+                atol=1e-12,
+            )
+
+
+def with_inertia(rng, model):
+    """The joint with a motor's time constant and an acceleration limit."""
+    return replace(
+        model,
+        time_constant=rng.uniform(0.5, 4.0) * model.tick,
+        max_acceleration=rng.uniform(0.2, 1.0) * model.v_max / model.tick,
+    )
 
 
 def test_the_bending_is_the_slope_of_the_slopes():
     rng = np.random.default_rng(8)
-    model = random_dry_model(rng, whole=False)
+    model = replace(random_dry_model(rng, whole=False), dead_band=0.0)
     every = Periods([model], 9, [loads(9)])
     before = rng.uniform(-1.0, 1.0, (9, 1))
     windows = before + rng.uniform(-2.0, 2.0, (every.ages.width, 9, 1)) * model.theta_0
@@ -264,17 +333,31 @@ def test_the_bending_is_the_slope_of_the_slopes():
         np.testing.assert_allclose(bending[j], (above - below) / (2.0 * step), atol=1e-6)
 
 
+def test_with_friction_the_bending_is_that_of_all_requests_moved_together():
+    rng = np.random.default_rng(9)
+    model = random_dry_model(rng, whole=False)
+    every = Periods([model], 9)
+    before = rng.uniform(-1.0, 1.0, (9, 1))
+    windows = before + rng.uniform(-2.0, 2.0, (every.ages.width, 9, 1)) * model.theta_0
+    bending, step = every(before, windows, 0.3).bending, 1e-5
+    above, below = (every(before, windows + s * step, 0.3).by_request for s in (1.0, -1.0))
+    together = (above - below).sum(axis=0) / (2.0 * step)
+    np.testing.assert_allclose(bending.sum(axis=0), together, atol=1e-6)
+
+
 @pytest.mark.parametrize("hold", [1, 3])
 @pytest.mark.parametrize("cyclic", [True, False])
-def test_the_compiled_run_is_the_simulation_under_load(cyclic, hold):
+@pytest.mark.parametrize("inert", [True, False])
+def test_periods_in_symbols_in_a_row_are_the_simulation_under_load(cyclic, hold, inert):
     rng = np.random.default_rng(hold)
     model = random_dry_model(rng, whole=False, hold=hold, offset=True)
+    model = with_inertia(rng, model) if inert else model
     requests, load = rng.uniform(-1.0, 1.0, 40), loads(40)
-    angles = simulate(model, requests, cyclic=cyclic, load=load)
-    start = float(angles[-1] if cyclic else requests[0] + model.sag(load[0]))
-    numbers = np.maximum(acting(request_ages(model), 40, cyclic=cyclic), 0)
-    run = exact_run(model, 40)(start, requests[numbers], load)
-    np.testing.assert_allclose(run, angles, rtol=0.0, atol=CLOSED)
+    motion = motion_under(model, requests, cyclic=cyclic, torques=load)
+    start = float(motion.angles[-1] if cyclic else requests[0] + model.sag(load[0]))
+    speed = float(motion.speeds[-1]) if cyclic else 0.0
+    run = chained(model, requests, start, cyclic=cyclic, load=load, speed=speed)
+    np.testing.assert_allclose(run, motion.angles, rtol=0.0, atol=CLOSED)
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidModel
-from planner.model.joint import JointModel, joint_of_top_speed, rounded_clip, speed_law
+from planner.model.joint import JointModel, joint_of_top_speed
 from tests.independent import equation_2
 from tests.strategies import models
 
 ROUNDING = 1e-15
 """Disagreement that rounding leaves between two ways to write a sum [relative]."""
 
-FRICTION = ("dead_band", "v_offset", "compliance", "speed_per_torque")
+FRICTION = ("dead_band", "v_offset", "compliance", "speed_per_torque", "time_constant")
 
 FIELDS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "offset", *FRICTION)
 
@@ -28,41 +28,11 @@ thresholds = st.floats(0.01, 0.5)
 
 
 @given(errors, speeds, thresholds)
-def test_the_speed_law_is_equation_2(error, v_max, theta_0):
+def test_the_speed_is_equation_2(error, v_max, theta_0):
     expected = equation_2(error, v_max=v_max, theta_0=theta_0)
     scale = v_max * (1.0 + abs(error) / theta_0)
-    speed = speed_law(gain=v_max / theta_0, v_max=v_max)(error)
+    speed = _model(v_max=v_max, theta_0=theta_0).speed(error)
     assert speed == pytest.approx(expected, rel=0.0, abs=4.0 * ROUNDING * scale)
-
-
-@given(thresholds, speeds)
-def test_the_speed_law_is_top_speed_at_both_corners_and_zero_in_the_middle(theta_0, v_max):
-    for sign in (-1.0, 1.0):
-        speed = speed_law(gain=v_max / theta_0, v_max=v_max)(sign * theta_0)
-        assert speed == pytest.approx(sign * v_max, rel=4.0 * ROUNDING)
-    assert speed_law(gain=v_max / theta_0, v_max=v_max)(0.0) == 0.0
-
-
-@pytest.mark.parametrize("radius", [None, 0.03])
-def test_the_speed_law_is_odd_and_never_beyond_v_max(radius):
-    speed = of_errors(np.linspace(-1.0, 1.0, 401), radius)
-    np.testing.assert_allclose(speed, -speed[::-1], rtol=0.0, atol=ROUNDING)
-    assert np.all(np.abs(speed) <= 0.05 * (1.0 + ROUNDING))
-    assert np.all(np.diff(speed) >= -ROUNDING)
-
-
-def test_smoothing_vanishes_with_its_radius():
-    x = np.linspace(-1.0, 1.0, 401)
-    distances = [
-        float(np.max(np.abs(of_errors(x, radius) - of_errors(x)))) for radius in (0.1, 0.01, 0.001)
-    ]
-    assert distances[0] > distances[1] > distances[2]
-    # A corner rounded with radius e lies v_max e / (2 theta_0) inside it, to first order.
-    assert distances[2] == pytest.approx(0.05 * 0.001 / (2.0 * 0.12), rel=0.01)
-
-
-def test_an_infinite_top_speed_never_saturates():
-    assert speed_law(gain=2.0, v_max=math.inf)(3.0) == 6.0
 
 
 def test_the_speed_of_a_model_is_equation_2_per_second():
@@ -72,13 +42,6 @@ def test_the_speed_of_a_model_is_equation_2_per_second():
         [-model.v_max, model.v_max / 2.0, model.v_max],
         rtol=ROUNDING,
     )
-
-
-def of_errors(errors, radius=None):
-    """Equation 2 for v_max 0.05 and theta_0 0.12, its corners rounded by a radius [rad]."""
-    gain = 0.05 / 0.12
-    clip = {} if radius is None else {"clip": rounded_clip(gain * radius)}
-    return speed_law(gain=gain, v_max=0.05, **clip)(errors)
 
 
 def test_a_joint_of_which_only_the_top_speed_is_known_is_the_papers_made_as_fast():
@@ -171,7 +134,10 @@ def test_a_parameter_that_is_no_finite_number_is_refused_by_name(name, value):
         _model(**{name: value})
 
 
-@pytest.mark.parametrize("name", ["v_max", "theta_0", "acceleration_time", "tick"])
+POSITIVE = ["v_max", "theta_0", "acceleration_time", "tick", "max_acceleration"]
+
+
+@pytest.mark.parametrize("name", POSITIVE)
 @pytest.mark.parametrize("value", [0.0, -1.0, -1e-300])
 def test_a_parameter_that_must_be_positive_says_so(name, value):
     with pytest.raises(InvalidModel, match=rf"^{name}: got .*, expected more than 0"):
@@ -184,11 +150,17 @@ def test_a_lag_may_be_zero_but_not_negative():
         _model(lag=-0.001)
 
 
-@pytest.mark.parametrize("name", ["dead_band", "compliance", "speed_per_torque"])
-def test_friction_and_compliance_may_be_zero_but_not_negative(name):
+@pytest.mark.parametrize("name", ["dead_band", "compliance", "speed_per_torque", "time_constant"])
+def test_friction_compliance_and_inertia_may_be_zero_but_not_negative(name):
     assert _model(**{name: 0.0}) == _model()
-    with pytest.raises(InvalidModel, match=rf"^{name}: got -0.1 rad.*, expected 0 or more"):
+    with pytest.raises(InvalidModel, match=rf"^{name}: got -0.1 .*, expected 0 or more"):
         _model(**{name: -0.1})
+
+
+def test_an_acceleration_may_be_endless_and_nothing_else():
+    assert _model(max_acceleration=math.inf) == _model()
+    with pytest.raises(InvalidModel, match=r"^max_acceleration: got nan"):
+        _model(max_acceleration=math.nan)
 
 
 @pytest.mark.parametrize("v_offset", [5.0, -5.0, 6.0])

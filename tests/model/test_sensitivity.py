@@ -10,7 +10,7 @@ import pytest
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, request_ages
-from planner.model.response import simulate
+from planner.model.response import Motion, simulate
 from planner.model.sensitivity import Periods, periods, request_ages_of_all, sensitivities
 from planner.model.symbolic import period
 from tests.instances import TICK, random_model, random_model_outside_equation_13
@@ -50,7 +50,7 @@ def symbolic_period(model):
     """The period and its derivatives, written by CasADi, of angle, requests and radius."""
     angle, radius = casadi.SX.sym("angle"), casadi.SX.sym("radius")
     requests = casadi.SX.sym("requests", request_ages(model).width)
-    after = period(model, angle, requests, radius=radius)
+    after = period(model, angle, requests, radius=radius).angle
     slopes = [casadi.jacobian(after, angle), casadi.jacobian(after, requests)]
     return casadi.Function("period", [angle, requests, radius], [after, *slopes])
 
@@ -71,7 +71,7 @@ def test_every_period_and_its_derivatives_are_those_that_casadi_writes(smoothing
             answers = written(before[k, joint], window, radius)
             after, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
             assert together.reached[k, joint] == pytest.approx(after[0], abs=SAME)
-            assert together.by_angle[k, joint] == pytest.approx(by_angle[0], abs=SAME)
+            assert together.by_own[k, joint] == pytest.approx(by_angle[0], abs=SAME)
             np.testing.assert_allclose(
                 together.by_request[felt, k, joint], by_request, rtol=0.0, atol=SAME
             )
@@ -185,7 +185,8 @@ def test_at_a_corner_the_derivative_is_the_mean_of_both_sides():
 def test_a_cycle_without_a_derivative_is_an_error(monkeypatch):
     # Between saturated requests the joint may rest anywhere in a range; put it in its middle.
     monkeypatch.setattr(
-        "planner.model.sensitivity.simulate", lambda *_arguments, **_options: np.zeros(2)
+        "planner.model.sensitivity.motion_under",
+        lambda *_arguments, **_options: Motion(np.zeros(2), np.zeros(2)),
     )
     with pytest.raises(NoSteadyCycle):
         sensitivities(JointModel.ers210a(), [5.0, -5.0])

@@ -12,7 +12,12 @@ from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.inversion.arguments import Norm, check_norm
 from planner.inversion.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.inversion.bounds.multipliers import linear_bound
-from planner.inversion.bounds.reachable_set import BoundProblem, Level, check_level
+from planner.inversion.bounds.reachable_set import (
+    BoundProblem,
+    Level,
+    check_level,
+    proved_level,
+)
 from planner.inversion.bounds.saturation_relaxation import without_load
 from planner.inversion.error_norm import error_norm, relative_gap
 from planner.inversion.optimal import invert_optimal
@@ -29,7 +34,8 @@ class Certificate(NamedTuple):
     Attributes:
         bound: Lower bound on the error of any requests [rad].
         norm: Which error.
-        level: What was used of the joint.
+        level: What was used of the joint: the level that was asked for, or the strongest below it
+            that holds for the joint.
         solver_gap: Relative distance between the bound and the best that is known of the same
             level, for "exact" the error of a plan; 0 where one set of multipliers proves the bound,
             inf where nothing is known.
@@ -91,8 +97,8 @@ def certify(
     cannot change at once; ``exact`` follows every request through the window, and searches among
     all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
     the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
-    hundred samples. All hold for joints with dry friction and under a load, "exact" under one that
-    does not change.
+    hundred samples. All hold under a load, "exact" under one that does not change. Of a joint with
+    a dead band "envelope" is the strongest, of one with inertia "slope"; the answer says which.
 
     Args:
         model: The joint.
@@ -130,6 +136,7 @@ def certify(
     desired = as_trajectory(desired, name="desired")
     check_norm(norm)
     check_level(level)
+    level = proved_level(model, level)
     start = checked_start(start, cyclic=cyclic)
     problem = BoundProblem(
         model, desired, cyclic, norm, start, checked_load(load, model, len(desired))

@@ -18,7 +18,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     """Distance of the desired angles from the set of conditions 1 to 3 of docs/math.md [rad].
 
     Args:
-        problem: The joint, and what is desired of it.
+        problem: The joint, without inertia, and what is desired of it.
         level: "slope" for condition 1, otherwise conditions 1 to 3.
     """
     import cvxpy
@@ -26,7 +26,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     cp: Any = cvxpy  # untyped: its atoms have no types
     model, desired, cyclic, norm, start, load = problem
     v, ratio, hold = model.v_max_per_tick, model.v_max_per_tick / model.theta_0, model.hold
-    weights = model.window.weights
+    weights, top = model.window.weights, v + ratio * model.dead_band
     ticks = len(desired) * hold if cyclic else (len(desired) - 1) * hold + 1
     by_sample = np.zeros(len(desired)) if load is None else load
     # The torque at tick t is that of the sample that is next.
@@ -50,8 +50,8 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         down = slowest + cp.multiply((fastest - slowest) / (2.0 * v), now - b + v)
         rise, fall = np.maximum(db, 0.0), np.maximum(-db, 0.0)
         conditions += [
-            later - now <= (v + db / 2.0) * replaced + common * (ratio * up + rise),
-            now - later <= (v - db / 2.0) * replaced + common * (ratio * down + fall),
+            later - now <= (top + db / 2.0) * replaced + common * (ratio * up + rise),
+            now - later <= (top - db / 2.0) * replaced + common * (ratio * down + fall),
         ]
     if start is not None:
         # Condition 3: at rest until the second request acts, then as far as new requests carry it,
@@ -60,8 +60,9 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         if level != "slope":
             new = np.append(new, np.minimum(np.cumsum(weights), 1.0))[:ticks]
         sags = ratio * np.abs(sag - sag[0])[: len(new)]
-        top = v + np.abs(model.v_offset + model.speed_per_torque * torque)[: len(new)] * model.tick
-        farthest = np.cumsum(new * top + (1.0 - new) * sags)
+        excess = np.abs(model.v_offset + model.speed_per_torque * torque)[: len(new)]
+        fastest = v + excess * model.tick
+        farthest = np.cumsum(new * fastest + (1.0 - new) * sags)
         conditions.append(cp.abs(x[: len(new)] - start) <= farthest)
     errors = x[::hold] - desired
     rms = cp.norm(errors, 2) / np.sqrt(len(desired))

@@ -1,8 +1,8 @@
 """Cutting planes from the convex hull of what one request can contribute, (9a) of math.md.
 
 In units of v_max a tick, a request y (with the joint's offset) contributes u(t) = f(y - x(t)) to
-the speed at tick t, where x(t) is the angle before it: without friction and with equal speeds in
-both directions, clip(gamma (y - x(t)), -1, 1) with gamma = v_max / theta_0. A cut
+the speed at tick t, where x(t) is the angle before it: with equal speeds in both directions
+clip(gamma (y - x(t)), -1, 1) with gamma = v_max / theta_0. A cut
 ``nu @ u - xi @ x <= limit`` holds for every y, and for every x within ranges, if its limit is the
 support function of that set, which is known in closed form. Which cut to add is found as in
 disjunctive programming (Balas 1979): the nearest point of the hull is sought by nonnegative least
@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
-from planner.model.joint import speed_law
 from planner.trajectory import Array
 
 UNBOUNDED = (-np.inf, np.inf)
@@ -60,7 +59,6 @@ class RequestSet(NamedTuple):
         lower: Least angles before these ticks, shape (m,).
         upper: Greatest angles, shape (m,).
         interval: Least and greatest request.
-        dead_band: Error that dry friction holds.
         excess: By how much the top speed is higher upwards, and lower downwards.
     """
 
@@ -68,21 +66,16 @@ class RequestSet(NamedTuple):
     lower: Array
     upper: Array
     interval: tuple[float, float] = UNBOUNDED
-    dead_band: float = 0.0
     excess: float = 0.0
 
     @property
     def corners(self) -> list[float]:
         """Errors at which the slope of f changes, from the greatest on."""
-        least, most = (self.excess - 1.0) / self.gain, (self.excess + 1.0) / self.gain
-        if self.dead_band:
-            return [most + self.dead_band, self.dead_band, -self.dead_band, least - self.dead_band]
-        return [most, least]
+        return [(self.excess + 1.0) / self.gain, (self.excess - 1.0) / self.gain]
 
     def contributions(self, errors: Array) -> Array:
         """The contribution f / v of every error [-], like the errors."""
-        law = speed_law(gain=self.gain, v_max=1.0, dead_band=self.dead_band, v_offset=self.excess)
-        return np.asarray(law(errors))
+        return np.asarray(np.clip(self.gain * errors, self.excess - 1.0, self.excess + 1.0))
 
 
 class Support(NamedTuple):

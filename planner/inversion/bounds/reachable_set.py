@@ -58,16 +58,20 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
 
     Args:
         problem: The joint, its load and the number of samples; what is desired does not count.
-        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
+        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3, as
+            far as they hold: see :func:`proved_level`.
 
     Returns:
         The conditions, on the angles at every tick.
     """
     model, start = problem.model, problem.start
+    level = proved_level(model, level)
     ticks = ticks_of(problem)
     load = load_by_tick(problem, ticks)
     steps = _differences(ticks, cyclic=problem.cyclic)  # speeds [rad/tick] from angles
     low, high = (limit * model.tick for limit in model.speed_limits(load))
+    if model.has_inertia:  # it keeps the speed that it had under another load
+        low, high = np.full(ticks, np.min(low)), np.full(ticks, np.max(high))
     moved = np.arange(0 if problem.cyclic else 1, ticks)
     rows, limits = [steps, -steps], [high[moved], -low[moved]]
     if level != "slope":
@@ -86,6 +90,18 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
         np.concatenate(limits),
         np.arange(0, ticks, model.hold),
     )
+
+
+def proved_level(model: JointModel, level: Level) -> Level:
+    """The strongest level, this one at most, whose conditions hold for a joint.
+
+    With inertia the speed changes by what the motor allows and not by what the window does, so that
+    "slope" is left; "exact" follows requests through the window to a speed that is their sum, which
+    friction makes another one.
+    """
+    if model.has_inertia:
+        return "slope"
+    return "envelope" if model.dead_band and level == "exact" else level
 
 
 def ticks_of(problem: BoundProblem) -> int:
@@ -123,7 +139,7 @@ def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Ar
     Returns:
         kept [-] and gain [rad/tick], each of shape (2, changes): upwards, and of the mirror image.
     """
-    v_max, weights = model.v_max_per_tick, model.window.weights
+    v_max, top, weights = model.v_max_per_tick, model.law.top, model.window.weights
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
     low, high = (limit * model.tick for limit in model.speed_limits(load))
@@ -139,7 +155,7 @@ def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Ar
         beyond = slope * (fastest - v_max) + model.gain_per_tick * common * least
         changed = common * np.maximum(sign * faster, 0.0) + replaced * sign * faster / 2.0
         kept.append((1.0 - slope)[:count])
-        gain.append((v_max * (replaced + slope) + beyond + changed)[:count])
+        gain.append((top * replaced + v_max * slope + beyond + changed)[:count])
     return np.stack(kept), np.stack(gain)
 
 
@@ -180,6 +196,8 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     low, high = model.speed_limits(load[: len(new)])
     fastest = np.maximum(high, -low) * model.tick
     sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
+    if model.has_inertia and np.any(sagged):  # how it rings is not bounded here
+        sagged = np.full_like(fastest, np.max(fastest))
     more = (fastest - model.v_max_per_tick) * new + (1.0 - new) * sagged
     return np.asarray(model.v_max_per_tick * np.cumsum(new) + np.cumsum(more))
 

@@ -70,9 +70,10 @@ class Ranges(NamedTuple):
 class ScaledProblem:
     """A bound's problem in units of v_max a tick, with what its relaxations share.
 
+    The joint has neither a dead band nor inertia.
+
     Attributes:
         gain: gamma = v_max / theta_0 [1/tick].
-        dead_band: Error that dry friction holds [v_max ticks].
         excess: By how much the top speed is higher upwards, and lower downwards [v_max].
         desired: D [v_max ticks], shape (n,).
         incumbent: Error of a known plan, which a better response stays below [v_max ticks].
@@ -94,7 +95,7 @@ class ScaledProblem:
         unit, middle = model.v_max_per_tick, float(np.mean(desired))
         self.unit, self.model, self.cyclic, self.norm = unit, model, cyclic, norm
         self.gain = unit / model.theta_0
-        self.dead_band, self.excess = model.dead_band / unit, model.v_offset / model.v_max
+        self.excess = model.v_offset / model.v_max
         self.desired = (desired - middle) / unit
         self.incumbent = incumbent / unit
         self.work, self.most_work = 0, most_work
@@ -103,7 +104,7 @@ class ScaledProblem:
         self.start = None if start is None else (start - middle) / unit
         self.fixed: Intervals = {}
         if self.start is not None:  # the first request holds the joint there
-            self.fixed = {0: (self.start - self.dead_band, self.start + self.dead_band)}
+            self.fixed = {0: (self.start, self.start)}
         self.pairs = acting_pairs(model, self.ticks, cyclic=cyclic)
         self.before = (np.arange(self.ticks) - 1) % self.ticks
         self.first = 0 if cyclic else 1  # from rest the speed at tick 0 is unknown
@@ -147,7 +148,7 @@ class ScaledProblem:
 
     def requests_at(self, lower: Array, upper: Array, interval: tuple[float, float]) -> RequestSet:
         """What a request in an interval can contribute at angles within these ends."""
-        return RequestSet(self.gain, lower, upper, interval, self.dead_band, self.excess)
+        return RequestSet(self.gain, lower, upper, interval, self.excess)
 
     @cached_property
     def speeds(self) -> sparse.csr_array:

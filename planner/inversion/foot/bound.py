@@ -259,7 +259,8 @@ def attainable_angles(
     """Angles between which every joint stays under requests within limits [rad], (n, k) both.
 
     A joint overshoots a request by v - theta_0 a tick at most, by more in the direction of a higher
-    top speed, and by nothing where that is negative; friction holds it within its dead band. A turn
+    top speed, and by nothing where that is negative; friction holds it within its dead band. With
+    inertia it may overshoot by any amount. A turn
     by 2 pi changes nothing for the foot, so that a cycle may be thought to have its least angle
     within a turn of the lower limit, or of -pi; and it goes only so far.
 
@@ -275,6 +276,7 @@ def attainable_angles(
     beyond = np.array([max(model.v_max_per_tick - model.theta_0, 0.0) for model in models])
     beyond *= farthest / np.array([model.v_max_per_period for model in models])
     beyond = np.maximum(beyond, [model.dead_band for model in models])
+    beyond[[model.has_inertia for model in models]] = math.inf
     sagging = np.atleast_2d(sags(models, loads))
     lower = limits[0] + np.min(sagging, axis=0) - beyond
     upper = limits[1] + np.max(sagging, axis=0) + beyond

@@ -5,24 +5,23 @@ A plan R of one joint, with the angles M of the exact model under it, costs
     sum_k  w_k (M_k - D_k)^2 + sigma (R_k - R_{k-1})^2 + xi excess_k^2 + rho (R_k - R*_k)^2
 
 where excess_k is what the change R_k - R_{k-1} exceeds ``max_step`` by, and R* would hold the
-desired angles D. On the model with rounded corners dM_k = a_k dM_{k-1} + sum_j h_kj dR_{k-j} to
-first order, so that the step solves a linear-quadratic problem whose state is an angle and the
-requests that still act: by one Riccati recursion, at a cost in proportion to the length (C. V. Rao,
-S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model predictive control*,
-J. Optim. Theory Appl. 99, 1998). Requests on a limit that the gradient would move beyond it stay.
+desired angles D. On the model with rounded corners angle and speed after a period are to first
+order linear in those before it and in the requests that act, so that the step solves a
+linear-quadratic problem whose state is angle, speed and the requests that still act: by one Riccati
+recursion, at a cost in proportion to the length (C. V. Rao, S. J. Wright, J. B. Rawlings,
+*Application of interior-point methods to model predictive control*, J. Optim. Theory Appl. 99,
+1998). Requests on a limit that the gradient would move beyond it stay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.model.joint import JointModel, RequestAges
-from planner.model.symbolic import Call, one_period
-from planner.trajectory import Indices
+from planner.model.joint import JointModel, RequestAges, request_ages, weights_by_tick
+from planner.trajectory import Array, Indices
 
 
 class Terms(NamedTuple):
@@ -33,6 +32,54 @@ class Terms(NamedTuple):
     radii: tuple[float, ...]  # of the rounded corners in each period [theta_0]
 
 
+class Runs:
+    """Request periods of several exact joints.
+
+    Attributes:
+        models: The joints.
+        ages: Ages of the requests that act on any of them.
+    """
+
+    def __init__(self, models: Sequence[JointModel], ages: RequestAges) -> None:
+        """Take the joints, and ages that contain those of the requests that act on any of them."""
+        self.models, self.ages = tuple(models), ages
+        own = [request_ages(model) for model in models]
+        # Where each joint's requests are among those that act on any: the oldest first.
+        self._from = [ages.oldest - each.oldest for each in own]
+
+    def of(self, joint: int, requests: Array) -> Array:
+        """Of requests that act on any joint, the oldest first, those from where one's begin."""
+        return requests[self._from[joint] :]
+
+    def run(self, angles: Array, speeds: Array, requests: Array, loads: Array) -> Array:
+        """Angles after periods [rad], shape (joints, periods).
+
+        Args:
+            angles: Angles before the first period [rad], shape (joints,).
+            speeds: Speeds before it [rad/tick], shape (joints,); overwritten by those at the end.
+            requests: Every request that acts, the oldest first [rad], shape (joints, width - 1 +
+                periods).
+            loads: Torque in each period [N m], shape (joints, periods).
+        """
+        from planner.model import kernel
+
+        reached, passed = np.empty(loads.shape), np.empty(loads.shape[1])
+        for joint, model in enumerate(self.models):
+            _, speeds[joint] = kernel.run(
+                model.law,
+                weights_by_tick(model),
+                self.of(joint, requests[joint]),
+                model.sag(loads[joint]),
+                model.faster_per_tick(loads[joint]),
+                float(angles[joint]),
+                float(speeds[joint]),
+                0,
+                reached[joint],
+                passed,
+            )
+        return reached
+
+
 class Plans:
     """The plans of several joints over one horizon: what they cost, and the steps that lower it.
 
@@ -40,7 +87,8 @@ class Plans:
 
     Attributes:
         past: Requests before each plan, at least those that still act.
-        starts: Angle before the first sample [rad], shape (joints, 1).
+        starts: Angle before the first sample [rad], shape (joints,).
+        speeds: Speed before it [rad/tick], shape (joints,).
         loads: Torque in each period [N m], shape (joints, samples).
         goal: Desired angles D [rad], shape (joints, samples).
         weights: Their weights w [-], shape (joints, samples).
@@ -56,7 +104,7 @@ class Plans:
     def __init__(
         self, models: Sequence[JointModel], ages: RequestAges, terms: Terms, *, trials: int
     ) -> None:
-        """Compile the functions, and lay out the arrays.
+        """Lay out the arrays.
 
         Args:
             models: The joints.
@@ -65,8 +113,10 @@ class Plans:
             trials: How many other plans are judged together.
         """
         joints, samples = len(models), len(terms.radii)
+        self._runs, self._terms = Runs(models, ages), terms
+        self._radii = [np.array(terms.radii) * model.theta_0 for model in models]
         self.past = max(ages.width - 1, 1)
-        self.starts = np.zeros((joints, 1))
+        self.starts, self.speeds = np.zeros(joints), np.zeros(joints)
         self.loads = np.zeros((joints, samples))
         self.goal = np.zeros((joints, samples))
         self.weights = np.ones((joints, samples))
@@ -77,154 +127,79 @@ class Plans:
         self.trials = np.zeros((joints, trials, self.past + samples))
         self.steps = np.zeros((joints, samples))
         self.costs = np.zeros((joints, 1 + trials))
-        shared = self.starts, self.loads, self.goal, self.weights, self.resting, self.settings
-        self._judge, self._step = [], []
-        for joint, model in enumerate(models):
-            cost, step = _compiled(model, ages, terms)
-            given = [each[joint] for each in shared]
-            judge = cost.map("judge", "serial", trials, list(range(len(given))), [])
-            self._judge.append(Call(judge, [*given, self.trials[joint]], [self.costs[joint, 1:]]))
-            arguments = [*given, self.plan[joint], self.damping[joint]]
-            answers = [self.costs[joint, :1], self.steps[joint]]
-            self._step.append(Call(step, arguments, answers))
+        self._angles, self._passed = np.zeros(samples), np.zeros(samples)
+        self._slopes = [
+            np.zeros((samples, 2, 2 + weights_by_tick(model).shape[1])) for model in models
+        ]
+        self._unused = self.past + 1 - ages.width  # requests of the past that no longer act
 
     def step(self, joints: Indices) -> None:
         """Compute the steps, and the costs of the plans, of these joints."""
+        from planner.inversion.streaming import riccati
+        from planner.model import kernel
+
         for joint in joints.tolist():
-            self._step[joint]()
+            model, load = self._runs.models[joint], self.loads[joint]
+            kernel.linearise(
+                model.law,
+                weights_by_tick(model),
+                self._runs.of(joint, self.plan[joint, self._unused :]),
+                model.sag(load),
+                model.faster_per_tick(load),
+                self._radii[joint],
+                float(self.starts[joint]),
+                float(self.speeds[joint]),
+                self._angles,
+                self._slopes[joint],
+            )
+            self.costs[joint, 0] = self._cost(joint, self.plan[joint])
+            riccati.step(
+                self._angles - self.goal[joint],
+                self._slopes[joint],
+                request_ages(model).youngest - self._runs.ages.youngest,
+                2 if model.has_inertia else 1,
+                self.weights[joint],
+                self.resting[joint],
+                self.settings[joint],
+                self.damping[joint],
+                self._terms.exceeding,
+                self._terms.resting,
+                self.past,
+                self.plan[joint],
+                self.steps[joint],
+            )
 
     def judge(self, joints: Indices) -> None:
         """Compute the costs of the other plans of these joints."""
+        from planner.model import kernel
+
         for joint in joints.tolist():
-            self._judge[joint]()
+            model, load = self._runs.models[joint], self.loads[joint]
+            for number, requests in enumerate(self.trials[joint]):
+                kernel.run(
+                    model.law,
+                    weights_by_tick(model),
+                    self._runs.of(joint, requests[self._unused :]),
+                    model.sag(load),
+                    model.faster_per_tick(load),
+                    float(self.starts[joint]),
+                    float(self.speeds[joint]),
+                    0,
+                    self._angles,
+                    self._passed,
+                )
+                self.costs[joint, 1 + number] = self._cost(joint, requests)
 
+    def _cost(self, joint: int, requests: Array) -> float:
+        """The cost of a plan of a joint whose angles were run last [rad^2]."""
+        from planner.inversion.streaming import riccati
 
-MOST_UNROLLED = 200_000
-"""Samples times the square of the requests that act, up to which a step is spelled out to its last
-operation, of which each takes a hundred bytes. Beyond, functions are called, which takes up to
-twice as long. Half a second at 500 Hz is 140,000."""
-
-
-@lru_cache(maxsize=64)
-def _compiled(model: JointModel, ages: RequestAges, terms: Terms) -> tuple[Any, Any]:
-    """The cost of a plan of one joint, and the step from it, as CasADi functions."""
-    import casadi
-
-    samples, past = len(terms.radii), max(ages.width - 1, 1)
-    symbols: Any = casadi.SX if samples * past**2 <= MOST_UNROLLED else casadi.MX
-    start, settings, damping = (
-        symbols.sym(name, size) for name, size in (("start", 1), ("settings", 4), ("damping", 2))
-    )
-    requests = symbols.sym("requests", past + samples)
-    loads, goal, weights, resting = (
-        symbols.sym(name, samples) for name in ("loads", "goal", "weights", "resting")
-    )
-    smoothing, rate, lower, upper = casadi.vertsplit(settings)
-    exact, slopes = one_period(model, ages)
-    angles, by_angle, by_request = [start], [], []
-    for i in range(samples):
-        acting = requests[i + past - ages.width + 1 : i + past + 1][::-1]
-        kept, moved = slopes(angles[-1], acting, loads[i], terms.radii[i] * model.theta_0)
-        by_angle.append(kept)
-        by_request.append(moved)
-        angles.append(exact(angles[-1], acting, loads[i], 0.0))
-    errors = casadi.vertcat(*angles[1:]) - goal
-    plan = requests[past:]
-    changes, away = plan - requests[past - 1 : -1], plan - resting
-    excess = changes - casadi.fmin(casadi.fmax(changes, -rate), rate)
-    squares = weights * errors**2 + smoothing * changes**2
-    squares += terms.exceeding * excess**2 + terms.resting * away**2
-
-    # Half the derivatives by the angles and by the requests, and the reduced gradient
-    by_error = weights * errors
-    by_change = smoothing * changes + terms.exceeding * excess
-    own = by_change - casadi.vertcat(by_change[1:], 0.0) + terms.resting * away
-    forces = [by_error[samples - 1]]
-    for i in reversed(range(samples - 1)):
-        forces.insert(0, by_error[i] + by_angle[i + 1] * forces[0])
-    entries = casadi.vec(casadi.vertcat(*by_request) * casadi.vertcat(*forces))
-    answered = np.arange(samples) + np.arange(ages.width)[:, np.newaxis]  # by age and request
-    places = np.arange(ages.width)[:, np.newaxis] * samples + answered
-    places[answered >= samples] = samples * ages.width  # behind the entries: zero
-    each = casadi.vertcat(entries, 0.0)[places.ravel().tolist()]
-    gradient = own + casadi.sum2(casadi.reshape(each, samples, ages.width))
-    at_limit = casadi.logic_or(
-        casadi.logic_and(plan <= lower, gradient > 0.0),
-        casadi.logic_and(plan >= upper, gradient < 0.0),
-    )
-    free = 1.0 - at_limit
-    free[0] *= 1.0 - damping[1]
-
-    # Riccati recursion
-    stage = _stage(past, slopes.sparsity_out(1))
-    per_change = smoothing + terms.exceeding * (excess != 0.0)
-    per_request = terms.resting + damping[0]
-    matrix, vector, laws = casadi.DM.zeros(past + 1, past + 1), casadi.DM.zeros(past + 1), []
-    for i in reversed(range(samples)):
-        matrix, vector, feedback, constant = stage(
-            matrix,
-            vector,
-            by_angle[i],
-            by_request[i],
-            weights[i],
-            by_error[i],
-            per_change[i],
-            per_request,
-            own[i],
-            free[i],
+        return riccati.cost(
+            self._angles - self.goal[joint],
+            self.weights[joint],
+            self.resting[joint],
+            self.settings[joint],
+            self._terms.exceeding,
+            self._terms.resting,
+            requests[self.past - 1 :],
         )
-        laws.append((feedback, constant))
-    state, steps = symbols.zeros(past + 1), []
-    for i, (feedback, constant) in enumerate(reversed(laws)):
-        steps.append(constant - feedback @ state)
-        moved = casadi.vertcat(steps[-1], state[1:])[: ages.width]
-        angle = by_angle[i] * state[0] + casadi.dot(by_request[i], moved.T)
-        state = casadi.vertcat(angle, steps[-1], state[1:-1])
-
-    given = [start, loads, goal, weights, resting, settings, requests]
-    cost = casadi.sum1(squares)
-    return (
-        casadi.Function("cost", given, [cost]),
-        casadi.Function("step", [*given, damping], [cost, casadi.vertcat(*steps)]),
-    )
-
-
-def _stage(past: int, acting: Any) -> Any:
-    """One stage of the Riccati recursion, backward.
-
-    With the state x = (dM_{k-1}, dR_{k-1}, ..., dR_{k-past}) it takes the cost
-    ``x'Px - 2 p'x`` of what follows the period to that of what precedes it, and gives the law
-    ``dR_k = constant - feedback x``.
-    """
-    import casadi
-
-    SX, size = casadi.SX, past + 1
-    matrix, vector = SX.sym("P", size, size), SX.sym("p", size)
-    by_angle, by_request = SX.sym("a"), SX.sym("h", acting)
-    weight, by_error, per_change, per_request, own, free = (
-        SX.sym(name) for name in ("w", "e", "q", "r", "c", "f")
-    )
-    # z = (dR_k, dM_{k-1}, dR_{k-1}, ..., dR_{k-past}) and, of these, what is in the state after it
-    leads = casadi.vertcat(by_request[0], by_angle, by_request[1:].T, SX.zeros(1))[: size + 1]
-    kept = [0, *range(2, size)]
-    half = (matrix[0, 0] + weight) / 2.0 * leads
-    half[kept] += matrix[1:, 0]
-    outer = leads @ half.T
-    whole = outer + outer.T
-    whole[kept, kept] += matrix[1:, 1:]
-    whole[0, 0] += per_change + per_request
-    whole[2, 2] += per_change
-    whole[2, 0] -= per_change
-    linear = (vector[0] + by_error) * leads
-    linear[kept] += vector[1:]
-    linear[0] += own
-    share, coupling = free / whole[0, 0], whole[1:, 0]
-    feedback, constant = share * coupling, share * linear[0]
-    before = casadi.tril(whole[1:, 1:] - feedback @ coupling.T)
-    given = [matrix, vector, by_angle, by_request, weight, by_error]
-    return casadi.Function(
-        "stage",
-        [*given, per_change, per_request, own, free],
-        [casadi.tril2symm(before), linear[1:] - feedback * linear[0], feedback.T, constant],
-        {"cse": True},
-    )

@@ -39,11 +39,10 @@ from planner.inversion.streaming.arguments import (
     warn_of_short_preview,
 )
 from planner.inversion.streaming.repeating_path import RepeatingPath
-from planner.inversion.streaming.riccati_step import Plans, Terms
+from planner.inversion.streaming.riccati_step import Plans, Runs, Terms
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
-from planner.model.symbolic import Runs
 from planner.trajectory import Array, Indices, Mask
 from planner.validation import is_one_of, shown
 
@@ -228,8 +227,7 @@ class Stream:
         self._loaded = np.minimum(self._rows, preview - 1)
         self._sent = np.zeros((joints, ages.oldest))  # the last one at the end
         self._acting = slice(0, ages.width)  # those that act until now
-        self._elapsed = Runs(models, ages, 1)
-        self._decided = Runs(models, ages, ages.youngest - 1) if ages.youngest > 1 else None
+        self._runs = Runs(models, ages)
         radii = tuple(np.geomspace(OPTIONS.near, OPTIONS.far, n).tolist())
         terms = Terms(OPTIONS.exceeding, OPTIONS.resting, radii)
         self._plans = Plans(models, ages, terms, trials=len(OPTIONS.lengths) + 1)
@@ -277,6 +275,7 @@ class Stream:
     def reset(self) -> None:
         """Forget everything: the next step is a first one, with the joints at rest."""
         self._angles: Array | None = None  # at the last tick
+        self._speeds = np.zeros(len(self.models))  # in the tick before it [rad/tick]
         if self._repeating is not None:
             self._repeating.reset()
         nothing = np.full(len(self.models), math.nan)
@@ -365,6 +364,7 @@ class Stream:
             held = _clipped(start - sags[:, 0], self._lower, self._upper)
             self._angles, self._sent[:] = start, held[:, np.newaxis]
             self._read, self._believed = given.measured.copy(), given.measured.copy()
+            self._speeds[:] = 0.0
         else:
             self._elapse(given)
         goal = self._goal(rows, bad, 1 + given.missed)
@@ -381,17 +381,15 @@ class Stream:
 
     def _elapse(self, given: StepInput) -> None:
         """Move on by the periods since the last step, and correct the angles by measured ones."""
-        elapsed, angles = self._elapsed, self._angles
+        angles = self._angles
         assert angles is not None, "a first step has nothing to move on from"
         if given.missed > OPTIONS.most_missed:
             self._sent[:] = self._sent[:, -1:]
         for period in range(min(given.missed, OPTIONS.most_missed) + 1):
             if period:
                 self._record(self._sent[:, -1].copy())
-            elapsed.starts[:, 0] = angles
-            elapsed.requests[:] = self._sent[:, self._acting]
-            elapsed.loads[:] = given.torques[:, :1]
-            angles = elapsed.run()[:, 0].copy()
+            acting, torques = self._sent[:, self._acting], given.torques[:, :1]
+            angles = self._runs.run(angles, self._speeds, acting, torques)[:, 0]
             self._plan[:, :-1] = self._plan[:, 1:]
         error, fastest = self._measured(given, angles) - angles, self._fastest[:, 0]
         error[np.isnan(error)] = 0.0
@@ -436,12 +434,11 @@ class Stream:
         """The plan for this tick, shape (k, samples)."""
         plans, start = self._plans, self._angles
         assert start is not None, "a step begins with an angle"
-        if self._decided is not None:
-            self._decided.starts[:, 0] = start
-            self._decided.requests[:] = self._sent[:, 1:]
-            self._decided.loads[:] = torques[:, self._waiting]
-            start = self._decided.run()[:, -1]
-        plans.starts[:, 0] = start
+        plans.speeds[:] = self._speeds
+        if len(self._waiting):
+            waiting = torques[:, self._waiting]
+            start = self._runs.run(start, plans.speeds, self._sent[:, 1:], waiting)[:, -1]
+        plans.starts[:] = start
         plans.loads[:] = torques[:, self._loaded]
         plans.goal[:], plans.resting[:] = goal, goal - sag
         plans.damping[:, 1] = begins

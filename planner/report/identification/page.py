@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +52,7 @@ TITLES = {
     "v_offset": "v_offset",
     "compliance": "compliance",
     "speed_per_torque": "speed per torque",
+    "time_constant": "time constant",
 }
 """What the columns of the table of several joints are called."""
 
@@ -229,7 +230,7 @@ def _sections(joint: Joint) -> list[Section]:
         Section("Log by log", LOGS, {"logs": logs}),
         Section("Where it comes from", ORIGIN, {
             "table": logs_table(found),
-            "names": parameters_of([asdict(found.model)]),
+            "names": parameters_of([found.model.parameters()]),
             "model": found.model,
         }),
     ]  # fmt: skip

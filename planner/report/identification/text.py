@@ -40,6 +40,8 @@ SI = {
     "v_offset": "rad/s",
     "compliance": "rad/(N m)",
     "speed_per_torque": "rad/(s N m)",
+    "time_constant": "s",
+    "max_acceleration": "rad/s^2",
     "tick": "s",
     "hold": "ticks",
 }

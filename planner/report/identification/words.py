@@ -21,6 +21,7 @@ NAMES = {
     "v_offset": "top speed up, less v_max",
     "compliance": "sag per torque",
     "speed_per_torque": "top speed per torque",
+    "time_constant": "time constant of the speed",
 }
 """What the parameters are called in words, in the order of tables."""
 
@@ -35,6 +36,7 @@ SYMBOLS = {
     "v_offset": "v_offset",
     "compliance": "compliance",
     "speed_per_torque": "speed_per_torque",
+    "time_constant": "time constant",
 }
 """The same on a terminal."""
 
@@ -149,6 +151,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
         "gain": (1.0, "1/s"),
         "lag": (1e3, "ms"),
         "acceleration_time": (1e3, "ms"),
+        "time_constant": (1e3, "ms"),
         "v_offset": (units.factor, units.speed),
         "compliance": (units.factor, f"{units.angle}/(N m)"),
         "speed_per_torque": (units.factor, f"{units.speed}/(N m)"),

@@ -6,7 +6,6 @@ Every figure stands beside the paper's own.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -86,7 +85,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
             for amplitude, response in reproduction.steps.items()
         },
         "parameters": {
-            "model": asdict(reproduction.model),
+            "model": reproduction.model.parameters(),
             "segments": reproduction.segments,
             "rule": RULE,
             "refine": dict(REFINE),
@@ -182,7 +181,7 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
         "limits": {joint.name: limits_entry(joint) for joint in planned.joints},
         "parameters": {
             "models": {
-                joint.name: asdict(model)
+                joint.name: model.parameters()
                 for joint, model in zip(planned.joints, planned.models, strict=True)
             },
             "step_amplitudes_deg": list(AMPLITUDES),
@@ -264,8 +263,8 @@ def _entry(
 def _identified(found: Identification, unseen: float) -> dict[str, Any]:
     """The identification, and the same in the paper's units beside its Table 1."""
     period = found.model.period
-    paper = _in_paper_units(asdict(JointModel.ers210a()), period)
-    ours = _in_paper_units(asdict(found.model), period)
+    paper = _in_paper_units(JointModel.ers210a().parameters(), period)
+    ours = _in_paper_units(found.model.parameters(), period)
     ends = [
         _in_paper_units({name: of[end] for name, of in found.intervals.items()}, period)
         for end in (0, 1)

@@ -66,11 +66,16 @@ def violation(problem, node, point, requests):
     return worst
 
 
+def without_dead_band(model):
+    """The joint without what the level "exact" was not derived for."""
+    return replace(model, dead_band=0.0)
+
+
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
 @settings(max_examples=5)
 @given(
-    model=st.one_of(models(), models(friction=True)),
+    model=st.one_of(models(), models(friction=True).map(without_dead_band)),
     requests=trajectories(least=4, most=9, reach=0.5),
     seed=st.integers(0, 2**32 - 1),
 )

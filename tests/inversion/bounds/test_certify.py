@@ -108,7 +108,7 @@ def at_every_tick(model, requests, load, *, cyclic, start=None):
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=60)
 @given(
-    model=st.one_of(models(), models(friction=True)),
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
     requests=trajectories(least=4),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -128,7 +128,7 @@ def test_every_response_meets_the_conditions_of_every_level(cyclic, model, reque
 
 @settings(max_examples=60)
 @given(
-    model=st.one_of(models(), models(friction=True)),
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
     requests=trajectories(least=4),
     seed=st.integers(0, 2**32 - 1),
     share=st.floats(-1.0, 1.0),
@@ -148,7 +148,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=40)
 @given(
-    model=st.one_of(models(), models(friction=True)),
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
     desired=trajectories(least=3, most=14),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -162,6 +162,15 @@ def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, mod
         requests = desired - model.offset + spread * rng.normal(size=len(desired))
         missed = error(simulate(model, requests, cyclic=cyclic, load=load), desired, norm)
         assert envelope_ <= missed + ROUNDING
+
+
+def test_the_answer_says_which_level_holds_for_a_joint_with_friction_or_inertia():
+    desired = np.sin(np.arange(20.0))
+    sticky = replace(ERS210A, dead_band=0.02)
+    assert certify(sticky, desired, level="exact").level == "envelope"
+    for inert in (replace(sticky, time_constant=0.02), replace(ERS210A, max_acceleration=300.0)):
+        answers = [certify(inert, desired, level=level) for level in ("envelope", "exact")]
+        assert [answer.level for answer in answers] == ["slope", "slope"]
 
 
 @pytest.mark.parametrize("norm", NORMS)

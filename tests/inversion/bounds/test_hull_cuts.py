@@ -14,7 +14,6 @@ from planner.inversion.bounds.hull_cuts import (
     separate,
     support,
 )
-from planner.model.joint import speed_law
 
 ROUNDING = 1e-9
 """Sums of at most a dozen terms of about one."""
@@ -27,25 +26,22 @@ def random_set(rng, *, interval=True):
     ends = np.sort(rng.normal(size=2) * 3.0)
     requests = RequestSet(float(rng.uniform(0.02, 1.9)), lower, upper)
     if rng.random() < 0.5:
-        band, excess = rng.choice([0.0, 0.1, 1.0]), rng.uniform(-0.9, 0.9)
-        requests = requests._replace(dead_band=float(band), excess=float(excess))
+        requests = requests._replace(excess=float(rng.uniform(-0.9, 0.9)))
     kinds = [UNBOUNDED, tuple(ends), (ends[0], np.inf), (-np.inf, ends[1]), (ends[0], ends[0])]
     return requests._replace(interval=kinds[rng.integers(len(kinds))]) if interval else requests
 
 
 def random_points(rng, requests, count=500):
     """Calls of random requests at random angles of the place, ends of ranges included."""
-    reach = 2.0 / requests.gain + requests.dead_band
+    reach = 2.0 / requests.gain
     low = max(requests.interval[0], float(requests.lower.min()) - reach)
     high = min(requests.interval[1], float(requests.upper.max()) + reach)
     low, high = min(low, requests.interval[1]), max(high, requests.interval[0])
     for request in np.append(rng.uniform(low, high, size=count), [low, high]):
         share = np.clip(rng.uniform(-0.5, 1.5, size=len(requests.lower)), 0.0, 1.0)
         angles = requests.lower + share * (requests.upper - requests.lower)
-        law = speed_law(
-            gain=requests.gain, v_max=1.0, dead_band=requests.dead_band, v_offset=requests.excess
-        )
-        yield law(request - angles), angles
+        called = requests.gain * (request - angles)
+        yield np.clip(called, requests.excess - 1.0, requests.excess + 1.0), angles
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -76,7 +72,7 @@ def test_the_support_is_attained_at_a_point_of_the_set(seed):
         requests._replace(lower=most.angles, upper=most.angles),
         margin=0.0,
     )
-    farthest = 1.0 + requests.gain * (np.ptp(most.angles) + requests.dead_band)
+    farthest = 1.0 + requests.gain * np.ptp(most.angles)
     spacing = 2.0 / 299.0 * farthest * len(most.contributions)
     assert distance <= spacing
 
