@@ -43,7 +43,7 @@ from planner.inversion.streaming.riccati_step import Plans, Runs, Terms
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel
 from planner.model.sensitivity import request_ages_of_all
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import TURN, Array, Indices, Mask
 from planner.validation import is_one_of, shown
 
 OnBad = Literal["hold", "raise"]
@@ -113,14 +113,23 @@ class StreamOptions:
 
 OPTIONS = StreamOptions()
 
-TURN = 2.0 * math.pi
-"""What an encoder loses or gains when it starts again [rad]."""
 
 LEAST_COST = 1e-12
 """Cost below which nothing is left to gain [rad^2]."""
 
 
-_STATE = ("_angles", "_sent", "_plan", "_damping", "_status", "_problem")
+_STATE = (
+    "_angles",
+    "_speeds",
+    "_sent",
+    "_read",
+    "_believed",
+    "_unread",
+    "_plan",
+    "_damping",
+    "_status",
+    "_problem",
+)
 """What of a stream changes from tick to tick."""
 
 

@@ -626,3 +626,19 @@ def test_a_copy_of_a_stream_goes_on_alike_and_on_its_own(copied, options):
     assert again.names == ("knee",)
     told = [again.step(each) for each in rows[80:]]
     np.testing.assert_array_equal(told, [stream.step(each) for each in rows[80:]])
+
+
+@pytest.mark.parametrize("copied", [copy.copy, lambda stream: pickle.loads(pickle.dumps(stream))])
+def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
+    joint = replace(planner.JointModel.ers210a(), time_constant=0.08)
+    stream, path = planner.Stream(joint, preview=PREVIEW), smooth_path(140)
+    rows = stretches(path)
+    for k, each in enumerate(rows[:80]):
+        stream.step(each, path[k])
+    again = copied(stream)
+    np.testing.assert_array_equal(again.step(rows[80]), stream.step(rows[80]))
+    np.testing.assert_array_equal(again.angles, stream.angles)
+    jump = path[81] + 2.5
+    np.testing.assert_array_equal(again.step(rows[81], jump), stream.step(rows[81], jump))
+    assert again.problem == stream.problem
+    assert again.problem.endswith("taken as missing")
