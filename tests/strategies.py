@@ -52,9 +52,12 @@ def models(
             "speed_per_torque": draw(st.floats(0.0, 0.9)) * (1.0 - abs(share)) * v_max,
         }
     if inertia:
-        limit = st.one_of(st.just(np.inf), st.floats(0.05, 2.0).map(lambda a: a * v_max / TICK))
-        dry["time_constant"] = draw(st.one_of(st.just(0.0), st.floats(0.1, 8.0))) * TICK
-        dry["max_acceleration"] = draw(limit)
+        constant = draw(st.one_of(st.just(0.0), st.floats(0.1, 8.0)))
+        share = -np.expm1(-1.0 / constant) if constant else 1.0
+        slowed = share * ratio * dry.get("dead_band", 0.0) / TICK**2  # in a tick, by dry friction
+        limit = st.floats(0.05, 2.0).map(lambda a: slowed + a * v_max / TICK)
+        dry["time_constant"] = constant * TICK
+        dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))
     return JointModel(
         v_max=v_max,
         theta_0=theta_0,

@@ -167,6 +167,14 @@ class JointModel:
                 f"lag + acceleration_time: got {self.lag + self.acceleration_time:g} s, expected "
                 f"at most {LONGEST_WINDOW} ticks of {self.tick:g} s; are the times in seconds?"
             )
+        slowed = self.law.share * self.law.friction / self.tick**2
+        if self.max_acceleration <= slowed:
+            raise InvalidModel(
+                f"max_acceleration: got {self.max_acceleration:g} rad/s^2, expected more than "
+                f"{slowed:g} rad/s^2, by which the dry friction of the dead_band "
+                f"{self.dead_band:g} rad slows it in a tick of {self.tick:g} s; such a joint would "
+                "never move: check the units, or give it a time_constant"
+            )
         window = math.ceil(self.acceleration_ticks)
         if window * self.hold > MOST_TERMS:
             raise InvalidModel(

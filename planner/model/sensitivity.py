@@ -122,7 +122,8 @@ def _slope(model: JointModel, error: float, load: float) -> float:
     sides = np.sign(error - model.corners(load))
     slope = float(model.gain_per_tick * (sides[0] - sides[1] + sides[2] - sides[3]) / 2.0)
     most = model.law.acceleration / model.law.share
-    beyond = float(np.sign(abs(model.speed(error, load)) * model.tick - most))
+    drive = abs(float(model.speed(error, load)) * model.tick) + model.law.friction
+    beyond = float(np.sign(drive - most))
     return model.law.share * slope * (1.0 - beyond) / 2.0
 
 

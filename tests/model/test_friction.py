@@ -311,11 +311,10 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
 
 def with_inertia(rng, model):
     """The joint with a motor's time constant and an acceleration limit."""
-    return replace(
-        model,
-        time_constant=rng.uniform(0.5, 4.0) * model.tick,
-        max_acceleration=rng.uniform(0.2, 1.0) * model.v_max / model.tick,
-    )
+    inert = replace(model, time_constant=rng.uniform(0.5, 4.0) * model.tick)
+    slowed = inert.law.share * inert.law.friction / model.tick**2  # in a tick, by dry friction
+    most = slowed + rng.uniform(0.2, 1.0) * model.v_max / model.tick
+    return replace(inert, max_acceleration=most)
 
 
 def test_the_bending_is_the_slope_of_the_slopes():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from planner.exceptions import InvalidModel
 from planner.model.joint import JointModel, joint_of_top_speed
+from planner.model.response import simulate
 from tests.independent import equation_2
 from tests.strategies import models
 
@@ -161,6 +163,15 @@ def test_an_acceleration_may_be_endless_and_nothing_else():
     assert _model(max_acceleration=math.inf) == _model()
     with pytest.raises(InvalidModel, match=r"^max_acceleration: got nan"):
         _model(max_acceleration=math.nan)
+
+
+def test_a_motor_that_dry_friction_stops_in_every_tick_is_refused():
+    sticky = {"dead_band": 0.02, "tick": 0.008}
+    with pytest.raises(InvalidModel, match=r"^max_acceleration: got .*would never move") as refused:
+        _model(max_acceleration=1e-3, **sticky)
+    least = float(re.search(r"more than (\S+) rad", str(refused.value))[1])
+    moves = _model(max_acceleration=1.01 * least, **sticky)
+    assert simulate(moves, np.r_[0.0, np.ones(400)], cyclic=False)[-1] > 0.9
 
 
 @pytest.mark.parametrize("v_offset", [5.0, -5.0, 6.0])
