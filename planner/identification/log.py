@@ -11,10 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
-from planner.trajectory import LARGEST, Array, as_trajectory
+from planner.trajectory import LARGEST, TURN, Array, as_trajectory
 from planner.validation import is_one_of, shown
 
-TURN = 2.0 * np.pi
 """What an encoder loses or gains when it starts again [rad]."""
 
 

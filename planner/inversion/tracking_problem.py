@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.exceptions import NoSteadyCycle
 from planner.inversion.arguments import Limits, Norm
 from planner.inversion.error_norm import error_norm
-from planner.model.joint import JointModel, RequestAges, acting, request_ages
+from planner.model.joint import JointModel, RequestAges, acting
 from planner.model.load import Loads, rest_requests, sags
 from planner.model.response import motion_under
 from planner.model.sensitivity import Periods, Response, periods, request_ages_of_all
@@ -147,15 +147,6 @@ class TrackingProblem:
     def ages(self) -> RequestAges:
         """The ages of the requests that act on any of the joints between two samples."""
         return request_ages_of_all(self.models)
-
-    @cached_property
-    def ages_of_each(self) -> tuple[slice, ...]:
-        """Which of these ages are those of the single joints."""
-        every = [request_ages(model) for model in self.models]
-        firsts = [own.youngest - self.ages.youngest for own in every]
-        return tuple(
-            slice(first, first + own.width) for first, own in zip(firsts, every, strict=True)
-        )
 
     @cached_property
     def windows(self) -> Windows:
