@@ -59,7 +59,7 @@ class JointComparison:
     Attributes:
         name: The joint.
         plans: Plan by method; all share the model and the desired angles.
-        certificates: Bounds on the error of any plan in the plans' norm, by level.
+        certificates: Bounds on the error of any plan in the plans' norm, by level proved.
         answers: What an independent simulation says, by method.
         differences: How the requests of each closed form differ from the optimised ones.
         checks: Every claim about these plans, held against its tolerance.
@@ -143,13 +143,13 @@ def compare_joint(
     Args:
         name: The joint.
         plans: A plan for each method of one joint, all for the same desired angles.
-        levels: The bounds to compute.
+        levels: The bounds to compute; of a joint with friction or inertia those that hold.
         failed: Methods that found no plan.
     """
     optimal = plans["optimal"]
     cyclic, limits = optimal.cyclic, optimal.limits
-    certificates = {
-        level: certify(
+    proved = (
+        certify(
             optimal.model,
             optimal.desired,
             cyclic=cyclic,
@@ -159,7 +159,8 @@ def compare_joint(
             load=optimal.load,
         )
         for level in levels
-    }
+    )
+    certificates = {proof.level: proof for proof in proved}
     bounds = {level: proof.bound for level, proof in certificates.items()}
     answers = {
         method: second_answer(

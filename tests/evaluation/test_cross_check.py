@@ -142,6 +142,17 @@ def test_sound_plans_are_judged_sound_from_rest_too():
         assert {AGREES, begins, ABOVE, INSIDE, f"no worse than {PAPER}"} <= names
 
 
+@pytest.mark.parametrize(
+    ("changes", "proved"),
+    [({"dead_band": 0.02}, ["slope", "envelope"]), ({"time_constant": 0.02}, ["slope"])],
+)
+def test_bounds_are_shown_under_the_level_that_was_proved(changes, proved):
+    plan = invert_optimal(replace(JOINT, **changes), BRIEF, smoothness=0.0)
+    comparison = compare_joint("hip", {"optimal": plan}, levels=LEVELS)
+    assert list(comparison.bounds) == list(comparison.to_dict()["bounds_deg"]) == proved
+    assert not _broken(comparison)
+
+
 def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
     for joint in of_walk.joints:
         second, optimal = joint.plans[SECOND], joint.plans["optimal"]
