@@ -101,8 +101,8 @@ class NoSteadyCycle(PlannerError):
         self.cycles = cycles
         super().__init__(
             f"no steady cycle after {cycles} cycles: its ends are {angle_text(mismatch)} apart; "
-            "under these requests the joint drifts or, with inertia, rings; bring them closer to its "
-            "range, make them smoother, or simulate from rest (cyclic=False)"
+            "under these requests the joint drifts or, with inertia, rings; bring them closer to "
+            "its range, make them smoother, or simulate from rest (cyclic=False)"
         )
 
 
