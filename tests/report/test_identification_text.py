@@ -169,6 +169,12 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
     )
 
 
+def test_a_warning_of_joints_whose_numbers_differ_says_whose_numbers_it_has():
+    hip, knee = (Finding("delays", f"lag lies anywhere between 0 and {k} ms") for k in (52, 26))
+    text = identification_text({"hip": made_up(findings=(hip,)), "knee": made_up(findings=(knee,))})
+    assert f"hip and knee: warning: {hip.words} (the numbers are those of hip)" in text.splitlines()
+
+
 @pytest.mark.parametrize(
     ("changes", "line"),
     [

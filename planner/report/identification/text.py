@@ -161,19 +161,21 @@ def _several(identifications: Mapping[str, Identification]) -> str:
 
 
 def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]:
-    """A line for each warning, once for all joints that it is about, in the first one's numbers."""
-    shared: dict[tuple[Topic, str], tuple[str, list[str]]] = {}
+    """A line for each warning, once for all joints that it is about; it says whose numbers it has."""
+    shared: dict[tuple[Topic, str], dict[str, str]] = {}
     for joint, each in identifications.items():
         for found in each.findings:
             own = found.topic in ("log", "pattern")  # of which there are many kinds
             key = found.topic, re.sub(r"[\d.]+", "", found.words) if own else ""
-            _, joints = shared.setdefault(key, (found.words, []))
-            joints.append(joint)
+            shared.setdefault(key, {}).setdefault(joint, found.words)
     topics = get_args(Topic)
     ordered = sorted(shared.items(), key=lambda entry: topics.index(entry[0][0]))
-    return [
-        f"{_names(list(dict.fromkeys(joints)))}: warning: {words}" for _, (words, joints) in ordered
-    ]
+    lines = []
+    for _, words in ordered:
+        first, text = next(iter(words.items()))
+        whose = f" (the numbers are those of {first})" if len(set(words.values())) > 1 else ""
+        lines.append(f"{_names(list(words))}: warning: {text}{whose}")
+    return lines
 
 
 def _errors(identification: Identification) -> list[str]:
