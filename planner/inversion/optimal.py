@@ -134,7 +134,7 @@ def invert_optimal(
         smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
             for none. It is the error that a robot would show, to which the error of the model adds
             in quadrature: that known of an identified one, and at least an encoder's step of 0.088
-            degrees. An error up to that step is allowed in any case.
+            degrees. With dry friction an error up to that step is allowed in any case.
         robust: "mean" to minimise the root mean square of the errors of several models, the default
             for them, "worst" for the largest of them. With a model by itself eight others are
             drawn from the intervals that its file has.
@@ -281,8 +281,8 @@ def _best_requests(problem: TrackingProblem, solver: Solver) -> Array:
 def search(problem: TrackingProblem, state: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
-    A joint that is at top speed nearly throughout may follow fitted lines better than anything that
-    the search finds: it starts from these as well. Where next to no error need be left, high powers
+    A joint that is at top speed nearly throughout, or whose acceleration is limited, may follow
+    fitted lines better than anything that the search finds: it starts from these as well. Where next to no error need be left, high powers
     of it lead nowhere, and the plan for the root mean square leaves the smaller largest error. If
     the plan stays far from the ideal, a search with wide corners follows. For short cycles and
     joints that overshoot, where derivatives say little, further ones start from the desired angles
@@ -290,7 +290,8 @@ def search(problem: TrackingProblem, state: State) -> Array:
     """
     (model,) = problem.models
     starts, narrow, wide = [state], SEARCH.narrow, SEARCH.wide
-    if below_top_speed(problem, state.angles) <= OPTIONS.compared:
+    limited = math.isfinite(model.max_acceleration)  # of which the ideal does not know
+    if limited or below_top_speed(problem, state.angles) <= OPTIONS.compared:
         starts.append(state._replace(requests=best_closed_form(problem)))
     best = min((minimise(problem, start, narrow) for start in starts), key=itemgetter(1))
     near = OPTIONS.far * problem.error(state.angles)

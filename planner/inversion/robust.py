@@ -306,6 +306,7 @@ class ReachInAll:
     def __init__(self, goal: Goal, weights: Array) -> None:
         """Take what the joints should do in each scenario, and the scenarios' weights."""
         self._goal = goal
+        self.shared = goal.shared
         self._roots = np.sqrt(weights)
 
     def distances(self, angles: Array) -> Array:

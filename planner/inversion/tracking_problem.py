@@ -366,7 +366,13 @@ class Errors(NamedTuple):
 
 
 class Goal(Protocol):
-    """What the angles should achieve at every sample: desired angles, or a foot's position."""
+    """What the angles should achieve at every sample: desired angles, or a foot's position.
+
+    Attributes:
+        shared: Whether several joints share the errors, so that one can rest and others correct it.
+    """
+
+    shared: bool
 
     def distances(self, angles: Array) -> Array:
         """Distance of the angles (n, joints) from the goal at every sample [rad], (n,)."""
@@ -379,6 +385,8 @@ class Goal(Protocol):
 
 class FollowAngles:
     """One joint that should follow desired angles."""
+
+    shared = False
 
     def __init__(self, desired: Array) -> None:
         """Take the desired angles [rad], shape (n,)."""

@@ -89,3 +89,16 @@ def test_a_model_file_keeps_the_inertia_and_leaves_it_out_where_there_is_none(tm
         assert planner.JointModel.from_toml(tmp_path / "joint.toml") == model
         assert ("time_constant" in text) == (model is INERT)
         assert ("max_acceleration" in text) == (model is STARTING_SLOWLY)
+
+
+@pytest.mark.parametrize("samples", [40, 60])
+def test_no_closed_form_does_better_on_a_square_that_an_acceleration_limit_keeps_out_of_reach(
+    samples,
+):
+    model = planner.JointModel(
+        v_max=6.6, theta_0=0.1, lag=0.012, acceleration_time=0.027, hold=2, max_acceleration=81.0
+    )
+    square = 0.8 * np.repeat([1.0, -1.0], samples // 2)
+    plan = planner.invert_optimal(model, square, smoothness=0.0)
+    forms = [planner.invert_closed_form(model, square, rule=rule) for rule in ("paper", "exact")]
+    assert plan.rms <= min(form.rms for form in forms) + 1e-12

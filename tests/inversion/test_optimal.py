@@ -92,7 +92,7 @@ def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
     )
     desired = (saturating if seed % 3 else attainable)(rng, model, samples=60)
     limits = _barely_around(desired - model.offset) if limited else None
-    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits)
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, smoothness=0.0)
     lower, upper = limits or (-math.inf, math.inf)
     # Each rule with six lines at one seed and with a number of its own choice at the next.
     for rule, segments in zip(RULES, (6, None) if seed % 2 else (None, 6), strict=True):
@@ -130,7 +130,7 @@ def test_no_closed_form_does_better_over_fewer_samples_than_the_window_has(
     rng = np.random.default_rng([samples, cyclic])
     desired = (saturating if samples % 4 else attainable)(rng, model, samples=samples)
     limits = _barely_around(desired) if limited else None
-    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits)
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, smoothness=0.0)
     for rule in RULES:
         other = invert_closed_form(model, desired, cyclic=cyclic, rule=rule)
         requests = np.clip(other.requests, *(limits or (-math.inf, math.inf)))
@@ -344,7 +344,7 @@ def test_a_handful_of_samples_is_enough(samples, cyclic):
     for hold in (1, 3):
         model = random_model(rng, whole=False, hold=hold)
         desired = rng.uniform(-0.3, 0.3, size=samples)
-        plan = invert_optimal(model, desired, cyclic=cyclic)
+        plan = invert_optimal(model, desired, cyclic=cyclic, smoothness=0.0)
         assert plan.lower_bound <= plan.rms + NO_WORSE
         closed_form = invert_closed_form(model, desired, cyclic=cyclic, rule="exact")
         assert plan.rms <= closed_form.rms + NO_WORSE

@@ -93,7 +93,7 @@ def test_on_a_slow_sine_requests_turn_where_the_path_does(load):
     for path in (SINE, noisy(SINE, 0), noisy(SINE, 1)):
         plan = invert_optimal(SERVO, path, load=load)
         assert reversals(plan.requests) == reversals(path) == 1 + 1
-        assert plan.rms < (0.02 if path is SINE else 0.1) * SERVO.dead_band
+        assert plan.rms < (ENCODER_STEP if path is SINE else 0.1 * SERVO.dead_band)
 
 
 @pytest.mark.parametrize("load", [None, LOAD], ids=["no load", "gravity"])
@@ -103,7 +103,7 @@ def test_at_holds_requests_return_to_the_middle_of_the_dead_band_and_the_joint_r
     for path in (HOLDS, noisy(HOLDS, 0), noisy(HOLDS, 1)):
         plan = invert_optimal(SERVO, path, load=load)
         assert reversals(plan.requests) <= 12
-        assert plan.rms < (0.02 if path is SINE else 0.1) * SERVO.dead_band
+        assert plan.rms < (ENCODER_STEP if path is SINE else 0.1 * SERVO.dead_band)
         middle = plan.requests + sag - plan.predicted
         held = slice(SAMPLES // 4 - 8, SAMPLES // 4 + 8)  # in the middle of the hold
         assert np.max(np.abs(middle[held][2:-2])) < SERVO.dead_band

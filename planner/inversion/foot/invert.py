@@ -78,6 +78,8 @@ OPTIONS = FootOptions()
 class FollowFoot:
     """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
 
+    shared = True
+
     def __init__(
         self, leg: Leg, desired: Array, scale: Array, disturbance: Array | float = 0.0
     ) -> None:
