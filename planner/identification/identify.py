@@ -27,7 +27,7 @@ from planner.identification.intervals import (
 from planner.identification.least_squares import Fit
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
-from planner.identification.resampling import measured_speed
+from planner.identification.resampling import measured_speed, sound_rows
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
 from planner.identification.robust_loss import rms
@@ -136,6 +136,12 @@ def identify(
     )
     intervals = _intervals(fit, bounds, uncertainty)
     notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
+    notes += [
+        f"{log.name}: left out are {count} measured angles that no joint takes: they jump away and "
+        "back within two rows"
+        for log in every
+        if (count := int(np.sum(log.measured & ~sound_rows(log))))
+    ]
     if refuted:
         notes.append(refuted.words)
     elif faster:

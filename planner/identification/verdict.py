@@ -159,22 +159,23 @@ def verdict_on(
     mere = min(simple["raw"], simple["delay"])
     useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
     fits = missed <= OPTIONS.refused and not useless
-    reasons = _other_scale(fit.grid, unit) or REASONS
+    scale = _other_scale(fit.grid, unit)
+    reasons = scale or REASONS
     share = f"{missed:.0%} of the motion's standard deviation{where} (rms {said(error, unit)})"
     if useless:
         note(
-            "fit",
+            "columns" if scale else "fit",
             f"the model does not fit: it misses {share}, and a mere delay hardly more "
             f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {reasons}",
         )
     elif not fits:
         note(
-            "fit",
+            "columns" if scale else "fit",
             f"the model does not fit: it misses {share}; more than {OPTIONS.refused:.0%} is not "
             f"accepted; {reasons}",
         )
     elif missed > OPTIONS.suspect:
-        note("error", f"the model misses {share}; {reasons}")
+        note("columns" if scale else "error", f"the model misses {share}; {reasons}")
     if not fits and (span := float(np.ptp(fit.grid.angles))) < OPTIONS.little_motion:
         note(
             "motion",

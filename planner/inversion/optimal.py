@@ -282,11 +282,11 @@ def search(problem: TrackingProblem, state: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
     A joint that is at top speed nearly throughout, or whose acceleration is limited, may follow
-    fitted lines better than anything that the search finds: it starts from these as well. Where next to no error need be left, high powers
-    of it lead nowhere, and the plan for the root mean square leaves the smaller largest error. If
-    the plan stays far from the ideal, a search with wide corners follows. For short cycles and
-    joints that overshoot, where derivatives say little, further ones start from the desired angles
-    and from those as early as the joint is late.
+    fitted lines better than anything that the search finds: it starts from these as well. Where
+    next to no error need be left, high powers of it lead nowhere, and the plan for the root mean
+    square leaves the smaller largest error. If the plan stays far from the ideal, a search with
+    wide corners follows. For short cycles and joints that overshoot, where derivatives say little,
+    further ones start from the desired angles and from those as early as the joint is late.
     """
     (model,) = problem.models
     starts, narrow, wide = [state], SEARCH.narrow, SEARCH.wide

@@ -172,6 +172,7 @@ def test_glitches_at_the_ends_of_a_log_are_left_out(rows):
     angles[rows] += 2.0
     found = planner.identify(changed(log, angles=angles), hold_out=False)
     assert not found.fits[0].used[rows].any()
+    assert any("left out are 2 measured angles" in text for text in found.warnings)
     assert_close(found.model, AIBO, EXACT)
 
 

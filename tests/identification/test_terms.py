@@ -85,7 +85,7 @@ def test_a_joint_that_saturates_in_one_direction_only_tells_no_asymmetry():
     angles = planner.simulate(AIBO, requests, cyclic=False)
     angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=QUANTUM)
     found = planner.identify((AIBO.tick * rows, requests, angles), hold_out=False)
-    assert {each.name for each in found.terms} == {"dead_band"}
+    assert {each.name for each in found.terms} == {"time_constant", "dead_band"}
 
 
 def test_motion_in_one_direction_tells_friction_from_sag_by_nothing():

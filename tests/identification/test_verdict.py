@@ -13,6 +13,7 @@ from planner.identification.intervals import uncertainty_of
 from planner.identification.result import Interval
 from planner.identification.timestamps import timing_of
 from planner.identification.verdict import open_delays
+from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
     NOISE,
@@ -275,3 +276,4 @@ def test_columns_in_two_scales_are_said_with_both_factors(factor):
     ratio = np.ptp(requests) / np.ptp(angles)
     words = f"expected actual angles times {ratio:.3g}, or requested ones times {1.0 / ratio:.3g}"
     assert words in found.warnings[0]
+    assert next_step({"pan": found}, "arm.toml").startswith("next: check the columns of pan")

@@ -70,13 +70,13 @@ def _follow(**given: Any) -> planner.Playback:
 
     if callable(given["desired"]):
         raise planner.InvalidInput("what the caller's own function does is the caller's affair")
-    given = {"stream": planner.Stream(MODEL, preview=5), "send": lambda _: None} | given
+    given = {"stream": planner.Stream(MODEL, preview=7), "send": lambda _: None} | given
     return planner.follow(now=lambda: clock[0], sleep=sleep, **given)
 
 
 def _step(**given: Any) -> Any:
-    stream = planner.Stream(MODEL, preview=5, on_bad="raise")
-    stream.step(ANGLES[:5])
+    stream = planner.Stream(MODEL, preview=7, on_bad="raise")
+    stream.step(ANGLES[:7])
     return stream.step(**given)
 
 
@@ -319,14 +319,14 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
             "report": None,
         },
     ),
-    "follow": (_follow, lambda: {"desired": ANGLES[:5, np.newaxis]}),
+    "follow": (_follow, lambda: {"desired": ANGLES[:7, np.newaxis]}),
     "Stream": (
         planner.Stream,
-        lambda: {"models": MODEL, "preview": 5, "limits": (-1.0, 1.0), "cycle": 20},
+        lambda: {"models": MODEL, "preview": 7, "limits": (-1.0, 1.0), "cycle": 20},
     ),
     "Stream.step": (
         _step,
-        lambda: {"desired": ANGLES[:5], "measured": ANGLES[:1], "load": 0.0, "missed": 0},
+        lambda: {"desired": ANGLES[:7], "measured": ANGLES[:1], "load": 0.0, "missed": 0},
     ),
     "timed_requests": (_timed, lambda: {"requests": ANGLES, "period": 0.01, "cycles": 2}),
     "sensitivities": (

@@ -161,7 +161,7 @@ def _several(identifications: Mapping[str, Identification]) -> str:
 
 
 def _shared_warnings(identifications: Mapping[str, Identification]) -> list[str]:
-    """A line for each warning, once for all joints that it is about; it says whose numbers it has."""
+    """A line for each warning, once for all its joints, with the name of whose numbers it has."""
     shared: dict[tuple[Topic, str], dict[str, str]] = {}
     for joint, each in identifications.items():
         for found in each.findings:
