@@ -341,6 +341,8 @@ def _covariance(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertain
     if not all(interval.bounded for interval in bounds.values()):
         return None
     fitted = np.ix_(fit.free, fit.free)
+    if not np.isfinite(uncertainty.covariance[fitted]).all():  # a parameter without effect
+        return None
     change = model_derivatives(fit.grid, fit.parameters)[fitted]
     covariance = change @ uncertainty.covariance[fitted] @ change.T
     covariance.setflags(write=False)

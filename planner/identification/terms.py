@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from planner.identification.parameters import TERMS, Parameters
 from planner.identification.resampling import Grid
 from planner.identification.result import Interval, Term
 from planner.identification.robust_loss import huber, rms
+from planner.identification.sensitivities import VANISHES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,26 @@ def with_terms(fit: Fit) -> Trial:
             )
         )
         fit = trial if kept else fit
+    final = _without_vanished_inertia(fit)
+    if final is not fit:
+        terms = [
+            replace(each, kept=False) if each.name == "time_constant" else each for each in terms
+        ]
+    fit = final
     return Trial(fit, tuple(terms), frozenset(confounded))
+
+
+def _without_vanished_inertia(fit: Fit) -> Fit:
+    """The fit without a time constant so short that it has no effect, if it has one.
+
+    A search that ends there has led to another window, and leaves nothing of the inertia.
+    """
+    at, place = fit.parameters, Parameters._fields.index("time_constant")
+    if not fit.free[place] or fit.grid.tick <= VANISHES * at.time_constant:
+        return fit
+    free = fit.free.copy()
+    free[place] = False
+    return least_squares(fit.grid, at._replace(time_constant=0.0), free=free, starts=fit.starts)
 
 
 def _shows(name: str, fit: Fit) -> bool:
