@@ -162,8 +162,9 @@ def test_the_error_to_expect_on_the_robot_stands_beside_that_of_the_plan(run, fo
         read_joint_path("path.csv").angles,
         load=Leg.from_urdf("pendulum.urdf", base="base", foot="tip").load_torques,
     )
-    # 0.5 rad at 1 Hz is accelerated by 14 rad/s^2 rms.
-    assert made.expected_rms[0] == pytest.approx(0.002 + 0.008 * 14.0 / 20.0, rel=0.02)
+    # 0.5 rad at 1 Hz is accelerated by 14 rad/s^2 rms; the plan's own error adds in quadrature.
+    told = np.hypot(0.002 + 0.008 * 14.0 / 20.0, made.rms[0])
+    assert made.expected_rms[0] == pytest.approx(told, rel=0.04)  # dry friction adds stops
     assert made.inversions[0].expected.untested == ()
     assert f"{np.degrees(made.expected_rms[0]):.3f}" in result.stderr
     page = (folder / "page.html").read_text(encoding="utf-8")

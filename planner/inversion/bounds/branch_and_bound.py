@@ -121,7 +121,7 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
         nodes[0][0] / scaled.incumbent if scaled.incumbent else 1.0,
         len(nodes),
     )
-    return min(nodes[0][0], scaled.incumbent) * scaled.unit
+    return min(nodes[0][0] * scaled.unit, scaled.incumbent * scaled.unit, incumbent)
 
 
 def _root(problem: ScaledProblem) -> Node:
