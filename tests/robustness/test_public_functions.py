@@ -78,6 +78,7 @@ def test_arguments_that_are_fine_give_an_answer(name):
         _check_arrays(_call(name, good()))
 
 
+@pytest.mark.filterwarnings("ignore:preview:UserWarning")  # a short one is answered with it
 @pytest.mark.parametrize("name", ENTRANCES)
 def test_each_hostile_value_in_each_place_is_answered_or_refused(name):
     _, good = ENTRANCES[name]
@@ -88,6 +89,7 @@ def test_each_hostile_value_in_each_place_is_answered_or_refused(name):
             _check_arrays(_call(name, {**good(), place: value}))
 
 
+@pytest.mark.filterwarnings("ignore:preview:UserWarning")  # a short one is answered with it
 @pytest.mark.parametrize("name", [name for name in ENTRANCES if len(ENTRANCES[name][1]()) > 1])
 @settings(max_examples=40)
 @given(data=st.data())
