@@ -8,11 +8,11 @@ from dataclasses import replace
 import clarabel
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, nnls
 
-from planner.exceptions import InvalidInput, InvalidTrajectory, SolverFailed
+from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle, SolverFailed
 from planner.inversion.arguments import NORMS
 from planner.inversion.bounds.certify import certify, lower_bound
 from planner.inversion.bounds.cvxpy_statement import stated_bound
@@ -160,8 +160,11 @@ def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, mod
     rng = np.random.default_rng(seed)
     for spread in (0.0, 0.05, 1.0):
         requests = desired - model.offset + spread * rng.normal(size=len(desired))
-        missed = error(simulate(model, requests, cyclic=cyclic, load=load), desired, norm)
-        assert envelope_ <= missed + ROUNDING
+        try:
+            angles = simulate(model, requests, cyclic=cyclic, load=load)
+        except NoSteadyCycle:  # a joint with inertia that overshoots may ring for ever
+            reject()
+        assert envelope_ <= error(angles, desired, norm) + ROUNDING
 
 
 def test_the_answer_says_which_level_holds_for_a_joint_with_friction_or_inertia():
