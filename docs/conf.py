@@ -32,7 +32,7 @@ nitpick_ignore_regex = [
     ("py:class", r"numpy\..*"),  # not of this project, and not to be had without a network
     (
         "py:class",
-        r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver"
+        r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver|Topic"
         r"|Models|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
         r"|planner\.robot\.follow\.Planning|planner\.retiming\.(Impossible|SpeedErrors)"
         r"|Written|planner\.recorded_path\.RecordedPath|planner\.replaying\.JointReplay"
