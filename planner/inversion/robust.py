@@ -236,6 +236,7 @@ class RobustProblem(TrackingProblem):
             limits=(nominal.lower, nominal.upper),
             max_step=nominal.max_step,
             start=nominal.start,
+            first=nominal.first,
             ridge=nominal.ridge,
             loads=[load for each in loads for load in each],
         )
