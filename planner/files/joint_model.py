@@ -270,16 +270,17 @@ def _model(
             path,
             f"{place}no {', '.join(missing)}; expected {', '.join(REQUIRED)} in rad/s, rad, s, s",
         )
+    times = [keys[key] for key in ("lag", "acceleration_time")]
+    if all(isinstance(time, int | float) for time in times) and sum(times) > SLOWEST:
+        raise InvalidFile(
+            path,
+            f"{place}lag + acceleration_time: got {sum(times):g} s, "
+            f"expected at most {SLOWEST:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
+        )
     try:
         model = JointModel(**{key: value for key, value in keys.items() if key in FIELDS})
     except InvalidModel as error:
         raise InvalidFile(path, f"{place}{error}") from error
-    if model.lag + model.acceleration_time > SLOWEST:
-        raise InvalidFile(
-            path,
-            f"{place}lag + acceleration_time: got {model.lag + model.acceleration_time:g} s, "
-            f"expected at most {SLOWEST:g} s; 32 ms are 0.032 (v_max is in rad/s, theta_0 in rad)",
-        )
     if not any(key in INTERVALS for key in known):  # identify writes intervals, and radians
         _check_radians(model, path, place)
     try:
