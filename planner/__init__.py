@@ -25,27 +25,27 @@ if TYPE_CHECKING:
     from planner.files.joint_model import read_models
     from planner.files.logs.options import LogOptions
     from planner.files.logs.read import joints_in, read_logs
-    from planner.gait import half_ellipse, reference_walk
+    from planner.gait.half_ellipse import half_ellipse, reference_walk
     from planner.identification.identify import identify
     from planner.identification.log import Log
     from planner.identification.result import Identification
-    from planner.inversion.bounds.certify import Certificate, certify, lower_bound
-    from planner.inversion.closed_form import closed_form_requests, invert_closed_form
-    from planner.inversion.foot.invert import invert_foot
-    from planner.inversion.foot.result import FootInversion
-    from planner.inversion.line_inverse import line_offset
-    from planner.inversion.optimal import invert_optimal
-    from planner.inversion.result import Inversion
-    from planner.inversion.streaming.stream import Stream
-    from planner.inversion.trials import Learning, SensorDelay, Trial
     from planner.learning.refine import refine
     from planner.model.joint import JointModel
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
     from planner.model.step_test import step_test
-    from planner.planning import Plan, plan
-    from planner.replaying import Replay, replay
-    from planner.retiming import Fastest, fastest
+    from planner.planning.bounds.certify import Certificate, certify, lower_bound
+    from planner.planning.closed_form import closed_form_requests, invert_closed_form
+    from planner.planning.foot.invert import invert_foot
+    from planner.planning.foot.result import FootInversion
+    from planner.planning.line_inverse import line_offset
+    from planner.planning.optimal import invert_optimal
+    from planner.planning.plan import Plan, plan
+    from planner.planning.result import Inversion
+    from planner.planning.streaming.stream import Stream
+    from planner.planning.trials import Learning, SensorDelay, Trial
+    from planner.recording.replaying import Replay, replay
+    from planner.recording.retiming import Fastest, fastest
     from planner.robot.follow import follow
     from planner.robot.play import Playback, TimedRequest, play, timed_requests
 
@@ -126,27 +126,27 @@ _HOMES = {
     "planner.files.joint_model": ("read_models",),
     "planner.files.logs.options": ("LogOptions",),
     "planner.files.logs.read": ("joints_in", "read_logs"),
-    "planner.gait": ("half_ellipse", "reference_walk"),
+    "planner.gait.half_ellipse": ("half_ellipse", "reference_walk"),
     "planner.identification.result": ("Identification",),
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
-    "planner.inversion.bounds.certify": ("Certificate", "certify", "lower_bound"),
-    "planner.inversion.closed_form": ("closed_form_requests", "invert_closed_form"),
-    "planner.inversion.foot.invert": ("invert_foot",),
-    "planner.inversion.foot.result": ("FootInversion",),
-    "planner.inversion.line_inverse": ("line_offset",),
-    "planner.inversion.optimal": ("invert_optimal",),
-    "planner.inversion.result": ("Inversion",),
-    "planner.inversion.streaming.stream": ("Stream",),
-    "planner.inversion.trials": ("Learning", "SensorDelay", "Trial"),
+    "planner.planning.bounds.certify": ("Certificate", "certify", "lower_bound"),
+    "planner.planning.closed_form": ("closed_form_requests", "invert_closed_form"),
+    "planner.planning.foot.invert": ("invert_foot",),
+    "planner.planning.foot.result": ("FootInversion",),
+    "planner.planning.line_inverse": ("line_offset",),
+    "planner.planning.optimal": ("invert_optimal",),
+    "planner.planning.result": ("Inversion",),
+    "planner.planning.streaming.stream": ("Stream",),
+    "planner.planning.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),
     "planner.model.step_test": ("step_test",),
-    "planner.planning": ("Plan", "plan"),
-    "planner.replaying": ("Replay", "replay"),
-    "planner.retiming": ("Fastest", "fastest"),
+    "planner.planning.plan": ("Plan", "plan"),
+    "planner.recording.replaying": ("Replay", "replay"),
+    "planner.recording.retiming": ("Fastest", "fastest"),
     "planner.robot.follow": ("follow",),
     "planner.robot.play": ("Playback", "TimedRequest", "play", "timed_requests"),
 }

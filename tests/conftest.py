@@ -19,7 +19,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import settings
 
-from planner.inversion.foot import bound
+from planner.planning.foot import bound
 from tests.browser import Browser
 from tests.snapshots import Snapshot
 
@@ -29,13 +29,13 @@ settings.load_profile("suite")
 
 SLOWEST = (
     "tests/docs/test_pages.py",
-    "tests/inversion/test_friction.py",
+    "tests/planning/test_friction.py",
     "tests/corpus/test_corpus.py",
     "tests/identification/test_recordings.py",
     "tests/identification/test_verdict.py",
-    "tests/inversion/foot/test_bound.py",
+    "tests/planning/foot/test_bound.py",
     "tests/robustness/test_public_functions.py",
-    "tests/inversion/test_optimal.py",
+    "tests/planning/test_optimal.py",
     "tests/evaluation/test_cross_check.py",
     "tests/cli/test_compare.py",
     "tests/cli/test_any_leg.py",

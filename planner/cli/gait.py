@@ -12,8 +12,8 @@ from planner.cli.console import Progress, deliver
 
 if TYPE_CHECKING:
     from kinematics import Leg
+    from planner.gait.stride import Stride
     from planner.run.settings import Run
-    from planner.stride import Stride
     from planner.trajectory import Array
 
 SHORTEST, LONGEST = 1e-6, 1e3
@@ -53,10 +53,10 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
         request-planner gait --leg front-left --fastest --tolerance-cm 0.5 -o foot.csv
     """  # noqa: D301
     from planner.files.paths import write_foot_path
-    from planner.gait import half_ellipse
+    from planner.gait.half_ellipse import half_ellipse
+    from planner.gait.stride import stride
     from planner.run.desired import find_leg, load_leg
     from planner.run.settings import HalfEllipse
-    from planner.stride import stride
 
     if not SHORTEST <= period <= LONGEST:
         raise click.UsageError(
@@ -94,10 +94,10 @@ def gait(*, run: Run, period: float, fastest: bool, output: str, as_json: bool) 
 
 def _shortest(run: Run, leg: Leg, path: Array, period: float) -> tuple[Array, dict[str, Any], str]:
     """The path in the fewest samples that keep the tolerance; the same for machines and people."""
+    from planner.gait.shortest_cycle import in_samples, shortest_cycle
     from planner.model.evidence import OPEN_TOP_SPEED, expectation, untested_words
     from planner.run.desired import refused_models
     from planner.run.models import models_of
-    from planner.shortest_cycle import in_samples, shortest_cycle
 
     assert run.tolerance.cm is not None, "the tolerance is needed"
     models = models_of(run.model, leg.joint_names, leg, rate_hz=1.0 / period)

@@ -14,7 +14,7 @@ from planner.cli.console import Progress, deliver, remark, warn
 from planner.cli.identify import log_options, to_log_options
 
 if TYPE_CHECKING:
-    from planner.replaying import Replay
+    from planner.recording.replaying import Replay
     from planner.run.replay.many import Replayed
     from planner.run.replay.replay import ReplayTask
     from planner.run.settings import Replay as ReplaySettings

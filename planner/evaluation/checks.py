@@ -12,10 +12,10 @@ import numpy as np
 
 from planner.evaluation.independent import independent_angles, last_speed, next_cycle
 from planner.exceptions import NoSteadyCycle
-from planner.inversion.arguments import SMOOTHNESS
-from planner.inversion.bounds.reachable_set import Level
-from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
+from planner.planning.arguments import SMOOTHNESS
+from planner.planning.bounds.reachable_set import Level
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 
 

@@ -16,14 +16,14 @@ from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
-from planner.inversion.arguments import Norm, check_norm, load_of_each, model_of_each, range_of_each
-from planner.inversion.bounds.reachable_set import LEVELS, Level, check_level
-from planner.inversion.closed_form import closed_forms
-from planner.inversion.foot.arguments import checked_leg
-from planner.inversion.line_inverse import RULES, check_rule
-from planner.inversion.optimal import invert_optimal
-from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
+from planner.planning.arguments import Norm, check_norm, load_of_each, model_of_each, range_of_each
+from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
+from planner.planning.closed_form import closed_forms
+from planner.planning.foot.arguments import checked_leg
+from planner.planning.line_inverse import RULES, check_rule
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 from planner.validation import as_flag, shown
 

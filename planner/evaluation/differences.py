@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.inversion.closed_form import switching_time
-from planner.inversion.result import Inversion
+from planner.planning.closed_form import switching_time
+from planner.planning.result import Inversion
 from planner.trajectory import Array, index_of_largest, rms
 
 Reason = Literal["saturated", "limit", "corner", "free", "after_end"]

@@ -28,14 +28,14 @@ from planner.evaluation.checks import (
 from planner.evaluation.joint_comparison import METHODS, JointComparison, depend_on_motion, planned
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
-from planner.inversion.arguments import Norm
-from planner.inversion.error_norm import relative_gap
-from planner.inversion.foot.arguments import axis_scales
-from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.inversion.foot.invert import invert_foot
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.result import Inversion
-from planner.inversion.smoothing import ENCODER_STEP, known_errors
+from planner.planning.arguments import Norm
+from planner.planning.error_norm import relative_gap
+from planner.planning.foot.arguments import axis_scales
+from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+from planner.planning.foot.invert import invert_foot
+from planner.planning.foot.result import FootInversion
+from planner.planning.result import Inversion
+from planner.planning.smoothing import ENCODER_STEP, known_errors
 from planner.trajectory import Array
 
 FOOT = "foot"

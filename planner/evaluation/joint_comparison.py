@@ -29,14 +29,14 @@ from planner.evaluation.checks import (
     second_answer,
 )
 from planner.evaluation.differences import Difference, difference
-from planner.inversion.bounds.certify import Certificate, certify
-from planner.inversion.bounds.cvxpy_statement import stated_bound
-from planner.inversion.bounds.reachable_set import LEVELS, BoundProblem, Level
-from planner.inversion.error_norm import relative_gap
-from planner.inversion.optimal import invert_optimal
-from planner.inversion.result import Inversion
-from planner.inversion.smoothing import ENCODER_STEP, known_errors
 from planner.model.joint import JointModel
+from planner.planning.bounds.certify import Certificate, certify
+from planner.planning.bounds.cvxpy_statement import stated_bound
+from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
+from planner.planning.error_norm import relative_gap
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
+from planner.planning.smoothing import ENCODER_STEP, known_errors
 from planner.trajectory import Array
 
 METHODS: Mapping[str, str] = {

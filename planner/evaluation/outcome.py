@@ -13,10 +13,10 @@ from planner.evaluation.checks import beyond_limits
 from planner.evaluation.metrics import Distance, angle_distance
 from planner.evaluation.paper import deviations
 from planner.evaluation.step_response import StepResponse
-from planner.gait import ReferenceWalk
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.result import Inversion
+from planner.gait.half_ellipse import ReferenceWalk
 from planner.model.joint import JointModel
+from planner.planning.foot.result import FootInversion
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.evaluation.metrics import RequestMotion, request_motion
-from planner.inversion.result import ErrorsOfModels
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds, simulate_joints
+from planner.planning.result import ErrorsOfModels
 from planner.trajectory import Array
 
 

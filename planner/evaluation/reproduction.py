@@ -14,14 +14,14 @@ from planner.evaluation.metrics import foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome, JointOutcome, PlannedWalk, Reproduction
 from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES
 from planner.evaluation.step_response import measure_step_response
-from planner.gait import ReferenceWalk, reference_walk
-from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.foot.invert import invert_foot
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.line_inverse import Rule
-from planner.inversion.optimal import invert_optimal
-from planner.inversion.result import Inversion
+from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.model.joint import JointModel
+from planner.planning.closed_form import invert_closed_form
+from planner.planning.foot.invert import invert_foot
+from planner.planning.foot.result import FootInversion
+from planner.planning.line_inverse import Rule
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 
 RULE: Rule = "paper"

@@ -16,14 +16,14 @@ from planner.evaluation.paper import SEGMENTS
 from planner.evaluation.reproduction import foot_outcome, plan_walk
 from planner.evaluation.virtual_outcome import LearningRun, Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
-from planner.gait import ReferenceWalk, reference_walk
+from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.identification.result import Identification
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.result import Inversion
 from planner.learning.refine import refine
 from planner.model.step_test import step_test
+from planner.planning.foot.result import FootInversion
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot

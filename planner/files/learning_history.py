@@ -11,8 +11,8 @@ import numpy as np
 
 from planner.exceptions import InvalidFile
 from planner.files.text import read_json, to_json, write_text
-from planner.inversion.trials import Learning, SensorDelay, Trial
 from planner.model.joint import JointModel
+from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import LARGEST, Array
 
 FORMAT = "request-planner refine 1"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.exceptions import ANGLE_UNIT, InvalidTrajectory
-from planner.inversion.trials import Trial
+from planner.planning.trials import Trial
 from planner.trajectory import Array
 
 

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.inversion.error_norm import error_norm
-from planner.inversion.foot.arguments import axis_scales
-from planner.inversion.foot.invert import invert_foot
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.optimal import invert_optimal
-from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
 from planner.model.load import load_columns
 from planner.model.response import simulate_joints
+from planner.planning.error_norm import error_norm
+from planner.planning.foot.arguments import axis_scales
+from planner.planning.foot.invert import invert_foot
+from planner.planning.foot.result import FootInversion
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
 from planner.trajectory import Array
 from planner.validation import freeze
 

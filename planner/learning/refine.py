@@ -18,10 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, PlannerError
-from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.result import Inversion
-from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise, learnt, noise_of
 from planner.learning.measurements import (
     check_motion,
@@ -37,7 +33,11 @@ from planner.learning.sensor_delay import (
     earlier,
     remarks_on_delays,
 )
-from planner.planning import Plan
+from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+from planner.planning.foot.result import FootInversion
+from planner.planning.plan import Plan
+from planner.planning.result import Inversion
+from planner.planning.trials import Learning, Trial
 from planner.trajectory import LARGEST, Array, rms, steps
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
 

@@ -11,11 +11,11 @@ import numpy as np
 from planner.exceptions import PlannerError
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.inversion.trials import Learning, Trial
 from planner.learning.disturbance import Noise
 from planner.learning.planned_joints import PlannedJoints
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.trials import Learning, Trial
 from planner.trajectory import Array, rms
 
 

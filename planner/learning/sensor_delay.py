@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.inversion.trials import Learning, SensorDelay
 from planner.learning.disturbance import latency
 from planner.learning.planned_joints import PlannedJoints
+from planner.planning.trials import Learning, SensorDelay
 from planner.trajectory import Array
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.inversion.error_norm import error_norm, relative_gap
+from planner.planning.error_norm import error_norm, relative_gap
 from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 
 if TYPE_CHECKING:
     from planner.evaluation.plan_outcome import PlanOutcome
-    from planner.inversion.result import ErrorsOfModels
+    from planner.planning.result import ErrorsOfModels
     from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner._version import __version__
-from planner.inversion.error_norm import error_norm
 from planner.model.evidence import OPEN_TOP_SPEED
+from planner.planning.error_norm import error_norm
 from planner.report.figure import (
     POSES,
     Axis,
@@ -50,9 +50,9 @@ from planner.report.table import NOTHING, Column, Row, Table
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.replaying import JointReplay, Replay
+    from planner.recording.replaying import JointReplay, Replay
+    from planner.recording.retiming import Fastest
     from planner.report.style import Role
-    from planner.retiming import Fastest
     from planner.trajectory import Array
 
 UNITS = {"rad": ("deg", math.degrees(1.0)), "1": ("%", 100.0)}

@@ -21,13 +21,13 @@ from planner.files.paths import (
     write_joint_path,
 )
 from planner.files.units import LEAST_DEG, SHARES
-from planner.gait import half_ellipse
+from planner.gait.half_ellipse import half_ellipse
+from planner.gait.stride import stride
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.run import settings
 from planner.run.faults import BadSetting, Key, Remark
 from planner.run.models import beside, check_joints, models_of
-from planner.stride import stride
 
 if TYPE_CHECKING:
     from kinematics import Leg

@@ -17,13 +17,13 @@ from planner.files.learning_history import LearningState, read_history, write_hi
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.files.units import split_unit
-from planner.inversion.arguments import checked_smoothness
-from planner.inversion.foot.result import FootInversion
-from planner.inversion.result import Inversion
-from planner.inversion.trials import Learning
 from planner.learning.refine import refine
 from planner.model.joint import JointModel
 from planner.model.load import load_columns
+from planner.planning.arguments import checked_smoothness
+from planner.planning.foot.result import FootInversion
+from planner.planning.result import Inversion
+from planner.planning.trials import Learning
 from planner.report.learning import LearningOutcome, Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table

@@ -13,9 +13,9 @@ from planner.trajectory import Array
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.inversion.load_of_pose import LoadOfPose
     from planner.model.joint import JointModel
-    from planner.recorded_path import RecordedPath
+    from planner.planning.load_of_pose import LoadOfPose
+    from planner.recording.recorded_path import RecordedPath
     from planner.run import settings
     from planner.run.desired import Desired
 

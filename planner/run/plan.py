@@ -13,13 +13,13 @@ import numpy as np
 from planner.evaluation.metrics import RequestMotion, foot_distances, request_motion
 from planner.evaluation.plan_outcome import expected_foot
 from planner.exceptions import ANGLE_UNIT
-from planner.inversion.error_norm import error_norm
-from planner.inversion.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.inversion.foot.invert import invert_foot
 from planner.model.drawn_models import has_intervals
 from planner.model.evidence import Expectation, expectation
 from planner.model.load import load_columns
-from planner.planning import plan
+from planner.planning.error_norm import error_norm
+from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+from planner.planning.foot.invert import invert_foot
+from planner.planning.plan import plan
 from planner.run import settings
 from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
@@ -28,8 +28,8 @@ from planner.run.models import model_words
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
-    from planner.inversion.foot.result import FootInversion
-    from planner.inversion.result import Inversion
+    from planner.planning.foot.result import FootInversion
+    from planner.planning.result import Inversion
     from planner.trajectory import Array
 
 ROUNDING = 1e-9

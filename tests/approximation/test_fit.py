@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from planner.approximation.fit import fit_pwl
 from planner.approximation.ideal import attainable_error
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.inversion.bounds.certify import lower_bound
 from planner.model.joint import JointModel
+from planner.planning.bounds.certify import lower_bound
 from tests.approximation.samples import (
     EXACT_KNOTS,
     EXACT_VALUES,

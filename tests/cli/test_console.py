@@ -27,7 +27,7 @@ def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch)
     def fail(*_, **__):
         raise SolverFailed("the requests", "no progress", violation=0.25)
 
-    monkeypatch.setattr("planner.planning.invert_optimal", fail)
+    monkeypatch.setattr("planner.planning.plan.invert_optimal", fail)
     result = run("plan", desired)
     assert result.exit_code == 1
     assert result.stdout == ""
@@ -47,7 +47,7 @@ def test_only_errors_of_ours_are_said_to_be_about_a_joint():
 
 
 def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):
-    from planner.inversion.result import Inversion
+    from planner.planning.result import Inversion
 
     monkeypatch.setattr(Inversion, "lower_bound", 1.0)
     result = run("plan", desired)

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from planner import JointModel, shortest_cycle
+from planner import JointModel
+from planner.gait import shortest_cycle
 from planner.files.paths import read_foot_path
 from planner.model.evidence import Evidence
 

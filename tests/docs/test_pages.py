@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.inversion.foot import result as foot_result
+from planner.planning.foot import result as foot_result
 from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose

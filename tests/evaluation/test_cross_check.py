@@ -16,13 +16,13 @@ from planner.evaluation.cross_check import SECOND, cross_check
 from planner.evaluation.foot_comparison import judge_foot
 from planner.evaluation.joint_comparison import METHODS, compare_joint
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.inversion.bounds.reachable_set import LEVELS
-from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.direct_transcription import TranscriptionOptions
-from planner.inversion.foot.invert import invert_foot
-from planner.inversion.optimal import invert_optimal
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
+from planner.planning.bounds.reachable_set import LEVELS
+from planner.planning.closed_form import invert_closed_form
+from planner.planning.direct_transcription import TranscriptionOptions
+from planner.planning.foot.invert import invert_foot
+from planner.planning.optimal import invert_optimal
 from planner.report.comparison_tables import comparison_text
 from tests.instances import attainable, random_model, saturating
 
@@ -170,7 +170,7 @@ def test_the_second_solvers_plan_is_a_plan_of_its_own_and_as_good(of_walk):
 
 def test_a_second_solver_that_fails_costs_its_plan_and_fails_a_check(monkeypatch):
     options = TranscriptionOptions(iterations=1)
-    monkeypatch.setattr("planner.inversion.direct_transcription.OPTIONS", options)
+    monkeypatch.setattr("planner.planning.direct_transcription.OPTIONS", options)
     check = cross_check(JOINT, BRIEF)
     assert not check.passed
     assert [(each.plan, each.name) for each in check.failures] == [(METHODS[SECOND], SOLVED)]

@@ -7,10 +7,10 @@ import pytest
 
 from planner.approximation.curve import PiecewiseLinear
 from planner.evaluation.differences import classify, difference, runs
-from planner.inversion.closed_form import invert_closed_form
-from planner.inversion.optimal import invert_optimal
-from planner.inversion.result import Inversion
 from planner.model.joint import JointModel
+from planner.planning.closed_form import invert_closed_form
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 
 SAMPLES = 60

@@ -11,8 +11,8 @@ from benchmark.plants import MadeJoint, random_joint, random_path, random_servo
 
 import planner
 from planner.files.learning_history import LearningState, read_history, write_history
-from planner.inversion.trials import Learning, SensorDelay, Trial
 from planner.model.evidence import Evidence
+from planner.planning.trials import Learning, SensorDelay, Trial
 from planner.trajectory import Array
 
 KNOWN = planner.JointModel.ers210a()

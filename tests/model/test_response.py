@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
-from planner.inversion.line_inverse import line_offset
 from planner.model.joint import JointModel
 from planner.model.response import path_speeds, simulate
+from planner.planning.line_inverse import line_offset
 from tests.independent import from_rest, next_cycle, of_whole_ticks
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
 from tests.strategies import models, trajectories

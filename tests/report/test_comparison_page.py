@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.evaluation.checks import Check
-from planner.inversion.foot import bound
+from planner.planning.foot import bound
 from planner.report.comparison import (
     above_bound,
     comparison_figure,

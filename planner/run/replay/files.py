@@ -24,7 +24,7 @@ from planner.run.faults import BadSetting, Key
 
 if TYPE_CHECKING:
     from planner.files.logs.recordings import Recording
-    from planner.replaying import JointReplay, Replay
+    from planner.recording.replaying import JointReplay, Replay
     from planner.run.settings import ReplayFormat
     from planner.trajectory import Array
 

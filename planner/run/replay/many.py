@@ -17,9 +17,9 @@ from planner.exceptions import PlannerError
 from planner.files.exports.lerobot import Layout, lerobot_dataset
 from planner.files.logs.recordings import Recording
 from planner.files.text import to_json
-from planner.inversion.error_norm import error_norm
-from planner.recorded_path import WHY
-from planner.replaying import Replay
+from planner.planning.error_norm import error_norm
+from planner.recording.recorded_path import WHY
+from planner.recording.replaying import Replay
 from planner.report.table import number, text_table
 from planner.run import settings
 from planner.run.desired import find_leg

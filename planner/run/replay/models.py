@@ -14,7 +14,7 @@ from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons
 from planner.model.joint import JointModel
-from planner.recorded_path import is_gripper
+from planner.recording.recorded_path import is_gripper
 from planner.run import settings
 from planner.run.faults import BadSetting, Key
 

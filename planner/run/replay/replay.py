@@ -14,12 +14,12 @@ from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
 from planner.identification.log import Log
 from planner.identification.resampling import measured_speed
-from planner.inversion.error_norm import error_norm
 from planner.model.evidence import OPEN_TOP_SPEED
-from planner.recorded_path import WHY, RecordedPath, check_length, recorded_path
-from planner.replaying import JointReplay, Replay, replay_at
+from planner.planning.error_norm import error_norm
+from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path
+from planner.recording.replaying import JointReplay, Replay, replay_at
+from planner.recording.retiming import Fastest, Measure, fastest_at
 from planner.report.table import NOTHING, number, text_table
-from planner.retiming import Fastest, Measure, fastest_at
 from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key

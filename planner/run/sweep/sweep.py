@@ -22,7 +22,7 @@ from kinematics.exceptions import KinematicsError, UnreachableFoot
 from planner.evaluation.plan_outcome import PlanOutcome
 from planner.evaluation.swept import Outcome, Point, Requirement, Swept
 from planner.exceptions import PlannerError
-from planner.inversion.error_norm import error_norm
+from planner.planning.error_norm import error_norm
 from planner.run.plan import Answer
 from planner.run.results import Results, Task
 from planner.run.run import Prepared, prepare

@@ -14,9 +14,9 @@ from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
 from planner.evaluation.metrics import request_motion
+from planner.gait.stride import stride
 from planner.model.drawn_models import OPTIONS as DRAWING
 from planner.model.drawn_models import drawn_models
-from planner.stride import stride
 
 NOISE = math.radians(0.5)
 """Noise of the log from which a model is identified [rad]."""

@@ -1,0 +1,169 @@
+"""Lower bounds on the tracking error (``docs/math.md``)."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidTrajectory, SolverFailed
+from planner.model.joint import JointModel, checked_model
+from planner.model.load import checked_load
+from planner.model.response import checked_start
+from planner.planning.arguments import Norm, check_norm
+from planner.planning.bounds.branch_and_bound import TIME_LIMIT, exact_bound
+from planner.planning.bounds.multipliers import linear_bound
+from planner.planning.bounds.reachable_set import (
+    BoundProblem,
+    Level,
+    check_level,
+    proved_level,
+)
+from planner.planning.bounds.saturation_relaxation import without_load
+from planner.planning.error_norm import error_norm, relative_gap
+from planner.planning.optimal import invert_optimal
+from planner.trajectory import as_trajectory
+from planner.validation import as_positive
+
+
+class Certificate(NamedTuple):
+    """A lower bound, and how it was obtained.
+
+    Attributes:
+        bound: Lower bound on the error of any requests [rad].
+        norm: Which error.
+        level: What was used of the joint: the level that was asked for, or the strongest below it
+            that holds for the joint.
+        solver_gap: Relative distance between the bound and the best that is known of the same
+            level, for "exact" the error of a plan; 0 where one set of multipliers proves the bound,
+            inf where nothing is known.
+        seconds: Time it took [s].
+    """
+
+    bound: float
+    norm: Norm
+    level: Level
+    solver_gap: float
+    seconds: float
+
+
+def lower_bound(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    norm: Norm = "rms",
+    level: Level = "envelope",
+    start: float | None = None,
+    time_limit: float = TIME_LIMIT,
+    load: npt.ArrayLike | None = None,
+) -> float:
+    """A lower bound on the error of any requests [rad]: see :func:`planner.certify`.
+
+    Example:
+        >>> import numpy as np
+        >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
+        >>> f"{np.degrees(lower_bound(JointModel.ers210a(), desired)):.1f} deg rms"
+        '10.2 deg rms'
+    """
+    return certify(
+        model,
+        desired,
+        cyclic=cyclic,
+        norm=norm,
+        level=level,
+        start=start,
+        time_limit=time_limit,
+        load=load,
+    ).bound
+
+
+def certify(
+    model: JointModel,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    norm: Norm = "rms",
+    level: Level = "envelope",
+    start: float | None = None,
+    time_limit: float = TIME_LIMIT,
+    load: npt.ArrayLike | None = None,
+) -> Certificate:
+    """A lower bound on the error of any requests, and how it was obtained.
+
+    ``slope`` uses that the joint never moves faster than v_max; ``envelope`` also that its speed
+    cannot change at once; ``exact`` follows every request through the window, and searches among
+    all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
+    the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
+    hundred samples. All hold under a load, "exact" under one that does not change. Of a joint with
+    a dead band "envelope" is the strongest, of one with inertia "slope"; the answer says which.
+
+    Args:
+        model: The joint.
+        desired: Desired angles [rad], shape (n,), one every ``model.period``.
+        cyclic: Whether the trajectory repeats for ever.
+        norm: "rms" for the root mean square of the errors, "max" for the largest.
+        level: "slope", "envelope" or "exact".
+        start: From rest: angle at which the joint rests until the plan begins [rad]. Without it the
+            bound holds for every start.
+        time_limit: For "exact": when to stop with what is proved by then [s]. What is counted is
+            the work that takes about so long, so that the bound is the same on a slow or busy
+            machine.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
+            the bound is about plans under this load.
+
+    Returns:
+        The bound, at least 0.
+
+    Raises:
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 2.
+        InvalidInput: The norm or level has another name, a cycle is given a start, the load does
+            not fit the samples or the joint, or it changes and the level is "exact".
+        SolverFailed: The solver proposed no multipliers.
+
+    Example:
+        >>> import numpy as np
+        >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
+        >>> certificate = certify(JointModel.ers210a(), desired, level="slope")
+        >>> certificate.level, f"{np.degrees(certificate.bound):.1f} deg rms"
+        ('slope', '10.1 deg rms')
+    """
+    began = perf_counter()
+    model = checked_model(model)
+    time_limit = as_positive("time_limit", time_limit, "a number of seconds above 0")
+    desired = as_trajectory(desired, name="desired")
+    check_norm(norm)
+    check_level(level)
+    level = proved_level(model, level)
+    start = checked_start(start, cyclic=cyclic)
+    problem = BoundProblem(
+        model, desired, cyclic, norm, start, checked_load(load, model, len(desired))
+    )
+    if level == "exact":
+        without_load(problem)  # refused before anything is computed
+    bound, gap = linear_bound(problem, level), 0.0
+    if level == "exact":
+        known = planned_error(problem)
+        bound = max(bound, exact_bound(problem, known, time_limit=time_limit))
+        gap = max(relative_gap(known, bound), 0.0)
+    return Certificate(bound, norm, level, gap, perf_counter() - began)
+
+
+def planned_error(problem: BoundProblem) -> float:
+    """The error of a plan [rad]; of a joint that does not move, where no plan is found."""
+    model, desired, cyclic, norm, start, load = problem
+    try:
+        return invert_optimal(
+            model,
+            desired,
+            cyclic=cyclic,
+            norm=norm,
+            start=start,
+            load=load,
+            smoothness=0.0,
+        ).error
+    except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
+        angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
+        return error_norm(angles - desired, norm)

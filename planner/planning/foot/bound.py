@@ -1,0 +1,308 @@
+"""How close to its path could a foot come? A lower bound for a whole leg (``docs/math.md``, (13a)).
+
+The foot's distance is not convex in the joints' angles. In a Lagrangian relaxation, multipliers
+take the place of the conditions that tie a joint's angles to one another, so that the samples come
+apart; a leg's few angles at one sample are few enough for a search with proof. The multipliers are
+improved by a bundle method and, where that leaves a gap, the responses are split by branch and
+bound.
+"""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.leg import Leg
+from planner.model.joint import JointModel
+from planner.model.load import Loads, sags
+from planner.planning.arguments import Norm
+from planner.planning.bounds.reachable_set import (
+    BoundProblem,
+    farthest_per_period,
+    reachable_set,
+)
+from planner.planning.error_norm import error_norm
+from planner.planning.foot.arguments import axis_scales
+from planner.planning.foot.bundle_method import (
+    Column,
+    LagrangianRelaxation,
+    Multipliers,
+    bundle_step,
+    dual_function,
+    stationary_point,
+    zero_multipliers,
+)
+from planner.planning.foot.configuration_minima import Distance
+from planner.trajectory import Array
+
+MOST_SAMPLES_BOUNDED = 1000
+"""Longest path whose bound is computed for reports [samples]: it takes half a minute at most."""
+
+ATTAINED = 1e-5
+"""Error below which a foot is where it should be, and no bound is asked for [of a leg's length]."""
+
+
+@dataclass(frozen=True)
+class FootBoundOptions:
+    """How long the bundle method improves multipliers, and the search splits what is left.
+
+    Attributes:
+        effort: Samples searched, counted in every round, after which nothing is split any more [-]:
+            some seconds.
+        overhead: What a round costs besides, for its multipliers [samples searched].
+        least_rounds: Rounds of the bundle method at the root for long paths [-].
+        most_rounds: Rounds at the root for short ones [-]; three or four usually gain all there is.
+        rounds: Rounds at every other node [-].
+        shrink: Factor of the step length after a null step [-], as bundle methods have it. That a
+            step which gains most of what was predicted lengthened the next one lost 22 and 0.4 % on
+            two of seven paths and gained 0.01 % on one.
+        gain: Predicted gain of a round below which there is none [of the plan's squared error];
+            half of it may be no more than what the search for minima leaves unproved.
+        gap: Share of the squared error left unproved from which on nothing is split [-]: 2.5 % of
+            the error.
+        spread: Spread of the columns' angles below which the widest side is split instead [of that
+            side]; without the rule three of seven bounds are 9 to 89 % lower.
+    """
+
+    effort: int = 1000
+    overhead: int = 20
+    least_rounds: int = 3
+    most_rounds: int = 12
+    rounds: int = 3
+    shrink: float = 0.5
+    gain: float = 2e-3
+    gap: float = 0.05
+    spread: float = 0.05
+
+
+OPTIONS = FootBoundOptions()
+
+
+def foot_bound(
+    models: Sequence[JointModel],
+    leg: Leg,
+    desired: Array,
+    angles: Array,
+    *,
+    cyclic: bool,
+    norm: Norm,
+    weights: Array,
+    limits: tuple[Array, Array],
+    start: Array | None,
+    loads: Loads | None = None,
+) -> float:
+    """Lower bound on the error of the foot under any requests within the limits [m].
+
+    From rest it is about plans that start from the same pose.
+
+    Args:
+        models: The joints, in the leg's order.
+        leg: The leg.
+        desired: Desired positions in the base frame [m], shape (n, 3).
+        angles: Angles of a plan, the better the sharper is the bound [rad], shape (n, k).
+        cyclic: Whether the path repeats for ever.
+        norm: Root mean square or largest distance.
+        weights: Weight of each axis, shape (3,).
+        limits: Smallest and largest requests [rad], two arrays (k,).
+        start: From rest: angles at which the joints rest [rad], (k,).
+        loads: Torque on each joint at every sample [N m], (n,), or None.
+
+    Returns:
+        The bound, at least 0, in the norm and the weights of :attr:`FootInversion.error`. A solver
+        that fails makes it weaker, never wrong.
+    """
+    scales = axis_scales(weights)
+    errors = np.linalg.norm((leg.foot_positions(angles) - desired) * scales, axis=1)
+    known = error_norm(errors, norm)
+    if known <= ATTAINED * leg.chain.size:
+        return 0.0
+    loads = [None] * len(models) if loads is None else loads
+    lower, upper = attainable_angles(models, limits, len(desired), start=start, loads=loads)
+    distance = Distance(leg.chain, lower, upper, desired, scales / known)
+    starts: list[float | None] = (
+        [None] * len(models) if start is None else [float(angle) for angle in start]
+    )
+    sets = [
+        reachable_set(BoundProblem(model, column, cyclic, norm, each, load), "envelope")
+        for model, column, each, load in zip(models, angles.T, starts, loads, strict=True)
+    ]
+    relaxation = LagrangianRelaxation(
+        distance, sets, norm, (np.min(lower, axis=0), np.max(upper, axis=0))
+    )
+    away = largest_distances(models, len(desired), cyclic=cyclic, loads=loads)
+    squared = _branch_and_bound(
+        relaxation, away, stationary_point(relaxation, np.clip(angles, lower, upper))
+    )
+    return known * math.sqrt(min(squared, 1.0))
+
+
+class Node(NamedTuple):
+    """The responses whose angles at the middle sample are in a box, and what is proved of them.
+
+    Attributes:
+        bound: No response of them has a smaller squared error.
+        lower: Least angles at the middle sample [rad], (k,).
+        upper: Greatest angles there [rad], (k,).
+        multipliers: Those that prove it.
+        columns: Angles that minimised (13a) under some multipliers.
+        effort: Samples that were searched, counted in every round, and what else rounds take.
+    """
+
+    bound: float
+    lower: Array
+    upper: Array
+    multipliers: Multipliers
+    columns: tuple[Column, ...]
+    effort: int = 0
+
+
+def _branch_and_bound(
+    relaxation: LagrangianRelaxation, away: Array, first: tuple[Array, Multipliers]
+) -> float:
+    """The least bound of nodes that are all responses together."""
+    middle = len(away) // 2
+    angles, multipliers = first
+    every = Node(
+        0.0,
+        relaxation.distance.lower[middle],
+        relaxation.distance.upper[middle],
+        multipliers,
+        (Column(angles, relaxation.distance.squared(angles)),),
+    )
+    order = count()
+    affordable = OPTIONS.effort // relaxation.samples
+    rounds = min(max(affordable, OPTIONS.least_rounds), OPTIONS.most_rounds)
+    node = _improved(relaxation, every, rounds)
+    nodes = [(node.bound, next(order), node)]
+    effort = node.effort
+    while nodes[0][0] < 1.0 - OPTIONS.gap and effort < OPTIONS.effort:
+        _, _, node = heapq.heappop(nodes)
+        for half in _split(node):
+            child = _improved(_restricted(relaxation, half, away), half, OPTIONS.rounds)
+            effort += child.effort
+            heapq.heappush(nodes, (child.bound, next(order), child))
+    logging.getLogger(__name__).debug(
+        "foot bound: %.5f of the squared error proved by %d nodes", nodes[0][0], len(nodes)
+    )
+    return nodes[0][0]
+
+
+def _split(node: Node) -> list[Node]:
+    """The node split in two, halfway between the columns' angles that are farthest apart."""
+    middle = len(node.columns[0].angles) // 2
+    known = np.clip([column.angles[middle] for column in node.columns], node.lower, node.upper)
+    joint = int(np.argmax(np.ptp(known, axis=0)))
+    if np.ptp(known[:, joint]) <= OPTIONS.spread * (node.upper[joint] - node.lower[joint]):
+        joint = int(np.argmax(node.upper - node.lower))
+        known = np.array([node.lower, node.upper])
+    value = (np.min(known[:, joint]) + np.max(known[:, joint])) / 2.0
+    first, second = node.upper.copy(), node.lower.copy()
+    first[joint] = second[joint] = value
+    return [node._replace(upper=first), node._replace(lower=second)]
+
+
+def _restricted(relaxation: LagrangianRelaxation, node: Node, away: Array) -> LagrangianRelaxation:
+    """The relaxation over a node's angles: ``away`` is how far joints go, (n, k)."""
+    distance = relaxation.distance
+    lower = np.maximum(distance.lower, node.lower - away)
+    upper = np.maximum(np.minimum(distance.upper, node.upper + away), lower)
+    return relaxation._replace(distance=distance._replace(lower=lower, upper=upper))
+
+
+def _improved(relaxation: LagrangianRelaxation, node: Node, rounds: int) -> Node:
+    """The node after some rounds of the bundle method, begun at its multipliers."""
+    distance = relaxation.distance
+    inside = (np.clip(each.angles, distance.lower, distance.upper) for each in node.columns)
+    columns = [Column(angles, distance.squared(angles)) for angles in inside]
+    multipliers, bound, predicted, step = node.multipliers, -math.inf, math.inf, 1.0
+    centre = multipliers
+    for turn in range(rounds):
+        value, angles = dual_function(relaxation, multipliers, columns[0].angles)
+        logging.getLogger(__name__).debug(
+            "foot bound: round %d proves %.5f of %.5f", turn + 1, value, predicted
+        )
+        if value > bound:
+            centre, bound = multipliers, value
+        else:
+            step *= OPTIONS.shrink
+        columns.append(Column(angles, distance.squared(angles)))
+        if bound >= 1.0 or turn + 1 == rounds:
+            break
+        multipliers, predicted = bundle_step(relaxation, columns, centre, step=step)
+        if predicted - max(bound, 0.0) < OPTIONS.gain:
+            break
+    if bound < 0.0:  # less than without the joints' conditions
+        bound, _ = dual_function(relaxation, zero_multipliers(relaxation), columns[0].angles)
+    return node._replace(
+        bound=max(node.bound, bound),
+        multipliers=centre,
+        columns=tuple(columns),
+        effort=(turn + 1) * (relaxation.samples + OPTIONS.overhead),
+    )
+
+
+def attainable_angles(
+    models: Sequence[JointModel],
+    limits: tuple[Array, Array],
+    samples: int,
+    *,
+    start: Array | None,
+    loads: Loads | None = None,
+) -> tuple[Array, Array]:
+    """Angles between which every joint stays under requests within limits [rad], (n, k) both.
+
+    A joint overshoots a request by v - theta_0 a tick at most, by more in the direction of a higher
+    top speed, and by nothing where that is negative; friction holds it within its dead band. With
+    inertia it may overshoot by any amount. A turn
+    by 2 pi changes nothing for the foot, so that a cycle may be thought to have its least angle
+    within a turn of the lower limit, or of -pi; and it goes only so far.
+
+    Args:
+        models: The joints.
+        limits: Smallest and largest requests [rad], two arrays (k,).
+        samples: Number of samples n.
+        start: From rest: where the joints rest at the first sample [rad], (k,); None for a cycle.
+        loads: Torque on each joint at every sample [N m], (n,), or None.
+    """
+    loads = [None] * len(models) if loads is None else loads
+    farthest = _farthest(models, loads)
+    beyond = np.array([max(model.v_max_per_tick - model.theta_0, 0.0) for model in models])
+    beyond *= farthest / np.array([model.v_max_per_period for model in models])
+    beyond = np.maximum(beyond, [model.dead_band for model in models])
+    beyond[[model.has_inertia for model in models]] = math.inf
+    sagging = np.atleast_2d(sags(models, loads))
+    lower = limits[0] + np.min(sagging, axis=0) - beyond
+    upper = limits[1] + np.max(sagging, axis=0) + beyond
+    if start is not None:
+        away = np.arange(samples)[:, np.newaxis] * farthest
+        return np.maximum(lower, start - away), np.minimum(upper, start + away)
+    turn = 2.0 * math.pi
+    span = turn + samples / 2.0 * farthest  # a cycle goes there and back
+    nowhere = np.isinf(lower) & np.isinf(upper)
+    lower = np.where(nowhere, -turn / 2.0, lower)
+    lower = np.where(np.isinf(lower), upper - span, lower)
+    upper = np.minimum(upper, lower + span)
+    return np.tile(lower, (samples, 1)), np.tile(upper, (samples, 1))
+
+
+def _farthest(models: Sequence[JointModel], loads: Loads) -> Array:
+    """How far each joint moves between two requests at most [rad], (k,)."""
+    return np.array([farthest_per_period(m, load) for m, load in zip(models, loads, strict=True)])
+
+
+def largest_distances(
+    models: Sequence[JointModel], samples: int, *, cyclic: bool, loads: Loads
+) -> Array:
+    """How far every joint's angle can be from the one at the middle sample [rad], (n, k)."""
+    apart = np.abs(np.arange(samples) - samples // 2)
+    if cyclic:
+        apart = np.minimum(apart, samples - apart)
+    farthest: Array = apart[:, np.newaxis] * _farthest(models, loads)
+    return farthest

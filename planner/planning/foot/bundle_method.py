@@ -1,0 +1,309 @@
+"""Multipliers that prove how close a foot can come to its path (``docs/math.md``, (13a)).
+
+They maximise a concave dual function that is known by its values and subgradients alone. A proximal
+bundle method (Lemaréchal 1975, Kiwiel 1990) collects them and steps to the maximum of the model
+that they make, held near the best multipliers so far. Its many steps go to Clarabel directly; the
+few of the search before it are stated in CVXPY, which takes four times as long as the solver.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from planner.exceptions import SolverFailed
+from planner.planning.arguments import Norm
+from planner.planning.bounds.reachable_set import ReachableSet
+from planner.planning.clarabel import Cones, ConicSolver
+from planner.planning.foot.configuration_minima import Distance, minima
+from planner.trajectory import Array
+
+
+@dataclass(frozen=True)
+class BundleOptions:
+    """How multipliers are proposed: by a Gauss-Newton search first, then by the bundle method.
+
+    Attributes:
+        linearisations: Most of them on the way to the nearest stationary point [-].
+        stationary: Movement of all angles below which a point is stationary [rad].
+        proximal: Weight of small steps of that search, relative to how much the foot sees of a
+            joint's angle [-].
+        tolerance: Share of a plan's squared error that the search for minima may leave unproved.
+        reluctance: Proximal weight of the bundle method: what moving all linear terms by their own
+            size costs, relative to a plan's squared error [-].
+        precision: Clarabel's tolerances in the bundle method [-].
+    """
+
+    linearisations: int = 12
+    stationary: float = 1e-5
+    proximal: float = 0.02
+    tolerance: float = 1e-3
+    reluctance: float = 3.0
+    precision: float = 1e-8
+
+
+OPTIONS = BundleOptions()
+
+
+class LagrangianRelaxation(NamedTuple):
+    """The foot's distance and the sets in which the joints' angles lie.
+
+    Attributes:
+        distance: Scaled so that the error of a known plan is 1.
+        sets: What every response of each joint meets, k of them.
+        norm: Root mean square or largest distance.
+        room: Angles between which each joint is at all ticks, those between samples too [rad], (k,)
+            and (k,).
+    """
+
+    distance: Distance
+    sets: Sequence[ReachableSet]
+    norm: Norm
+    room: tuple[Array, Array]
+
+    @property
+    def samples(self) -> int:
+        """Number of desired positions."""
+        return len(self.distance.desired)
+
+    def at_samples(self, rows: Sequence[Any]) -> list[Any]:
+        """The entries at samples of one row of ticks for each joint."""
+        return [row[each.sampled] for row, each in zip(rows, self.sets, strict=True)]
+
+
+class Multipliers(NamedTuple):
+    """What stands for the joints' conditions.
+
+    Attributes:
+        weights: Weights of the samples, 0 or more and together 1, shape (n,).
+        conditions: One number, 0 or more, per row of each joint's set.
+    """
+
+    weights: Array
+    conditions: list[Array]
+
+
+class Column(NamedTuple):
+    """Angles at every sample, (n, k), and the squared distance at each, (n,)."""
+
+    angles: Array
+    squared: Array
+
+
+def dual_function(
+    relaxation: LagrangianRelaxation, multipliers: Multipliers, guesses: Array
+) -> tuple[float, Array]:
+    """The squared distance that multipliers prove, and the angles of least value, (n, k)."""
+    slopes, constant = _linear_terms(relaxation, multipliers.conditions)
+    found = minima(
+        relaxation.distance,
+        multipliers.weights,
+        slopes,
+        guesses,
+        tolerance=OPTIONS.tolerance / relaxation.samples,
+    )
+    return float(np.sum(found.proved)) + constant, found.angles
+
+
+def _linear_terms(
+    relaxation: LagrangianRelaxation, conditions: Sequence[Array]
+) -> tuple[Array, float]:
+    """Linear terms at the samples, (n, k), and what all that is not at samples adds at least."""
+    slopes, constant = [], 0.0
+    for each, multipliers_of, low, high in zip(
+        relaxation.sets, conditions, *relaxation.room, strict=True
+    ):
+        gradient = each.matrix.T @ multipliers_of
+        slopes.append(gradient[each.sampled].copy())
+        gradient[each.sampled] = 0.0  # what is left acts between samples
+        constant += float(
+            np.sum(np.minimum(gradient * low, gradient * high)) - each.limits @ multipliers_of
+        )
+    return np.stack(slopes, axis=1), constant
+
+
+def stationary_point(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
+    """The stationary point near some angles, in the box, (n, k), and its multipliers.
+
+    Where the solver fails, those that it came to before, or none: they prove what they prove.
+    """
+    multipliers = zero_multipliers(relaxation)
+    for _ in range(OPTIONS.linearisations):
+        before = angles
+        try:
+            angles, multipliers = _step(relaxation, before)
+        except SolverFailed as failure:
+            logging.getLogger(__name__).debug("foot bound: %s", failure)
+            break
+        if np.max(np.abs(angles - before)) <= OPTIONS.stationary:
+            break
+    return angles, multipliers
+
+
+def zero_multipliers(relaxation: LagrangianRelaxation) -> Multipliers:
+    """Multipliers without the joints' conditions: how far any configuration is from the path."""
+    none = [np.zeros(len(each.limits)) for each in relaxation.sets]
+    return Multipliers(np.full(relaxation.samples, 1.0 / relaxation.samples), none)
+
+
+def _step(relaxation: LagrangianRelaxation, angles: Array) -> tuple[Array, Multipliers]:
+    """The best angles where the foot moves as its derivatives say, and their multipliers."""
+    cvxpy = _modelling()
+    positions, jacobians = relaxation.distance.errors(angles)
+    errors = positions - relaxation.distance.desired * relaxation.distance.scale
+    ticks: list[Any] = [cvxpy.Variable(each.matrix.shape[1]) for each in relaxation.sets]
+    sampled = cvxpy.vstack(relaxation.at_samples(ticks)).T
+    moves = sampled - angles
+    axes = [
+        errors[:, axis] + cvxpy.sum(cvxpy.multiply(jacobians[:, axis], moves), axis=1)
+        for axis in range(3)
+    ]
+    met = [
+        each.matrix @ tick <= each.limits for each, tick in zip(relaxation.sets, ticks, strict=True)
+    ]
+    conditions = [*met, sampled >= relaxation.distance.lower, sampled <= relaxation.distance.upper]
+    seen = float(np.mean(np.sum(jacobians**2, axis=1)))
+    cost = OPTIONS.proximal * seen / relaxation.samples * cvxpy.sum_squares(moves)
+    most = cvxpy.Variable()
+    if relaxation.norm == "rms":
+        conditions.append(sum(map(cvxpy.sum_squares, axes)) / relaxation.samples <= most)
+    else:
+        conditions.append(cvxpy.norm(cvxpy.vstack(axes), axis=0) <= most)
+    _solve(cvxpy.Problem(cvxpy.Minimize(cost + most), conditions))
+    multipliers = [np.maximum(condition.dual_value, 0.0) for condition in met]
+    weights = np.full(relaxation.samples, 1.0 / relaxation.samples)
+    if relaxation.norm == "max":
+        weights = _normalised(conditions[-1].dual_value)
+        # of the squared distance, whose slope is twice that of the distance, times it
+        multipliers = [2.0 * float(most.value) * each for each in multipliers]
+    reached = np.stack(relaxation.at_samples([tick.value for tick in ticks]), axis=1)
+    inside = np.clip(reached, relaxation.distance.lower, relaxation.distance.upper)
+    return inside, Multipliers(weights, multipliers)
+
+
+def _normalised(proposed: Array) -> Array:
+    """Weights that are 0 or more and together 1."""
+    weights = np.maximum(proposed, 0.0)
+    total = float(np.sum(weights))
+    return weights / total if total > 0.0 else np.full(len(weights), 1.0 / len(weights))
+
+
+def bundle_step(
+    relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers, *, step: float
+) -> tuple[Multipliers, float]:
+    """Multipliers that would prove most if all angles were among the columns, near the centre.
+
+    This is a step of a proximal bundle method, in which every sample has its own cuts: a quadratic
+    program.
+
+    Returns:
+        The multipliers, and what they would prove; the centre and 0 where the solver
+        fails.
+    """
+    around, _ = _linear_terms(relaxation, centre.conditions)
+    size = float(np.sum(around**2))
+    if size == 0.0:
+        return centre, 0.0
+    problem, counts = _bundle_problem(relaxation, columns, centre)
+    # The proximal term keeps the linear terms and the weights near those of the centre.
+    rates = [2.0 * OPTIONS.reluctance / step / each for each in (size, np.sum(centre.weights**2))]
+    proximal = np.repeat([0.0, rates[0], 0.0, 0.0, rates[1]], counts)
+    proximal_centre = [np.zeros(count) for count in counts]
+    proximal_centre[1], proximal_centre[4] = around.T.ravel(), centre.weights
+    solver = ConicSolver(
+        problem.slope - proximal * np.concatenate(proximal_centre),
+        problem.matrix,
+        problem.limits,
+        problem.cones,
+        curvature=proximal,
+        tolerance=OPTIONS.precision,
+    )
+    solution = solver.solve()
+    if not solution.solved:
+        return centre, 0.0
+    conditions, *_, weights = np.split(solution.unknowns, np.cumsum(counts)[:-1])
+    found = centre.weights if relaxation.norm == "rms" else _normalised(weights)
+    rows = np.cumsum([len(each.limits) for each in relaxation.sets])
+    multipliers = np.split(np.maximum(conditions, 0.0), rows[:-1])
+    return Multipliers(found, multipliers), -float(problem.slope @ solution.unknowns)
+
+
+class _Bundle(NamedTuple):
+    """A linear program in the form of :class:`ConicSolver`."""
+
+    slope: Array
+    matrix: sparse.csr_array
+    limits: Array
+    cones: Cones
+
+
+def _bundle_problem(
+    relaxation: LagrangianRelaxation, columns: Sequence[Column], centre: Multipliers
+) -> tuple[_Bundle, list[int]]:
+    """What multipliers would prove, negated, without the proximal term.
+
+    Its unknowns are the multipliers of the conditions, their linear terms at the samples, joint by
+    joint, the least value of those between samples, and the least value and weight of each sample.
+
+    Returns:
+        The problem, and how many unknowns of each kind there are.
+    """
+    sets, samples = relaxation.sets, relaxation.samples
+    gradients = sparse.block_diag([each.matrix.T for each in sets], format="csr")
+    ticks = [each.matrix.shape[1] for each in sets]
+    firsts = np.cumsum([0, *ticks[:-1]])
+    at = np.concatenate([first + each.sampled for first, each in zip(firsts, sets, strict=True)])
+    between = np.setdiff1d(np.arange(sum(ticks)), at)
+    room = (sparse.diags_array(np.repeat(ends, ticks)[between]) for ends in relaxation.room)
+    count, fixed = gradients.shape[1], relaxation.norm == "rms"
+    each_sample = sparse.eye_array(samples)
+    known = each_sample if fixed else sparse.csr_array(np.ones((1, samples)))
+    zero = [
+        [gradients[at], -sparse.eye_array(len(at)), None, None, None],
+        [None, None, None, None, known],
+    ]
+    at_most: list[list[Any]] = [[-sparse.eye_array(count), None, None, None, None]]
+    at_most += [
+        [-end @ gradients[between], None, sparse.eye_array(len(between)), None, None]
+        for end in room
+    ]
+    for column in columns:
+        moved = sparse.hstack([sparse.diags_array(angles) for angles in column.angles.T])
+        at_most.append([None, -moved, None, each_sample, -sparse.diags_array(column.squared)])
+    at_most.append([None, None, None, None, -each_sample])
+    counts = [count, len(at), len(between), samples, samples]
+    slope = np.repeat([0.0, 0.0, -1.0, -1.0, 0.0], counts)
+    slope[:count] = np.concatenate([each.limits for each in sets])
+    zeros = len(at) + known.shape[0]
+    matrix = sparse.csr_array(sparse.block_array([*zero, *at_most]))
+    limits = np.zeros(matrix.shape[0])
+    limits[len(at) : zeros] = centre.weights if fixed else 1.0
+    return _Bundle(slope, matrix, limits, Cones(zeros, len(limits) - zeros)), counts
+
+
+def _modelling() -> Any:
+    """CVXPY, imported where it is used, and untyped: its atoms have no types."""
+    import cvxpy
+
+    return cvxpy
+
+
+def _solve(problem: Any) -> None:
+    """Solve, or raise SolverFailed where there are no values and multipliers afterwards."""
+    cvxpy = _modelling()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of accuracy: any multipliers prove what they prove
+            problem.solve(solver=cvxpy.CLARABEL)
+    except cvxpy.SolverError as error:
+        raise SolverFailed("lower bound of the foot", str(error)) from error
+    values = [variable.value for variable in problem.variables()]
+    values += [condition.dual_value for condition in problem.constraints]
+    if any(value is None or not np.all(np.isfinite(value)) for value in values):
+        raise SolverFailed("lower bound of the foot", problem.status)

@@ -1,0 +1,1 @@
+"""Recordings: read as paths, replayed, and retimed."""

@@ -1,0 +1,447 @@
+"""A recording as a path: the signal to follow, the models of its joints, times of the requests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from planner.exceptions import InvalidInput, InvalidModel
+from planner.files.table import nearest
+from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
+from planner.identification.resampling import sound_rows
+from planner.identification.timestamps import timing_of
+from planner.model.joint import JointModel
+from planner.planning.arguments import range_of_each
+from planner.planning.error_norm import error_norm
+from planner.planning.load_of_pose import LoadOfPose
+from planner.planning.plan import Limits
+from planner.trajectory import MOST_SAMPLES, Array
+from planner.validation import as_number, as_positive, freeze, is_one_of, shown
+
+Track = Literal["state", "action"]
+"""The recorded signal to follow: what the robot did, or what it was asked to do."""
+
+Models = JointModel | Mapping[str, JointModel]
+"""One model for all joints, or models by joint; "" is that of every other joint."""
+
+WHY: Mapping[Track, str] = {
+    "state": "the state, what the robot did: its errors of that day belong to the demonstration",
+    "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
+}
+"""Which signal is followed, and the reason."""
+
+GRIPPERS = ("gripper", "jaw", "claw", "finger", "thumb", "hand")
+"""A joint whose name holds one of these words is a gripper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingOptions:
+    """How a recording becomes a path.
+
+    Attributes:
+        same_period: A model whose period differs from the recording's by at most this share keeps
+            its number of ticks in a period: identified clocks differ by 1e-4. Beyond it ticks are
+            divided anew.
+        whole_rate: A rate this close to a whole number [share] is that number: LeRobot writes times
+            in 32 bits, from which 30 Hz is read as 29.99999.
+        least_rows: Requests of a replay at least.
+    """
+
+    same_period: float = 0.01
+    whole_rate: float = 1e-4
+    least_rows: int = 3
+
+
+OPTIONS = RecordingOptions()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """One joint of a recording as a path over the recording's time.
+
+    Attributes:
+        name: The joint.
+        unit: "rad", or "1" for shares of its range.
+        times: Times of the rows since the recording began [s], shape (n,).
+        followed: The signal to follow, shape (n,), in the unit.
+        requests: The recorded requests, shape (n,), in the unit.
+        angles: The recorded angles, shape (n,), in the unit.
+        load: Torque on the joint [N m], shape (n,); None where it is not known, or not felt.
+        model: The joint's model, one request a period; None where requests are sent as recorded.
+        reason: Why they are; "" where the joint is planned.
+        log: The log itself.
+    """
+
+    name: str
+    unit: str
+    times: Array
+    followed: Array
+    requests: Array
+    angles: Array
+    load: Array | None
+    model: JointModel | None
+    reason: str
+    log: Log
+
+    def at(self, moments: Array, values: Array) -> Array:
+        """A signal at moments of the recording [s], shape (n,), on straight lines between rows."""
+        return np.asarray(np.interp(moments, self.times, values))
+
+    @property
+    def recorded_error(self) -> float:
+        """Recorded angles minus recorded requests, rms [unit]."""
+        return error_norm(self.angles - self.requests, "rms")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedPath:
+    """A recording, ready to be replayed at any speed.
+
+    Attributes:
+        name: The recording, for messages.
+        track: The signal that is followed.
+        joints: Every joint.
+        period: Time between requests [s].
+        first: Where the replay begins [s of the recording].
+        last: Where it ends [s of the recording].
+        limits: Smallest and largest request by joint [unit], of those that have limits.
+        remarks: What the user should know about the recording.
+        load_at: The load of a pose, as of :func:`planner.plan`, at moments of the recording; None
+            where the load is that of the logs, or none.
+    """
+
+    name: str
+    track: Track
+    joints: tuple[Path, ...]
+    period: float
+    first: float
+    last: float
+    limits: Mapping[str, tuple[float, float]]
+    remarks: tuple[str, ...]
+    load_at: Callable[[Array], LoadOfPose] | None = None
+
+    @property
+    def planned(self) -> tuple[Path, ...]:
+        """The joints whose requests are planned."""
+        return tuple(joint for joint in self.joints if joint.model is not None)
+
+    @property
+    def open_top_speeds(self) -> frozenset[str]:
+        """The planned joints whose logs leave open how fast they can be."""
+        evidence = {each.name: each.model.evidence for each in self.planned if each.model}
+        return frozenset(
+            name for name, seen in evidence.items() if seen and seen.leaves_top_speed_open
+        )
+
+    @property
+    def duration(self) -> float:
+        """How long the recorded part lasts [s]."""
+        return self.last - self.first
+
+    def moments(self, speed: float) -> Array:
+        """The moment of the recording [s] that belongs to each request at a constant speed."""
+        rows = _rows(self.name, self.duration, self.period, speed)
+        moments = self.first + speed * self.period * np.arange(rows)
+        return np.asarray(np.minimum(moments, self.last))
+
+    def loads(self, moments: Array) -> dict[str, Array]:
+        """Torque by joint [N m], of the planned joints that feel one."""
+        found = {}
+        for each in self.planned:
+            if each.load is not None:
+                found[each.name] = each.at(moments, each.load)
+        return found
+
+
+def _rows(name: str, duration: float, period: float, speed: float) -> int:
+    """How many requests a replay has.
+
+    Raises:
+        InvalidInput: They are too many or too few.
+    """
+    count = duration / speed / period
+    if count > MOST_SAMPLES:
+        raise InvalidInput(
+            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second the "
+            f"replay has {count:.3g} requests, expected at most {MOST_SAMPLES}; choose a "
+            "shorter part, a higher speed or a lower rate"
+        )
+    rows = math.floor(count + 1e-6) + 1
+    if rows < OPTIONS.least_rows:
+        plural = "request remains" if rows == 1 else "requests remain"
+        raise InvalidInput(
+            f"{name}: at {speed:g} times the speed and {1.0 / period:.6g} requests a second {rows} "
+            f"{plural} of {duration:.4g} s, expected {OPTIONS.least_rows} or more; choose a longer "
+            "part, a lower speed or a higher rate"
+        )
+    return rows
+
+
+def check_length(
+    recording: Any, *, speed: float, begin: float | None, end: float | None, rate: float | None
+) -> None:
+    """Make sure that a replay has a number of requests that can be planned; see :func:`replay`.
+
+    Raises:
+        InvalidInput: They are too many or too few, the part or the rate is none, or the rows are
+            too far apart or too close to be of a joint.
+    """
+    logs = as_logs(recording)
+    check_periods(logs)
+    first, last = _part(logs, min(float(log.times[0]) for log in logs), begin, end)
+    _rows(logs[0].name, last - first, _period(logs, rate), speed)
+
+
+def recorded_path(
+    recording: Any,
+    models: Models,
+    *,
+    track: Track = "state",
+    joints: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    rate: float | None = None,
+    limits: Limits | None = None,
+) -> RecordedPath:
+    """A recording with the models of its joints, ready for any speed; see :func:`replay`."""
+    if not is_one_of(track, get_args(Track)):
+        raise InvalidInput(f"track: got {shown(track)}, expected 'state' or 'action'")
+    logs = as_logs(recording)
+    names = _names(logs)
+    every = {"": models} if isinstance(models, JointModel) else _by_joint(models)
+    if isinstance(joints, str) or not all(isinstance(name, str) for name in _items(joints)):
+        raise InvalidInput(f"joints: got {shown(joints)}, expected a list of names")
+    chosen = _planned(names, every, joints)
+    origin = min(float(log.times[0]) for log in logs)
+    first, last = _part(logs, origin, begin, end)
+    period = _period(logs, rate)
+    remarks: list[str] = []
+    paths = []
+    for name, log in zip(names, logs, strict=True):
+        model = every.get(name, every.get("")) if name in chosen else None
+        paths.append(
+            _path(
+                log,
+                name,
+                None if model is None else _requested_every(model, period, name),
+                track,
+                origin,
+                reason="" if model is not None else _reason(name, every, joints),
+                remarks=remarks,
+            )
+        )
+    remarks += _remarks(logs, origin, first, last)
+    return RecordedPath(
+        name=logs[0].name,
+        track=track,
+        joints=tuple(paths),
+        period=period,
+        first=first,
+        last=last,
+        limits=_limits(paths, limits, names),
+        remarks=tuple(dict.fromkeys(remarks)),
+    )
+
+
+def _by_joint(models: Any) -> dict[str, JointModel]:
+    """Models by joint, checked."""
+    known = isinstance(models, Mapping) and all(
+        isinstance(name, str) and isinstance(model, JointModel) for name, model in models.items()
+    )
+    if not known:
+        raise InvalidInput(
+            f"models: got {shown(models)}, expected a JointModel, or a dict of them by joint"
+        )
+    return dict(models)
+
+
+def _items(values: Any) -> Sequence[Any]:
+    """The items of a list or tuple; an item that is no text for anything else."""
+    return values if isinstance(values, list | tuple) else (None,)
+
+
+def _names(logs: Sequence[Log]) -> tuple[str, ...]:
+    """The joints, all different."""
+    names = tuple(log.joint or "joint" for log in logs)
+    if len(set(names)) < len(names):
+        double = next(name for name in names if names.count(name) > 1)
+        raise InvalidInput(
+            f"recording: got {names.count(double)} logs of joint '{double}', expected the logs of "
+            "one recording, one for each joint; replay recordings one by one"
+        )
+    return names
+
+
+def _planned(
+    names: Sequence[str], models: Mapping[str, JointModel], joints: Sequence[str]
+) -> frozenset[str]:
+    """The joints to plan.
+
+    Raises:
+        InvalidInput: One of them is not there or has no model, or there is none.
+    """
+    for name in joints:
+        if name not in names:
+            raise InvalidInput(
+                f"joints: no joint '{name}'{nearest(name, names)}; joints: {', '.join(names)}"
+            )
+        if name not in models and "" not in models:
+            raise InvalidInput(
+                f"joints: no model of '{name}'{nearest(name, list(models))}; models: "
+                + ", ".join(models)
+            )
+    with_model = [name for name in names if name in models or "" in models]
+    arms = [name for name in with_model if not is_gripper(name)]
+    chosen = frozenset(joints or arms or with_model)
+    if not chosen:
+        raise InvalidInput(
+            f"models: of {', '.join(models) or 'no joint'}, but the joints of the recording are "
+            f"{', '.join(names)}; rename the tables of the model file to them"
+        )
+    return chosen
+
+
+def is_gripper(name: str) -> bool:
+    """Whether a joint is a gripper by its name."""
+    return any(word in name.lower() for word in GRIPPERS)
+
+
+def _reason(name: str, models: Mapping[str, JointModel], joints: Sequence[str]) -> str:
+    if name not in models and "" not in models and not joints:
+        return "no model"
+    return "a gripper" if is_gripper(name) else "not chosen"
+
+
+def _part(
+    logs: Sequence[Log], origin: float, begin: float | None, end: float | None
+) -> tuple[float, float]:
+    """First and last moment to replay [s since the first row]: those that all logs have."""
+    first = max(float(log.times[0]) for log in logs) - origin
+    last = min(float(log.times[-1]) for log in logs) - origin
+    chosen = []
+    for what, value, default in (("begin", begin, first), ("end", end, last)):
+        moment = default if value is None else as_number(value)
+        if not first - 1e-9 <= moment <= last + 1e-9:
+            raise InvalidInput(
+                f"{what}: got {shown(value)} s, expected a moment of the recording, {first:g} to "
+                f"{last:g} s"
+            )
+        chosen.append(moment)
+    if not chosen[0] < chosen[1]:
+        raise InvalidInput(
+            f"begin, end: got {chosen[0]:g} and {chosen[1]:g} s, expected an end after the begin"
+        )
+    return chosen[0], chosen[1]
+
+
+def _period(logs: Sequence[Log], rate: float | None) -> float:
+    """Time between requests [s]."""
+    if rate is not None:
+        return 1.0 / as_positive("rate", rate, "more than 0 requests a second")
+    period = timing_of(logs, tick=None, hold=None).period
+    whole = round(1.0 / period)
+    near = whole >= 1 and abs(period * whole - 1.0) <= OPTIONS.whole_rate
+    return 1.0 / whole if near else period
+
+
+def _requested_every(model: JointModel, period: float, joint: str) -> JointModel:
+    """The model with a request every period, in as many ticks where the period is about its own.
+
+    Raises:
+        InvalidInput: The model cannot have so many, or so few.
+    """
+    if abs(model.period - period) <= OPTIONS.same_period * period:
+        return replace(model, tick=period / model.hold).with_evidence(model.evidence)
+    try:
+        return model.requested_every(period)
+    except InvalidModel as error:
+        raise InvalidInput(
+            f"rate: {1.0 / period:.6g} requests a second are none for the model of {joint}: {error}"
+        ) from error
+
+
+def _path(
+    log: Log,
+    name: str,
+    model: JointModel | None,
+    track: Track,
+    origin: float,
+    *,
+    reason: str,
+    remarks: list[str],
+) -> Path:
+    """A joint's signals over the time since the recording began."""
+    log, jumps = unwrapped(log)
+    if jumps:
+        remarks.append(f"{name}: the encoder started again {jumps} times; its angles go on")
+    times, angles = log.times - origin, log.angles
+    sound = sound_rows(log)
+    if not sound.all() and sound.any():
+        remarks.append(
+            f"{name}: {int((~sound).sum())} angles that are missing, or that no joint takes, are "
+            "bridged"
+        )
+        angles = np.interp(times, times[sound], angles[sound])
+    freeze(times, angles)
+    feels = model is not None and model.feels_load and log.load is not None
+    return Path(
+        name=name,
+        unit=log.unit,
+        times=times,
+        followed=angles if track == "state" else log.requests,
+        requests=log.requests,
+        angles=angles,
+        load=log.load if feels else None,
+        model=model,
+        reason=reason,
+        log=log,
+    )
+
+
+def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> list[str]:
+    """Gaps in the part that is replayed, and rows without torque."""
+    found = []
+    for log in logs:
+        for before, after in pairwise(pieces_of(log)):
+            start, stop = log.times[before.stop - 1] - origin, log.times[after.start] - origin
+            if start < last and stop > first:
+                found.append(
+                    f"a gap of {stop - start:.3g} s after {start:.3g} s is bridged by a straight "
+                    "line"
+                )
+    off = sum(int(np.count_nonzero(~log.torque_on)) for log in logs)
+    if off:
+        rows = sum(len(log.times) for log in logs)
+        found.append(
+            f"the torque is off in {off} of {rows} rows: the state is what a hand or gravity did"
+        )
+    return found
+
+
+def _limits(
+    paths: Sequence[Path], limits: Limits | None, names: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Limits by joint: those given, or of a share of a range the range itself."""
+    found = {}
+    for each in paths:
+        if each.unit == "1":
+            values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
+            found[each.name] = (float(np.min(values)), float(np.max(values)))
+    if isinstance(limits, Mapping):
+        if strange := [name for name in limits if name not in names]:
+            raise InvalidInput(
+                f"limits: no joint '{strange[0]}'{nearest(str(strange[0]), names)}; joints: "
+                + ", ".join(names)
+            )
+        found.update({name: (float(low), float(high)) for name, (low, high) in limits.items()})
+    elif limits is not None:
+        lower, upper = range_of_each(limits, len(names), joints="joints of the recording")
+        found.update(
+            dict(zip(names, zip(lower.tolist(), upper.tolist(), strict=True), strict=True))
+        )
+    return found

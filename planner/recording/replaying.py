@@ -1,0 +1,437 @@
+"""Recordings replayed: requests under which the joints repeat what they did, at any speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from planner.model.joint import JointModel
+from planner.model.response import path_speeds, simulate
+from planner.planning.bounds.certify import lower_bound
+from planner.planning.error_norm import error_norm
+from planner.planning.load_of_pose import LoadOfPose
+from planner.planning.plan import Limits, plan
+from planner.planning.result import Inversion
+from planner.recording.recorded_path import (
+    Models,
+    Path,
+    RecordedPath,
+    Track,
+    check_length,
+    recorded_path,
+)
+from planner.trajectory import Array
+from planner.validation import as_positive, freeze
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShiftOptions:
+    """How the best time shift is found, the baseline of a replay.
+
+    Attributes:
+        longest_lead: Longest time shift that is tried [s]. Servos lag by 20 to 400 ms.
+        worse_leads: Leads one period apart that may be worse than the best one before longer ones
+            are given up: the error has one minimum unless the path repeats within it.
+        lead_tolerance: Accuracy of the best lead [periods].
+    """
+
+    longest_lead: float = 1.0
+    worse_leads: int = 3
+    lead_tolerance: float = 0.05
+
+
+OPTIONS = ShiftOptions()
+
+Kind = Literal["resent", "direct", "shifted", "planned"]
+"""Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
+
+
+def replay(
+    recording: Any,
+    models: Models,
+    *,
+    speed: float = 1.0,
+    track: Track = "state",
+    joints: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    rate: float | None = None,
+    limits: Limits | None = None,
+    load: LoadOfPose | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> Replay:
+    """Requests under which the joints repeat a recording, at its own speed or another one.
+
+    The followed signal is read at s(t) = begin + speed t, on straight lines between its rows, and
+    planned from rest by :func:`planner.plan`, joint by joint. Joints without a model, and grippers
+    unless ``joints`` names them, get their recorded requests at the same moments s(t): a gripper
+    holds by the difference between request and angle, which a plan for its angle would take away.
+
+    Args:
+        recording: The logs of one recording, one for each joint, as :func:`planner.read_logs`
+            reads them; a log of one joint.
+        models: One model for all joints, or models by joint; "" is that of every other joint. Of a
+            log in shares of a range models are in shares too.
+        speed: How many times faster than it was recorded.
+        track: "state" to follow the recorded angles, "action" to follow the recorded requests.
+        joints: The joints to plan; by default all that have a model and are no grippers.
+        begin: Where to begin [s since the first row]; by default at the first row.
+        end: Where to end [s since the first row]; by default at the last row.
+        rate: Requests per second; by default as many as the recording has rows.
+        limits: As of :func:`planner.plan`, in the unit of the log. Joints in shares of a range
+            have by default the limits 0 and 1, or those of the recording where it goes beyond.
+        load: Torques of a pose, as of :func:`planner.plan`; by default those of the logs, where a
+            log has them and the model feels them.
+        progress: Called with the name of each joint before it is planned.
+        **options: Further options of :func:`planner.plan`, such as ``norm``.
+
+    Returns:
+        The requests and their errors.
+
+    Raises:
+        InvalidInput: The logs are not one recording, no joint is left to plan, or an argument is
+            out of its range.
+        Infeasible: The limits exclude an angle of the path.
+        SolverFailed: No plan was found.
+
+    Example:
+        >>> import numpy as np
+        >>> from planner import JointModel, Log, simulate
+        >>> servo = JointModel.ers210a()
+        >>> times = servo.period * np.arange(400)
+        >>> asked = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
+        >>> log = Log(times=times, requests=asked, angles=simulate(servo, asked, cyclic=False))
+        >>> twice = replay(log, servo, speed=2.0)
+        >>> (joint,) = twice.joints
+        >>> errors = {kind: np.degrees(np.std(error)) for kind, error in joint.errors.items()}
+        >>> twice.requests.shape, bool(errors["planned"] < 0.05 * errors["direct"])
+        ((200, 1), True)
+    """
+    factor = checked_speed(speed)
+    check_length(recording, speed=factor, begin=begin, end=end, rate=rate)
+    path = recorded_path(
+        recording,
+        models,
+        track=track,
+        joints=joints,
+        begin=begin,
+        end=end,
+        rate=rate,
+        limits=limits,
+    )
+    moments = path.moments(factor)
+    return replay_at(path, moments, speed=speed, load=load, progress=progress, **options)
+
+
+def replay_at(
+    path: RecordedPath,
+    moments: Array,
+    *,
+    speed: float | None = None,
+    load: LoadOfPose | None = None,
+    known: Mapping[str, Inversion | None] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> Replay:
+    """The replay in which request k belongs to a moment of the recording.
+
+    Args:
+        path: The recording.
+        moments: Moments of the recording [s], increasing, shape (n,), one every ``path.period``.
+        speed: What to call the speed; by default the recorded duration over that of the replay.
+        load: As of :func:`replay`.
+        known: Plans of joints for these moments that are made already; not used under a load of
+            the pose, which depends on all of them.
+        progress: As of :func:`replay`.
+        **options: Further options of :func:`planner.plan`.
+    """
+    if load is None and path.load_at is not None:
+        load = path.load_at(moments)
+    inversions = dict(known or {}) if load is None else {}  # a pose is that of all joints
+    planned = [each for each in path.planned if each.name not in inversions]
+    names = [each.name for each in planned]
+    if isinstance(steps := options.get("max_step"), Mapping):
+        options["max_step"] = {name: step for name, step in steps.items() if name in names}
+    loads = {name: torque for name, torque in path.loads(moments).items() if name in names}
+    made = plan(
+        [each.model for each in planned if each.model],
+        np.column_stack([each.at(moments, each.followed) for each in planned]),
+        names=names,
+        cyclic=False,
+        limits={name: span for name, span in path.limits.items() if name in names},
+        load=load if load is not None else loads or None,
+        progress=progress,
+        **options,
+    )
+    inversions |= dict(zip(names, made.inversions, strict=True))
+    found = []
+    for each in path.joints:
+        inversion = inversions.get(each.name)
+        requests = each.at(moments, each.requests) if inversion is None else inversion.requests
+        found.append(
+            JointReplay(path=each, moments=moments, requests=requests, inversion=inversion)
+        )
+    if speed is None:
+        speed = float((moments[-1] - moments[0]) / ((len(moments) - 1) * path.period))
+    freeze(moments)
+    return Replay(path=path, speed=speed, moments=moments, joints=tuple(found))
+
+
+class Span(NamedTuple):
+    """A part of a replay [s], in the replay's own time."""
+
+    first: float
+    last: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointReplay:
+    """One joint of a replay; angles are in the unit of its log, "rad" or "1", a share of a range.
+
+    Attributes:
+        path: The joint as it was recorded.
+        moments: The moment of the recording that belongs to each request [s], shape (n,).
+        requests: What to send to the joint, shape (n,).
+        inversion: The plan; None where the recorded requests are sent.
+    """
+
+    path: Path
+    moments: Array
+    requests: Array
+    inversion: Inversion | None
+
+    @property
+    def name(self) -> str:
+        """The joint."""
+        return self.path.name
+
+    @cached_property
+    def desired(self) -> Array:
+        """The angles to follow, shape (n,)."""
+        return self.path.at(self.moments, self.path.followed)
+
+    @cached_property
+    def recorded_requests(self) -> Array:
+        """The recorded requests at the replay's speed, shape (n,)."""
+        return self.path.at(self.moments, self.path.requests)
+
+    @cached_property
+    def recorded_angles(self) -> Array:
+        """The recorded angles at the replay's speed, shape (n,)."""
+        return self.path.at(self.moments, self.path.angles)
+
+    @property
+    def predicted(self) -> Array | None:
+        """What the joint does under the requests, by its model, shape (n,); None without one."""
+        return None if self.inversion is None else self.inversion.predicted
+
+    @cached_property
+    def resent(self) -> Array:
+        """Angles of a planned joint under the recorded requests at this speed, shape (n,)."""
+        return self._under(self.recorded_requests)
+
+    @cached_property
+    def direct(self) -> Array:
+        """Angles of a planned joint with the desired angles as requests, shape (n,)."""
+        return self._under(self.desired)
+
+    @cached_property
+    def lead(self) -> float:
+        """Time shift of the desired angles that follows them best [s]."""
+        return self._shift[0]
+
+    @property
+    def shifted(self) -> Array:
+        """Angles of a planned joint with the best time shift, shape (n,)."""
+        return self._shift[1]
+
+    @cached_property
+    def _shift(self) -> tuple[float, Array]:
+        period = self._model.period
+        count = np.arange(len(self.desired))
+
+        def angles(lead: float) -> Array:
+            return self._under(np.interp(count + lead, count, self.desired))
+
+        def error(lead: float) -> float:
+            return error_norm(angles(lead) - self.desired, "rms")
+
+        most = int(min(OPTIONS.longest_lead / period, len(count) - 1))
+        best, least = 0.0, error(0.0)
+        for lead in map(float, range(1, most + 1)):
+            found = error(lead)
+            if found < least:
+                best, least = lead, found
+            elif lead > best + OPTIONS.worse_leads:
+                break
+        around = minimize_scalar(
+            error,
+            bounds=(max(best - 1.0, 0.0), best + 1.0),
+            method="bounded",
+            options={"xatol": OPTIONS.lead_tolerance},
+        )
+        if around.fun < least:
+            best = float(around.x)
+        return best * period, angles(best)
+
+    def error_of(self, kind: Kind) -> Array:
+        """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).
+
+        Only what this kind needs is simulated: the best time shift takes dozens of simulations.
+        """
+        assert self.predicted is not None, "only a planned joint has errors"
+        angles: Array = self.predicted if kind == "planned" else getattr(self, kind)
+        return angles - self.desired
+
+    @property
+    def errors(self) -> dict[str, Array]:
+        """Angles minus desired angles of a planned joint, by kind of requests, shape (n,) each."""
+        return {kind: self.error_of(kind) for kind in get_args(Kind)}
+
+    @cached_property
+    def lower_bound(self) -> float:
+        """Lower bound on the rms error of any requests for a planned joint, whatever its norm.
+
+        NaN under a load of the pose: other requests would meet another load.
+        """
+        assert self.inversion is not None, "only a planned joint has a bound"
+        plan = self.inversion
+        if plan.load_of_pose:
+            return math.nan
+        if plan.norm == "rms":
+            return plan.lower_bound
+        return lower_bound(plan.model, plan.desired, cyclic=False, start=plan.start, load=plan.load)
+
+    @cached_property
+    def expected(self) -> float:
+        """Error to expect on the robot, rms: of plan and model together; NaN where not known."""
+        assert self.inversion is not None, "only a planned joint has an expected error"
+        return self.inversion.expected.error
+
+    @cached_property
+    def untested(self) -> tuple[str, ...]:
+        """In what the motion exceeds what the model was tested on: "speed", "angle" and others."""
+        assert self.inversion is not None, "only a planned joint has a model"
+        return self.inversion.expected.untested
+
+    @cached_property
+    def too_fast(self) -> tuple[Span, ...]:
+        """Parts in which the desired angles are faster than the joint can be [s]."""
+        model = self._model
+        load = None if self.inversion is None else self.inversion.load
+        beyond = path_speeds(model, self.desired, cyclic=False, load=load).too_fast
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
+        return tuple(
+            Span(float(a * model.period), float(b * model.period)) for a, b in edges.reshape(-1, 2)
+        )
+
+    @property
+    def _model(self) -> JointModel:
+        assert self.path.model is not None, "a joint without a model is not simulated"
+        return self.path.model
+
+    def _under(self, requests: Array) -> Array:
+        """Angles of the model under other requests, shape (n,); the first holds it, as planned."""
+        assert self.inversion is not None, "a joint without a model is not simulated"
+        plan = self.inversion
+        sent = np.append(plan.requests[:1], requests[1:])
+        return simulate(plan.model, sent, cyclic=False, start=plan.start, load=plan.load)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replay:
+    """Requests that repeat a recording, with the errors that the models predict.
+
+    Attributes:
+        path: The recording.
+        speed: Duration of the recorded part over that of the replay.
+        moments: The moment of the recording that belongs to each request [s], shape (n,).
+        joints: Every joint.
+    """
+
+    path: RecordedPath
+    speed: float
+    moments: Array
+    joints: tuple[JointReplay, ...]
+
+    @property
+    def period(self) -> float:
+        """Time between requests [s]."""
+        return self.path.period
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def planned(self) -> tuple[JointReplay, ...]:
+        """The joints whose requests are planned."""
+        return tuple(joint for joint in self.joints if joint.inversion is not None)
+
+    @cached_property
+    def requests(self) -> Array:
+        """What to send to the joints [rad, or shares of a range], shape (n, k)."""
+        columns = np.column_stack([joint.requests for joint in self.joints])
+        columns.setflags(write=False)
+        return columns
+
+    @property
+    def max_error(self) -> float:
+        """Largest error of any planned joint [rad, or shares of a range]."""
+        return max(each.inversion.max_error for each in self.planned if each.inversion)
+
+    def summary(self) -> dict[str, Any]:
+        """Figures of every joint, small and as JSON holds them; angles in the log's own unit."""
+        return {
+            "recording": self.path.name,
+            "track": self.path.track,
+            "speed": self.speed,
+            "period_s": self.period,
+            "requests": len(self.moments),
+            "duration_s": (len(self.moments) - 1) * self.period,
+            "joints": {joint.name: _figures(joint) for joint in self.joints},
+            "remarks": list(self.path.remarks),
+        }
+
+
+def checked_speed(speed: object) -> float:
+    """A speed factor.
+
+    Raises:
+        InvalidInput: It is no finite number above 0.
+    """
+    return as_positive("speed", speed, "a factor above 0, such as 1.5")
+
+
+def _figures(joint: JointReplay) -> dict[str, Any]:
+    """Figures of a joint, as JSON holds them."""
+    found: dict[str, Any] = {
+        "planned": joint.inversion is not None,
+        "unit": joint.path.unit,
+        "recorded_rms": joint.path.recorded_error,
+    }
+    if joint.inversion is None:
+        return {**found, "reason": joint.path.reason}
+    errors = {
+        kind: {"rms": error_norm(error, "rms"), "max": error_norm(error, "max")}
+        for kind, error in joint.errors.items()
+    }
+    return {
+        **found,
+        "errors": errors,
+        "lead_s": joint.lead,
+        "expected_rms": joint.expected if math.isfinite(joint.expected) else None,
+        "lower_bound": joint.lower_bound if math.isfinite(joint.lower_bound) else None,
+        "norm": joint.inversion.norm,
+        "untested": list(joint.untested),
+        "largest_step": joint.inversion.largest_step,
+        "too_fast_s": [list(span) for span in joint.too_fast],
+    }

@@ -1,0 +1,562 @@
+"""How fast a recording can be replayed within a tolerance: constant factors, and varying ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from planner.exceptions import Infeasible, InvalidInput, PlannerError
+from planner.planning.bounds.certify import lower_bound
+from planner.planning.plan import Limits
+from planner.recording.recorded_path import (
+    Models,
+    Path,
+    RecordedPath,
+    Track,
+    check_length,
+    recorded_path,
+)
+from planner.recording.replaying import JointReplay, Kind, Replay, replay_at
+from planner.trajectory import Array
+from planner.validation import as_number, is_one_of, shown
+
+if TYPE_CHECKING:
+    from kinematics import Leg
+
+Retime = Literal["constant", "varying"]
+"""One factor for the whole recording, or one that changes along it."""
+
+LEAST = 1e-3
+"""Errors below this share of the tolerance count as this, so that ratios stay finite."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RetimingOptions:
+    """Constants of the search for speeds.
+
+    Attributes:
+        resolution: Factors are found to this share.
+        slowest: Least factor that is tried: slower replays are no use.
+        fastest: Largest one.
+        curve: Factors of the curve of error against speed.
+        below: The curve begins at this share of the factor found ...
+        above: ... and ends at this multiple of the first at which no requests keep the tolerance.
+        acceleration: Most that a varying factor changes in a second [1/s], per unit of the
+            constant one: from standstill to that factor in half a second.
+        grid: Distance of the moments at which a varying factor is set [s of the recording].
+        reach: Errors within this time [s] of a moment say how fast it may pass: a joint answers
+            over its lag and acceleration time.
+        rounds: Rounds in which a varying factor is changed, each a plan.
+        exponent: A factor is multiplied by (tolerance / error) to this power: errors of a
+            saturated joint grow faster than the speed.
+        most_change: Largest change of a factor in a round.
+        margin: Share of the tolerance that rounds aim at, so that the last of them keeps it.
+        highest: A varying factor is at most this multiple of the constant one.
+    """
+
+    resolution: float = 0.01
+    slowest: float = 1.0 / 16.0
+    fastest: float = 64.0
+    curve: int = 7
+    below: float = 0.5
+    above: float = 1.15
+    acceleration: float = 2.0
+    grid: float = 0.05
+    reach: float = 0.15
+    rounds: int = 14
+    exponent: float = 0.4
+    most_change: float = 1.25
+    margin: float = 0.97
+    highest: float = 6.0
+
+
+OPTIONS = RetimingOptions()
+
+
+class SpeedErrors(NamedTuple):
+    """Largest errors at a speed, of the joint that is farthest from its tolerance.
+
+    Each is a multiple of the tolerance.
+
+    Attributes:
+        speed: The factor.
+        direct: With the path as it is as requests.
+        shifted: With the best time shift of it.
+        planned: Of the plan.
+        bound: Lower bound for any requests; NaN where none is known.
+    """
+
+    speed: float
+    direct: float
+    shifted: float
+    planned: float
+    bound: float
+
+
+class Impossible(NamedTuple):
+    """The proof that a speed is too high.
+
+    Attributes:
+        speed: The lowest factor that is proved too high, to the resolution of the search.
+        joint: The joint that no requests bring within the tolerance.
+        bound: The lower bound on its largest error, in multiples of the tolerance.
+        of_model_only: Whether it holds for the joint's model only: its logs leave open how fast
+            the joint can be, and ``v_max`` is the least top speed that fits them.
+    """
+
+    speed: float
+    joint: str
+    bound: float
+    of_model_only: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fastest:
+    """The fastest replay found within a tolerance.
+
+    Attributes:
+        replay: Its requests, which keep the tolerance.
+        constant: The largest constant factor found.
+        tolerance: Largest error allowed: of joints [rad; of shares of a range as many percent as
+            it has degrees], or of the foot [m].
+        foot: Whether it is about the foot.
+        retime: Whether the factor varies.
+        impossible: A speed that is proved too high; None where none is.
+        contradicted: Joints that did at the recorded speed what no requests do by their models,
+            from rest: no speed is proved too high then.
+        curve: Errors over speed, in multiples of the tolerance.
+    """
+
+    replay: Replay
+    constant: float
+    tolerance: float
+    foot: bool
+    retime: Retime
+    impossible: Impossible | None
+    curve: tuple[SpeedErrors, ...]
+    contradicted: tuple[str, ...] = ()
+
+    @property
+    def speed(self) -> float:
+        """Recorded duration over that of the replay."""
+        return self.replay.speed
+
+    @cached_property
+    def factors(self) -> Array:
+        """The speed from each request to the next, shape (n - 1,)."""
+        return np.asarray(np.diff(self.replay.moments) / self.replay.period)
+
+
+def fastest(
+    recording: Any,
+    models: Models,
+    *,
+    tolerance: float | None = None,
+    foot_tolerance: float | None = None,
+    leg: Leg | None = None,
+    retime: Retime = "constant",
+    track: Track = "state",
+    joints: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    rate: float | None = None,
+    limits: Limits | None = None,
+    progress: Progress = lambda _: None,
+    **options: Any,
+) -> Fastest:
+    """The fastest replay of a recording at which the plan stays within a tolerance.
+
+    The largest constant factor is found by bisection, each trial a plan, whose largest error by the
+    exact model decides; a lower bound above the tolerance proves a speed too high for any requests.
+    With ``retime="varying"`` the factor then changes along the recording, slower where errors are
+    large and faster where they are small, with a bounded acceleration of time.
+
+    Args:
+        recording: As of :func:`planner.replay`.
+        models: As of :func:`planner.replay`.
+        tolerance: Largest error of any planned joint [rad]; of a joint in shares of its range as
+            many percent as this has degrees.
+        foot_tolerance: In its place the largest distance of the foot from its path [m]; there is no
+            lower bound for it.
+        leg: With it, the leg or arm, whose joints are all planned.
+        retime: "constant" or "varying".
+        track: As of :func:`planner.replay`, and so are ``joints``, ``begin``, ``end``, ``rate`` and
+            ``limits``.
+        joints: The joints to plan.
+        begin: Where to begin [s].
+        end: Where to end [s].
+        rate: Requests per second.
+        limits: Smallest and largest request.
+        progress: Called with what is tried.
+        **options: Further options of :func:`planner.plan`.
+
+    Returns:
+        The replay, and what proves that it could not be much faster.
+
+    Raises:
+        Infeasible: The tolerance is missed at every speed; the message says by how much.
+        InvalidInput: An argument is out of its range; see :func:`planner.replay`.
+
+    Example:
+        >>> import numpy as np
+        >>> from planner import JointModel, Log, simulate
+        >>> servo = JointModel.ers210a()
+        >>> times = servo.period * np.arange(250)
+        >>> asked = 0.5 - 0.5 * np.cos(np.pi * times)  # rad
+        >>> log = Log(times=times, requests=asked, angles=simulate(servo, asked, cyclic=False))
+        >>> found = fastest(log, servo, tolerance=np.radians(2.0))
+        >>> bool(2.5 < found.speed <= found.impossible.speed < 4.5)
+        True
+    """
+    if not is_one_of(retime, get_args(Retime)):
+        raise InvalidInput(f"retime: got {shown(retime)}, expected 'constant' or 'varying'")
+    check_length(recording, speed=1.0, begin=begin, end=end, rate=rate)
+    path = recorded_path(
+        recording,
+        models,
+        track=track,
+        joints=joints,
+        begin=begin,
+        end=end,
+        rate=rate,
+        limits=limits,
+    )
+    measure = Measure.of(path, tolerance, foot_tolerance, leg)
+    return fastest_at(path, measure, retime=retime, progress=progress, **options)
+
+
+LEAST_TOLERANCE = 1e-9
+"""Smallest tolerance that is taken [rad, or m]: below it nothing but rounding is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """What counts as an error, in multiples of what is allowed.
+
+    Attributes:
+        tolerance: Largest error allowed [rad, or m for the foot].
+        leg: The leg whose foot counts; None where the joints do.
+        places: Where the leg's joints are among those that are planned.
+    """
+
+    tolerance: float
+    leg: Leg | None = None
+    places: tuple[int, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        path: RecordedPath,
+        tolerance: float | None,
+        foot_tolerance: float | None,
+        leg: Leg | None,
+    ) -> Measure:
+        """The measure of a tolerance for joints, or for a foot.
+
+        Raises:
+            InvalidInput: There is none, or both, or the leg has joints that are not planned.
+        """
+        if (tolerance is None) == (foot_tolerance is None):
+            raise InvalidInput("tolerance: got none, or two; expected that of joints, or of a foot")
+        given = tolerance if foot_tolerance is None else foot_tolerance
+        allowed = as_number(given)
+        if not allowed >= LEAST_TOLERANCE:
+            raise InvalidInput(
+                f"tolerance: got {shown(given)}, expected more than 0: {LEAST_TOLERANCE:g} or more"
+            )
+        if foot_tolerance is None:
+            return cls(allowed)
+        if leg is None:
+            raise InvalidInput("foot_tolerance: needs the leg whose foot is meant; give leg=")
+        names = [each.name for each in path.planned]
+        if missing := [name for name in leg.joint_names if name not in names]:
+            raise InvalidInput(
+                f"leg: its joint '{missing[0]}' is not planned; planned joints: {', '.join(names)}"
+            )
+        return cls(allowed, leg, tuple(names.index(name) for name in leg.joint_names))
+
+    def of_path(self, path: Path) -> float:
+        """What is allowed of a joint [rad, or shares of its range]."""
+        return math.degrees(self.tolerance) / 100.0 if path.unit == "1" else self.tolerance
+
+    def errors(self, made: Replay, kind: Kind) -> Array:
+        """Largest error of each sample over what is allowed, shape (n,), by kind of requests."""
+        if self.leg is None:
+            ratios = [
+                np.abs(each.error_of(kind)) / self.of_path(each.path) for each in made.planned
+            ]
+            return np.asarray(np.max(ratios, axis=0))
+        desired = np.column_stack([each.desired for each in made.planned])[:, self.places]
+        off = np.column_stack([each.error_of(kind) for each in made.planned])[:, self.places]
+        feet = self.leg.foot_positions(desired + off) - self.leg.foot_positions(desired)
+        return np.asarray(np.linalg.norm(feet, axis=1) / self.tolerance)
+
+    def late(self, made: Replay) -> list[JointReplay]:
+        """The joints that a plan for the largest error may bring within the tolerance."""
+        if self.leg is not None:
+            return list(made.planned)
+        return [
+            each
+            for each in made.planned
+            if each.inversion and each.inversion.max_error > self.of_path(each.path)
+        ]
+
+
+def fastest_at(
+    path: RecordedPath,
+    measure: Measure,
+    *,
+    retime: Retime = "constant",
+    progress: Progress = lambda _: None,
+    **options: Any,
+) -> Fastest:
+    """The fastest replay of a path; see :func:`fastest`."""
+    search = _Search(path, measure, progress, options)
+    constant = search.largest_factor()
+    contradicted = search.contradicted(constant.speed)
+    impossible = None if contradicted else search.first_impossible(constant.speed)
+    made = constant if retime == "constant" else search.varying(constant)
+    return Fastest(
+        replay=made,
+        constant=constant.speed,
+        tolerance=measure.tolerance,
+        foot=measure.leg is not None,
+        retime=retime,
+        impossible=impossible,
+        curve=search.curve(constant.speed, impossible),
+        contradicted=contradicted,
+    )
+
+
+class _Search:
+    """Plans at several speeds, each made once."""
+
+    def __init__(
+        self, path: RecordedPath, measure: Measure, progress: Progress, options: dict[str, Any]
+    ) -> None:
+        self.path, self.measure, self.progress = path, measure, progress
+        self.options = {key: value for key, value in options.items() if key != "norm"}
+        self.known: dict[float, Replay] = {}
+        self.of_pose = path.load_at is not None or options.get("load") is not None
+        self.bounded = measure.leg is None and not self.of_pose
+
+    def largest_factor(self) -> Replay:
+        """The replay at the largest constant factor that keeps the tolerance.
+
+        Raises:
+            Infeasible: None does.
+        """
+        low = high = 1.0
+        if self.keeps(1.0):
+            while high < OPTIONS.fastest and self.has_rows(2.0 * high) and self.keeps(2.0 * high):
+                high *= 2.0
+            low, high = high, 2.0 * high
+            if not self.has_rows(high) or high > OPTIONS.fastest:
+                return self.known[low]
+        else:
+            while not self.keeps(low := low / 2.0):
+                if low / 2.0 < OPTIONS.slowest:
+                    last = self.known[min(self.known)]
+                    least = float(np.max(self.measure.errors(last, "planned")))
+                    raise Infeasible(
+                        f"tolerance: at {low:g} times the speed the plan still is {least:.3g} "
+                        "times as far off as allowed; allow more, or choose a part that begins at "
+                        "rest"
+                    )
+            high = 2.0 * low
+        while high / low > 1.0 + OPTIONS.resolution:
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if self.keeps(middle) else (low, middle)
+        return self.known[low]
+
+    def first_impossible(self, low: float) -> Impossible | None:
+        """The lowest factor above ``low`` at which a lower bound exceeds the tolerance."""
+        if not self.bounded:
+            return None
+        high, found = 2.0 * low, None
+        while found is None and high <= OPTIONS.fastest and self.has_rows(high):
+            found = self.refuted(high)
+            low, high = (low, high) if found else (high, 2.0 * high)
+        while found is not None and found.speed / low > 1.0 + OPTIONS.resolution:
+            middle = math.sqrt(low * found.speed)
+            lower = self.refuted(middle)
+            low, found = (low, lower) if lower else (middle, found)
+        return found
+
+    def contradicted(self, speed: float) -> tuple[str, ...]:
+        """Joints that did at the recorded speed what no requests do by their models.
+
+        Args:
+            speed: The largest factor found: a recording that can be repeated contradicts nothing.
+        """
+        if not self.bounded or self.path.track != "state" or speed >= 1.0:
+            return ()
+        return tuple(joint for joint, ratio in self.bounds(1.0) if ratio > 1.0)
+
+    def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
+        """Errors from well below the factor found to beyond the one that is impossible."""
+        last = OPTIONS.above * (impossible.speed if impossible else 1.5 * speed)
+        speeds = np.geomspace(OPTIONS.below * speed, last, OPTIONS.curve)
+        nearest = int(np.argmin(np.abs(np.log(speeds / speed))))
+        speeds[nearest] = speed
+        found = []
+        for factor in map(float, speeds):
+            if not self.has_rows(factor):
+                break
+            made = self.at(factor)
+            if made is None:
+                break
+            kinds: tuple[Kind, ...] = ("direct", "shifted", "planned")
+            direct, shifted, planned = (
+                float(np.max(self.measure.errors(made, kind))) for kind in kinds
+            )
+            bound = math.nan
+            if self.bounded:
+                bound = max(ratio for _, ratio in self.bounds(factor))
+            found.append(SpeedErrors(factor, direct, shifted, planned, bound))
+        return tuple(found)
+
+    def varying(self, constant: Replay) -> Replay:
+        """A replay whose factor changes along the recording, at least as fast as the constant one.
+
+        Every round multiplies the factor at each moment by (tolerance / error)^exponent, with the
+        largest error nearby, and limits its acceleration, forward and backward in time.
+        """
+        path = self.path
+        at = np.arange(path.first, path.last + OPTIONS.grid, OPTIONS.grid)
+        factors = np.full(len(at), constant.speed)
+        best = made = constant
+        for number in range(OPTIONS.rounds):
+            self.progress(f"varying speed, round {number + 1} of {OPTIONS.rounds}")
+            local = _nearby(made, self.measure.errors(made, "planned"), at)
+            change = (OPTIONS.margin / local) ** OPTIONS.exponent
+            factors *= np.clip(change, 1.0 / OPTIONS.most_change, OPTIONS.most_change)
+            factors = np.minimum(factors, OPTIONS.highest * constant.speed)
+            factors = _accelerating(factors, OPTIONS.grid, OPTIONS.acceleration * constant.speed)
+            changed = self.tried(_moments(path, at, factors))
+            if changed is None:
+                break
+            made = changed
+            if len(made.moments) < len(best.moments) and self.is_kept(made):
+                best = made
+        return best
+
+    def at(self, speed: float) -> Replay | None:
+        """The replay at a constant factor; see :meth:`tried`."""
+        if speed not in self.known:
+            self.progress(f"{speed:.3g} times the speed")
+            made = self.tried(self.path.moments(speed), speed)
+            if made is None:
+                return None
+            self.known[speed] = made
+        return self.known[speed]
+
+    def tried(self, moments: Array, speed: float | None = None) -> Replay | None:
+        """A replay within the tolerance, or near it.
+
+        None where a load of the pose leaves none, though another speed had one: a joint cannot move
+        against the inertia of a faster motion, or the load does not settle.
+        """
+        try:
+            return self.within(moments, speed)
+        except PlannerError:
+            if self.of_pose and self.known:
+                return None
+            raise
+
+    def within(self, moments: Array, speed: float | None = None) -> Replay:
+        """A replay within the tolerance, or near it.
+
+        Joints that a plan of least rms error leaves beyond it are planned for the largest error.
+        """
+        made = replay_at(self.path, moments, speed=speed, **self.options)
+        late = {each.name for each in self.measure.late(made)} if not self.is_kept(made) else set()
+        if not late:
+            return made
+        known = {each.name: each.inversion for each in made.planned if each.name not in late}
+        again = replay_at(self.path, moments, speed=speed, known=known, norm="max", **self.options)
+        errors = [np.max(self.measure.errors(each, "planned")) for each in (made, again)]
+        return again if errors[1] < errors[0] else made
+
+    def keeps(self, speed: float) -> bool:
+        made = self.at(speed)
+        return made is not None and self.is_kept(made)
+
+    def is_kept(self, made: Replay) -> bool:
+        return bool(np.max(self.measure.errors(made, "planned")) <= 1.0)
+
+    def has_rows(self, speed: float) -> bool:
+        """Whether enough requests remain to speak of a motion."""
+        return self.path.duration / (speed * self.path.period) >= 8
+
+    def refuted(self, speed: float) -> Impossible | None:
+        """The proof that a factor is too high, where there is one."""
+        self.progress(f"the lower bound at {speed:.3g} times the speed")
+        for joint, ratio in self.bounds(speed):
+            if ratio > 1.0:
+                return Impossible(speed, joint, ratio, joint in self.path.open_top_speeds)
+        return None
+
+    def bounds(self, speed: float) -> Iterator[tuple[str, float]]:
+        """Each planned joint's lower bound on its largest error over what is allowed.
+
+        Those whose top speed is known come first: theirs hold for the joints, not for models only.
+        """
+        moments, unknown = self.path.moments(speed), self.path.open_top_speeds
+        for path in sorted(self.path.planned, key=lambda each: each.name in unknown):
+            assert path.model is not None, "planned joints have models"
+            desired = path.at(moments, path.followed)
+            bound = lower_bound(
+                path.model,
+                desired,
+                cyclic=False,
+                norm="max",
+                start=float(desired[0]),
+                load=None if path.load is None else path.at(moments, path.load),
+            )
+            yield path.name, bound / self.measure.of_path(path)
+
+
+def _nearby(made: Replay, errors: Array, at: Array) -> Array:
+    """The largest error near each moment of the recording, shape (m,)."""
+    reach = OPTIONS.reach * made.speed
+    first = np.searchsorted(made.moments, at - reach)
+    last = np.searchsorted(made.moments, at + reach)
+    parts = (errors[a:b] for a, b in zip(first, last, strict=True))
+    return np.array([np.max(part, initial=LEAST) for part in parts])
+
+
+def _accelerating(factors: Array, step: float, most: float) -> Array:
+    """The largest factors below these that change by at most ``most`` in a second [1/s].
+
+    Along the recording d(r^2)/ds = 2 dr/dt, so r^2 changes by at most 2 most per second of it.
+    """
+    squares = factors**2
+    for order in (slice(None), slice(None, None, -1)):
+        along = squares[order]
+        for k in range(1, len(along)):
+            along[k] = min(along[k], along[k - 1] + 2.0 * most * step)
+    return np.asarray(np.sqrt(squares))
+
+
+def _moments(path: RecordedPath, at: Array, factors: Array) -> Array:
+    """The moment of the recording of each request [s], with ds/dt = factors at ``at``.
+
+    Between two of these moments the acceleration is constant.
+    """
+    first, last, steps = factors[:-1], factors[1:], np.diff(at)
+    spent = 2.0 * steps / (first + last)
+    bends = (last**2 - first**2) / (2.0 * steps)
+    time = np.concatenate([[0.0], np.cumsum(spent)])
+    now = path.period * np.arange(math.floor(time[-1] / path.period + 1e-6) + 1)
+    piece = np.clip(np.searchsorted(time, now, side="right") - 1, 0, len(steps) - 1)
+    since = now - time[piece]
+    moments = at[piece] + first[piece] * since + bends[piece] * since**2 / 2.0
+    return np.asarray(np.minimum(moments[moments <= path.last + 1e-9], path.last))

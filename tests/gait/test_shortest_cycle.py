@@ -1,0 +1,93 @@
+"""The shortest cycle of a foot within a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kinematics import Leg, urdf_path
+from planner import Infeasible, InvalidInput, JointModel, invert_foot
+from planner.gait import shortest_cycle
+from planner.gait.shortest_cycle import in_samples
+
+JOINT = JointModel.ers210a()
+TOLERANCE = 0.004
+
+
+@pytest.fixture(scope="module")
+def leg():
+    return Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+
+
+@pytest.fixture(scope="module")
+def circle(leg):
+    """A circle of 1 cm around the foot of a bent leg [m], in 24 samples."""
+    middle = leg.foot_positions(np.radians([[0.0, 10.0, 60.0]]))[0]
+    phase = 2.0 * np.pi * np.arange(24) / 24
+    return middle + 0.01 * np.column_stack([np.cos(phase), np.zeros(24), np.sin(phase)])
+
+
+def test_the_foot_keeps_the_tolerance_and_not_in_a_sample_less(leg, circle, monkeypatch):
+    monkeypatch.setattr(
+        shortest_cycle, "OPTIONS", replace(shortest_cycle.OPTIONS, fewest=11, proofs=0)
+    )
+    found = shortest_cycle.shortest_cycle(
+        JOINT, leg, lambda count: in_samples(circle, count), tolerance=TOLERANCE, samples=16
+    )
+    assert found.plan.max_error <= TOLERANCE
+    np.testing.assert_array_equal(found.plan.limits, leg.limits)
+    assert found.period == pytest.approx(found.samples * JOINT.period)
+    if found.samples > 11:
+        shorter = in_samples(circle, found.samples - 1)
+        assert invert_foot(JOINT, leg, shorter, norm="max").max_error > TOLERANCE
+    assert found.too_short is None  # no proof was asked for
+
+
+def test_a_path_in_as_many_samples_is_itself(circle):
+    assert in_samples(circle, 24) == pytest.approx(circle)
+    assert in_samples(circle, 12) == pytest.approx(circle[::2])
+
+
+def test_a_tolerance_above_0_is_needed(leg, circle):
+    with pytest.raises(InvalidInput, match="expected more than 0 m"):
+        shortest_cycle.shortest_cycle(JOINT, leg, lambda _: circle, tolerance=0.0)
+
+
+def test_a_path_that_any_cycle_keeps_takes_the_fewest_samples(leg, circle):
+    middle = circle.mean(axis=0)
+    found = shortest_cycle.shortest_cycle(
+        JOINT, leg, lambda count: np.tile(middle, (count, 1)), tolerance=TOLERANCE, samples=16
+    )
+    assert (found.samples, found.too_short) == (shortest_cycle.OPTIONS.fewest, None)
+
+
+def test_a_cycle_that_is_proved_too_short_is_one_whose_bound_exceeds_the_tolerance(
+    leg, monkeypatch
+):
+    def plan(models, leg, path, **options):  # noqa: ARG001
+        return SimpleNamespace(
+            requests=path, max_error=1.0 / len(path), lower_bound=0.9 / len(path)
+        )
+
+    monkeypatch.setattr(shortest_cycle, "invert_foot", plan)
+    for samples in (16, 88):
+        found = shortest_cycle.shortest_cycle(
+            JOINT, leg, lambda count: np.zeros((count, 3)), tolerance=1.0 / 40.0, samples=samples
+        )
+        assert found.samples == 40
+        assert found.too_short == (35, 0.9 / 35)
+
+
+def test_a_tolerance_that_no_cycle_keeps_is_refused_with_the_largest_distance(
+    leg, circle, monkeypatch
+):
+    options = replace(shortest_cycle.OPTIONS, most=20)
+    monkeypatch.setattr(shortest_cycle, "OPTIONS", options)
+    largest = invert_foot(JOINT, leg, in_samples(circle, 16), norm="max").max_error
+    with pytest.raises(Infeasible, match=f"cycle of 16 samples .* {100.0 * largest:.3g} cm off"):
+        shortest_cycle.shortest_cycle(
+            JOINT, leg, lambda count: in_samples(circle, count), tolerance=1e-9, samples=16
+        )

@@ -1,0 +1,136 @@
+"""A walk for any leg: as large as the leg traces it well, of a given size, or an error."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kinematics import KinematicsError, Limits, UnreachableFoot
+from kinematics.dexterity import dexterity
+from planner.exceptions import Infeasible, InvalidInput, PlannerError
+from planner.gait.half_ellipse import half_ellipse
+from planner.gait.stride import DEXTEROUS, HIGHEST, LONGEST, stride
+from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
+from tests.robustness.hostile import ARRAYS, NUMBERS, OTHERS
+
+TRACED = 1e-9
+"""Largest distance to the foot that the inverse leaves [m]."""
+
+
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory):
+    """A leg of 0.3 m whose body hangs half a metre up."""
+    joints = [
+        Joint((0.2, 0.1, 0), X, lower=-1.0, upper=1.0),
+        Joint((0, 0.03, 0), Y),
+        Joint((0, 0, -0.15), Y),
+    ]
+    return made_up_leg(tmp_path_factory.mktemp("leg"), joints, (0, 0, -0.15))
+
+
+def test_a_roomy_leg_gets_the_largest_stride(leg):
+    made = stride(replace(leg, near=np.radians([0.0, 50.0, -100.0])))
+    assert made.length == pytest.approx(LONGEST * leg.chain.size)
+    assert made.height == pytest.approx(HIGHEST * leg.chain.size)
+    np.testing.assert_allclose(made.centre, leg.foot_positions(made.pose[None])[0], atol=TRACED)
+
+
+def test_the_path_is_a_half_ellipse_that_its_angles_trace(leg):
+    made = stride(leg, samples=40, ground_fraction=0.6)
+    x, y, z = made.centre
+    expected = half_ellipse(
+        samples=40,
+        length=made.length,
+        height=made.height,
+        forward=x,
+        sideways=y,
+        hip_height=-z,
+        ground_fraction=0.6,
+    )
+    np.testing.assert_array_equal(made.foot, expected)
+    np.testing.assert_allclose(leg.foot_positions(made.angles), made.foot, atol=TRACED)
+
+
+@pytest.mark.parametrize("heading", [0.5 * np.pi, np.pi, -0.7])
+def test_a_stride_with_a_heading_goes_there_and_is_as_large_as_the_leg_allows(leg, heading):
+    made = stride(leg, heading=heading)
+    along = (made.foot - made.centre)[:, :2] @ [np.cos(heading), np.sin(heading)]
+    across = (made.foot - made.centre)[:, :2] @ [-np.sin(heading), np.cos(heading)]
+    assert np.ptp(along) == pytest.approx(2.0 * made.length)
+    np.testing.assert_allclose(across, 0.0, atol=TRACED)
+    np.testing.assert_allclose(leg.foot_positions(made.angles), made.foot, atol=TRACED)
+    least = DEXTEROUS * dexterity(leg.chain, made.pose[None])[0]
+    assert dexterity(leg.chain, made.angles).min() >= least
+
+
+@given(reach=st.floats(0.35, 1.0))
+def test_a_leg_with_less_room_gets_a_smaller_stride_that_it_traces_well(reach, tmp_path_factory):
+    joints = [Joint((0, 0, 0), X), Joint((0, 0, 0), Y), Joint((0, 0, -0.15), Y)]
+    leg = made_up_leg(tmp_path_factory.mktemp("leg"), joints, (0, 0, -0.15))
+    tight = replace(leg, limits=Limits(*(reach * limit for limit in leg.limits)))
+    made = stride(tight)
+    assert 0.0 < made.length <= LONGEST * leg.chain.size
+    assert made.height / made.length == pytest.approx(HIGHEST / LONGEST)
+    assert (made.angles >= tight.limits.lower).all()
+    assert (made.angles <= tight.limits.upper).all()
+    assert not leg.jumps(np.vstack([made.angles, made.angles[:1]])).size
+    least = DEXTEROUS * dexterity(leg.chain, made.pose[None])[0]
+    assert dexterity(leg.chain, made.angles).min() >= least
+
+
+def test_what_is_given_is_kept(leg):
+    made = stride(leg, length=0.02, forward=0.21, hip_height=0.22)
+    assert made.length == 0.02
+    assert made.centre[0] == 0.21
+    assert made.centre[2] == -0.22
+    assert made.height == pytest.approx(HIGHEST * leg.chain.size)
+    both = stride(leg, length=0.06, height=0.01)
+    assert (both.length, both.height) == (0.06, 0.01)
+
+
+def test_a_stride_starts_near_the_pose_of_the_leg(leg):
+    pose = np.radians([0.0, 40.0, -80.0])
+    made = stride(replace(leg, near=pose))
+    np.testing.assert_array_equal(made.pose, pose)
+    assert (made.angles[:, 2] < 0.0).all()
+
+
+def test_a_stride_out_of_reach_is_an_error_that_says_how_far(leg):
+    with pytest.raises(UnreachableFoot, match="out of reach"):
+        stride(leg, length=0.4, height=0.1)
+
+
+def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
+    # With the hip within 0.6 rad one end is for the knee bent forward, the other for it bent back.
+    limits = Limits(np.array([-0.1, -0.6, -1.5]), np.array([0.1, 0.6, 1.5]))
+    shape = {"height": 0.0, "forward": 0.2, "hip_height": 0.26}
+    stands = leg.foot_positions([[0.0, 0.0, 0.0]])[0]
+    given = {**shape, "sideways": float(stands[1])}
+    assert stride(replace(leg, limits=limits), length=0.01, **given).length == 0.01
+    with pytest.raises(Infeasible, match="leap to another pose after sample"):
+        stride(replace(leg, limits=limits), length=0.14, **given)
+
+
+def test_a_place_out_of_reach_is_an_error(leg):
+    with pytest.raises(Infeasible, match="no half ellipse around this place, however small"):
+        stride(leg, hip_height=0.6)
+
+
+def test_a_stride_that_is_none_is_refused(leg):
+    with pytest.raises(InvalidInput, match=r"length: got -0\.1"):
+        stride(leg, length=-0.1)
+    with pytest.raises(InvalidInput, match="samples: got 3"):
+        stride(reference_leg(), samples=3)
+
+
+@pytest.mark.parametrize("place", ["leg", "samples", "length", "forward", "hip_height", "heading"])
+def test_whatever_is_given_is_answered_or_refused(leg, place):
+    good = {"leg": leg, "samples": 4, "length": 0.02, "height": 0.01}
+    for value in (*NUMBERS, *OTHERS, *ARRAYS):
+        with suppress(PlannerError, KinematicsError):
+            assert np.isfinite(stride(**{**good, place: value}).angles).all()

@@ -1,0 +1,427 @@
+"""Lower bounds: below every plan, valid whatever multipliers prove them, and the QP's optimum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import clarabel
+import numpy as np
+import pytest
+from hypothesis import given, reject, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog, nnls
+
+from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle, SolverFailed
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.arguments import NORMS
+from planner.planning.bounds.certify import certify, lower_bound
+from planner.planning.bounds.cvxpy_statement import stated_bound
+from planner.planning.bounds.multipliers import certified_error
+from planner.planning.bounds.reachable_set import (
+    BoundProblem,
+    ReachableSet,
+    envelope,
+    reachable_set,
+)
+from tests.independent import from_rest
+from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+from tests.strategies import models, trajectories
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-9
+"""Rounding of a bound on angles of a few radians, and the 1e-12 of the steady cycle [rad]."""
+
+LINEAR_LEVELS = ("slope", "envelope")
+"""The levels that are proved by multipliers."""
+
+OPTIMAL = 1e-6
+"""How close the solver's multipliers come to the best ones [relative to the range]."""
+
+
+def set_of(model, samples, *, cyclic, level, start=None, load=None):
+    """The conditions of a level, whatever is desired."""
+    return reachable_set(BoundProblem(model, np.zeros(samples), cyclic, "rms", start, load), level)
+
+
+def envelope_of(model):
+    """The numbers of condition 2 without a load, the same for every tick and direction."""
+    kept, gain = envelope(model, np.zeros(3), cyclic=True)
+    assert np.ptp(kept) == np.ptp(gain) == 0.0
+    return kept[0, 0], gain[0, 0]
+
+
+def loads_of(model, samples, seed):
+    """Torques within ±1 N m, constant, slow or different at every sample; or none."""
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * np.pi * np.arange(samples) / samples
+    kinds = [None, np.full(samples, rng.uniform(-1, 1)), np.sin(phase), rng.uniform(-1, 1, samples)]
+    return kinds[rng.integers(4)] if model.feels_load else None
+
+
+def error(angles, desired, norm):
+    errors = np.abs(angles - desired)
+    return float(np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2)))
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_bounds_on_the_reference_walk_are_the_known_ones(joint):
+    slope = lower_bound(ERS210A, joint.desired, level="slope")
+    envelope_ = lower_bound(ERS210A, joint.desired, level="envelope")
+    assert math.degrees(slope) == pytest.approx(joint.slope_bound_deg, abs=2e-4)
+    assert math.degrees(envelope_) == pytest.approx(joint.envelope_bound_deg, abs=2e-4)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_a_zigzag_is_missed_by_what_a_tick_cannot_cover(norm):
+    far = 10.0 * ERS210A.v_max_per_tick
+    half = (far - ERS210A.v_max_per_tick) / 2.0
+    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="slope")
+    assert bound == pytest.approx(half, rel=OPTIMAL)
+    kept, gain = envelope_of(ERS210A)  # w(t+1) = -w(t), so (1 + kept) |w| <= gain
+    bound = lower_bound(ERS210A, [0.0, far] * 5, norm=norm, level="envelope")
+    assert bound == pytest.approx((far - gain / (1.0 + kept)) / 2.0, rel=OPTIMAL)
+
+
+def test_the_envelope_of_whole_ticks_is_that_of_the_derivation():
+    kept, gain = envelope_of(ERS210A)
+    v, ratio, a = ERS210A.v_max_per_tick, 2.5 / 7.0, 6.0
+    common = (a - 1.0) / a * ratio / 2.0
+    assert kept == pytest.approx(1.0 - common, rel=1e-12)
+    assert gain == pytest.approx(v * (2.0 / a + common), rel=1e-12)
+
+
+def at_every_tick(model, requests, load, *, cyclic, start=None):
+    """Angles of every tick, each of its own sample: the load of a sample acts in those before."""
+    torques = None if load is None else np.roll(np.repeat(load, model.hold), 1 - model.hold)
+    return simulate(
+        replace(model, hold=1),
+        np.repeat(requests, model.hold),
+        cyclic=cyclic,
+        start=start,
+        load=torques,
+    )
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=60)
+@given(
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    requests=trajectories(least=4),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_every_response_meets_the_conditions_of_every_level(cyclic, model, requests, seed):
+    """The derivation itself, tick by tick, on requests that switch hard."""
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.5:
+        requests = np.sign(requests) * 2.0 * model.theta_0 + rng.normal(size=len(requests)) * 0.01
+    load = loads_of(model, len(requests), seed)
+    every_tick = at_every_tick(model, requests, load, cyclic=cyclic)
+    for level in LINEAR_LEVELS:
+        reachable = set_of(model, len(requests), cyclic=cyclic, level=level, load=load)
+        angles = every_tick[: reachable.matrix.shape[1]]
+        assert angles.shape == (reachable.matrix.shape[1],)
+        assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
+
+
+@settings(max_examples=60)
+@given(
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    requests=trajectories(least=4),
+    seed=st.integers(0, 2**32 - 1),
+    share=st.floats(-1.0, 1.0),
+)
+def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed, share):
+    load = loads_of(model, len(requests), seed)
+    held = float(requests[0] + model.sag(0.0 if load is None else load[0]))
+    start = held + share * model.dead_band  # anywhere in it, it rests
+    every_tick = at_every_tick(model, requests, load, cyclic=False, start=start)
+    for level in LINEAR_LEVELS:
+        reachable = set_of(model, len(requests), cyclic=False, level=level, start=start, load=load)
+        angles = every_tick[: reachable.matrix.shape[1]]
+        assert np.max(reachable.matrix @ angles - reachable.limits) <= 1e-10
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=40)
+@given(
+    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    desired=trajectories(least=3, most=14),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_slope_is_below_envelope_and_envelope_below_every_plan(norm, cyclic, model, desired, seed):
+    load = loads_of(model, len(desired), seed)
+    slope = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="slope", load=load)
+    envelope_ = lower_bound(model, desired, cyclic=cyclic, norm=norm, level="envelope", load=load)
+    assert 0.0 <= slope <= envelope_ + OPTIMAL * (np.ptp(desired) + model.v_max * model.period)
+    rng = np.random.default_rng(seed)
+    for spread in (0.0, 0.05, 1.0):
+        requests = desired - model.offset + spread * rng.normal(size=len(desired))
+        try:
+            angles = simulate(model, requests, cyclic=cyclic, load=load)
+        except NoSteadyCycle:  # a joint with inertia that overshoots may ring for ever
+            reject()
+        assert envelope_ <= error(angles, desired, norm) + ROUNDING
+
+
+def test_the_answer_says_which_level_holds_for_a_joint_with_friction_or_inertia():
+    desired = np.sin(np.arange(20.0))
+    sticky = replace(ERS210A, dead_band=0.02)
+    assert certify(sticky, desired, level="exact").level == "envelope"
+    for inert in (replace(sticky, time_constant=0.02), replace(ERS210A, max_acceleration=300.0)):
+        answers = [certify(inert, desired, level=level) for level in ("envelope", "exact")]
+        assert [answer.level for answer in answers] == ["slope", "slope"]
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("hold", [1, 3])
+def test_a_start_raises_the_bound_and_it_still_holds_for_plans_from_there(norm, hold):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=24)
+    start = float(desired[0] + 0.3)
+    for level in LINEAR_LEVELS:
+        free = lower_bound(model, desired, cyclic=False, norm=norm, level=level)
+        bound = lower_bound(model, desired, cyclic=False, norm=norm, level=level, start=start)
+        assert bound > free
+        for _ in range(10):
+            requests = desired - model.offset + 0.2 * rng.normal(size=24)
+            requests[0] = start - model.offset
+            missed = error(from_rest(model, requests, start=start), desired, norm)
+            assert bound <= missed + ROUNDING
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@settings(max_examples=15)
+@given(
+    model=models(offsets=False),
+    requests=trajectories(least=4, most=12, reach=1.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_any_multipliers_prove_a_bound_that_no_response_goes_below(
+    norm, level, cyclic, model, requests, seed
+):
+    rng = np.random.default_rng(seed)
+    n = len(requests)
+    reachable = set_of(model, n, cyclic=cyclic, level=level)
+    angles = simulate(model, requests, cyclic=cyclic)
+    desired = angles + rng.normal(size=n) * 10.0 ** rng.uniform(-3, 0)
+    rows, ticks = reachable.matrix.shape
+    for sparsity in (1.0, 0.2):
+        multipliers = rng.exponential(size=rows) * (rng.random(rows) < sparsity)
+        proved = certified_error(
+            reachable,
+            desired,
+            rng.normal(size=ticks),
+            multipliers,
+            norm=norm,
+            slack=model.v_max * model.period,
+        )
+        assert 0.0 <= proved <= error(angles, desired, norm) + ROUNDING
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_multipliers_that_pull_between_samples_prove_less_but_never_too_much(norm):
+    model = replace(ERS210A, hold=3)
+    reachable = set_of(model, 8, cyclic=True, level="envelope")
+    desired = np.array([0.0, 1.0] * 4)
+    most = lower_bound(model, desired, norm=norm)
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        multipliers = rng.exponential(size=reachable.matrix.shape[0]) ** 4
+        proved = certified_error(
+            reachable,
+            desired,
+            rng.normal(size=24),
+            multipliers,
+            norm=norm,
+            slack=model.v_max * model.period,
+        )
+        assert proved <= most * (1.0 + OPTIMAL)
+
+
+def test_no_multipliers_prove_nothing():
+    reachable = set_of(ERS210A, 5, cyclic=True, level="slope")
+    nothing = np.zeros(reachable.matrix.shape[0])
+    desired = np.array([0.0, 1.0, 0.0, 1.0, 0.0])
+    assert certified_error(reachable, desired, desired, nothing, norm="rms", slack=0.1) == 0.0
+
+
+def least_distance(reachable: ReachableSet, desired):
+    """Rms distance of the set by Lawson and Hanson's least-distance programming; hold is 1."""
+    G = reachable.matrix.toarray()
+    below = G @ desired - reachable.limits  # -G z >= below for z = x - desired
+    stacked = np.vstack([-G.T, below])
+    target = np.zeros(len(desired) + 1)
+    target[-1] = 1.0
+    solution, _ = nnls(stacked, target, maxiter=100 * stacked.shape[1])
+    residual = stacked @ solution - target
+    z = -residual[:-1] / residual[-1]
+    return float(np.sqrt(np.mean(z**2)))
+
+
+def least_largest_error(reachable: ReachableSet, desired):
+    """Largest error of the nearest trajectory by linear programming."""
+    rows, ticks = reachable.matrix.shape
+    picks = np.zeros((len(desired), ticks))
+    picks[np.arange(len(desired)), reachable.sampled] = 1.0
+    ones = np.ones((len(desired), 1))
+    A = np.block(
+        [[reachable.matrix.toarray(), np.zeros((rows, 1))], [picks, -ones], [-picks, -ones]]
+    )
+    b = np.concatenate([reachable.limits, desired, -desired])
+    cost = np.append(np.zeros(ticks), 1.0)
+    return float(linprog(cost, A_ub=A, b_ub=b, bounds=(None, None)).fun)
+
+
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_bound_is_the_least_distance_by_another_method(seed, cyclic, level):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=30)
+    reachable = set_of(model, 30, cyclic=cyclic, level=level)
+    expected = least_distance(reachable, desired)
+    bound = lower_bound(model, desired, cyclic=cyclic, level=level)
+    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
+
+
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("hold", [1, 4])
+def test_the_bound_on_the_largest_error_is_that_of_a_linear_program(hold, cyclic, level):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, whole=False, hold=hold)
+    desired = saturating(rng, model, samples=20)
+    reachable = set_of(model, 20, cyclic=cyclic, level=level)
+    expected = least_largest_error(reachable, desired)
+    bound = lower_bound(model, desired, cyclic=cyclic, norm="max", level=level)
+    assert bound == pytest.approx(expected, abs=OPTIMAL * np.ptp(desired))
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_bound_does_not_change_with_shift_mirror_rotation_or_unit(cyclic, norm):
+    rng = np.random.default_rng(2)
+    model = random_model(rng, whole=False, offset=True)
+    desired = saturating(rng, model, samples=40)
+    bound = lower_bound(model, desired, cyclic=cyclic, norm=norm)
+    same = pytest.approx(bound, rel=10.0 * OPTIMAL)
+    assert lower_bound(model, desired + 3.0, cyclic=cyclic, norm=norm) == same
+    assert lower_bound(model, -desired, cyclic=cyclic, norm=norm) == same
+    if cyclic:
+        assert lower_bound(model, np.roll(desired, 7), norm=norm) == same
+    unit = 57.3
+    scaled = replace(model, v_max=unit * model.v_max, theta_0=unit * model.theta_0)
+    bound_in_unit = lower_bound(scaled, unit * desired, cyclic=cyclic, norm=norm)
+    assert bound_in_unit / unit == same
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_slope_bound_does_not_know_the_direction_of_time(cyclic):
+    desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
+    forward = lower_bound(ERS210A, desired, cyclic=cyclic, level="slope")
+    backward = lower_bound(ERS210A, desired[::-1], cyclic=cyclic, level="slope")
+    assert backward == pytest.approx(forward, rel=10.0 * OPTIMAL)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+def test_what_the_joint_can_do_has_no_bound_but_zero(level, norm):
+    rng = np.random.default_rng(6)
+    model = random_model(rng)
+    assert lower_bound(model, np.full(9, 1.5), level=level, norm=norm) == 0.0
+    assert lower_bound(model, attainable(rng, model), level=level, norm=norm) < 1e-8
+
+
+def test_the_bound_takes_two_samples():
+    far = 1.0
+    expected = (far - ERS210A.v_max_per_tick) / 2.0
+    for cyclic in (True, False):
+        bound = lower_bound(ERS210A, [0.0, far], cyclic=cyclic, level="slope")
+        assert bound == pytest.approx(expected, rel=OPTIMAL)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("level", LINEAR_LEVELS)
+@pytest.mark.parametrize("kind", ["cyclic", "from rest", "from a start"])
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("loaded", [False, True])
+def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, hold, kind, level, norm):
+    rng = np.random.default_rng([hold, len(kind)])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=25)
+    start = float(desired[0] + 0.2) if kind == "from a start" else None
+    load = None
+    if loaded:
+        load = rng.uniform(-1.0, 1.0, 25)
+        v_max = model.v_max
+        model = replace(model, v_offset=0.3 * v_max, speed_per_torque=0.5 * v_max, compliance=0.02)
+    stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start, load), level)
+    bound = lower_bound(
+        model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start, load=load
+    )
+    assert bound == pytest.approx(stated, abs=OPTIMAL * np.ptp(desired))
+
+
+def test_a_solver_without_an_answer_is_an_error(monkeypatch):
+    class Nothing:
+        x, z = np.full(3, np.nan), np.full(12, np.nan)
+        status, iterations = "NumericalError", 0
+
+    monkeypatch.setattr(clarabel.DefaultSolver, "solve", lambda _: Nothing)
+    with pytest.raises(SolverFailed, match=r"lower bound: the solver stopped.*NumericalError"):
+        lower_bound(ERS210A, [0.0, 1.0, 0.0])
+
+
+def test_the_exact_level_is_refused_under_a_load_that_changes():
+    model = replace(ERS210A, compliance=0.01)
+    with pytest.raises(InvalidInput, match=r"level 'exact': .* a load that changes; use 'envel"):
+        lower_bound(model, [0.0, 0.1, 0.0], level="exact", load=[0.1, 0.2, 0.1])
+    assert lower_bound(model, [0.0, 0.1, 0.0], level="exact", load=0.1, time_limit=0.1) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"norm": "l2"}, "norm: got 'l2', expected one of 'rms', 'max'"),
+        ({"level": "best"}, "level: got 'best', expected one of 'slope', 'envelope'"),
+        ({"start": 0.0}, "start: a cycle has none"),
+        ({"cyclic": False, "start": math.nan}, "start: got nan"),
+        ({"cyclic": False, "start": math.inf}, "start: got inf"),
+    ],
+)
+def test_an_option_that_does_not_exist_is_refused(options, message):
+    with pytest.raises(InvalidInput, match=message):
+        lower_bound(ERS210A, [0.0, 1.0, 0.0], **options)
+
+
+@pytest.mark.parametrize("desired", [[0.0], [0.0, math.inf], [[0.0, 1.0]], None])
+def test_desired_angles_that_are_no_trajectory_are_named(desired):
+    with pytest.raises(InvalidTrajectory, match=r"^desired: "):
+        lower_bound(ERS210A, desired)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_infinite_gap(
+    norm, caplog
+):
+    """Already in motion the joint follows exactly; from rest no plan moves it before the lag."""
+    caplog.set_level("DEBUG", logger="planner.planning.bounds")
+    certificate = certify(
+        JointModel.ers210a(), [0.0, 0.01], cyclic=False, norm=norm, level="exact", time_limit=1.0
+    )
+    assert certificate.bound == 0.0
+    assert certificate.solver_gap == math.inf
+    assert "exact bound: closed" in caplog.text
+
+
+def test_a_start_that_is_no_angle_of_a_joint_is_refused():
+    with pytest.raises(InvalidInput, match="start: got 1e\\+300, expected an angle"):
+        certify(JointModel.ers210a(), np.zeros(9), cyclic=False, start=1e300)

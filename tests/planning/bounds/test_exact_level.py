@@ -1,0 +1,125 @@
+"""The exact bound: every response of the joint meets its conditions, and no plan goes below it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner import invert_optimal
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.arguments import NORMS
+from planner.planning.bounds.certify import certify, lower_bound
+from planner.planning.bounds.saturation_relaxation import acting_pairs
+from tests.instances import random_model, saturating
+from tests.mixed_integer import SOLVER_TOLERANCE, mixed_integer_bound
+from tests.strategies import models, trajectories
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-9
+"""Sums of a window's terms against the simulation's, in units of v_max a tick."""
+
+
+@given(models(), st.integers(3, 12), st.booleans())
+def test_every_tick_is_driven_by_weights_that_sum_to_one(model, samples, cyclic):
+    ticks = samples * model.hold if cyclic else (samples - 1) * model.hold + 1
+    acting = acting_pairs(model, ticks, cyclic=cyclic)
+    sums = np.bincount(acting.tick, weights=acting.weight, minlength=ticks)
+    np.testing.assert_allclose(sums, 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@given(model=models(offsets=False), requests=trajectories(most=12))
+def test_every_response_meets_the_conditions(cyclic, model, requests):
+    # With one request held over many ticks the response is known at the requests alone, so the
+    # joint is asked again as one whose requests come every tick.
+    every_tick = JointModel(
+        v_max=model.v_max,
+        theta_0=model.theta_0,
+        lag=model.lag,
+        acceleration_time=model.acceleration_time,
+        tick=model.tick,
+    )
+    held = np.repeat(requests, model.hold)
+    if not cyclic:
+        held = held[: (len(requests) - 1) * model.hold + 1]
+    angles = simulate(every_tick, held, cyclic=cyclic)
+    acting = acting_pairs(model, len(held), cyclic=cyclic)
+    before = np.roll(angles, 1)
+    if not cyclic:
+        before[0] = held[0]
+    speeds = (angles - before) / model.v_max_per_tick
+    errors = np.asarray(requests)[acting.request] - before[acting.tick]
+    contributions = np.clip(errors / model.theta_0, -1.0, 1.0)
+    driven = np.bincount(acting.tick, weights=acting.weight * contributions, minlength=len(held))
+    np.testing.assert_allclose(driven, speeds, rtol=0.0, atol=ROUNDING)
+    pairs = np.flatnonzero(acting.following >= 0)
+    change = contributions[acting.following[pairs]] - contributions[pairs]
+    speed = speeds[acting.tick[pairs]] * model.v_max_per_tick / model.theta_0
+    assert np.all(change <= np.maximum(-speed, 0.0) + ROUNDING)
+    assert np.all(change >= -np.maximum(speed, 0.0) - ROUNDING)
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize(("hold", "samples"), [(1, 16), (2, 8)])
+def test_the_levels_are_ordered_and_no_plan_goes_below_them(samples, hold, cyclic, norm):
+    rng = np.random.default_rng([samples, hold, cyclic])
+    for _ in range(2):
+        model = random_model(rng, whole=False, hold=hold)
+        desired = saturating(rng, model, samples=samples)
+        plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm)
+        for start in {None, plan.start}:
+            options = {"cyclic": cyclic, "norm": norm, "start": start, "time_limit": 0.2}
+            bounds = [
+                lower_bound(model, desired, level=level, **options)
+                for level in ("slope", "envelope", "exact")
+            ]
+            assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
+            assert bounds[1] <= bounds[2] <= plan.error
+
+
+@pytest.mark.parametrize("norm", NORMS)
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_no_plan_of_a_joint_with_friction_goes_below_the_levels(cyclic, norm):
+    rng = np.random.default_rng(5)
+    plain = random_model(rng, whole=False)
+    v_max = plain.v_max
+    terms = {"dead_band": 0.02, "v_offset": 0.2 * v_max, "compliance": 0.05}
+    model = replace(plain, **terms, speed_per_torque=0.2 * v_max)
+    desired = saturating(rng, model, samples=14)
+    plan = invert_optimal(model, desired, cyclic=cyclic, norm=norm, load=0.7)
+    options = {"cyclic": cyclic, "norm": norm, "start": plan.start, "load": 0.7, "time_limit": 0.3}
+    bounds = [
+        lower_bound(model, desired, level=level, **options)
+        for level in ("slope", "envelope", "exact")
+    ]
+    assert bounds[0] <= bounds[1] * (1.0 + 1e-7) + 1e-12
+    assert bounds[1] <= bounds[2] <= plan.error
+    assert bounds[2] > 0.0
+
+
+@pytest.mark.parametrize("samples", [10, 12])
+def test_the_search_proves_as_much_as_scip_and_scip_no_more_than_any_plan(samples):
+    rng = np.random.default_rng(9)
+    model = random_model(rng, whole=False)
+    desired = saturating(rng, model, samples=samples)
+    scip, known = mixed_integer_bound(model, desired)
+    search = lower_bound(model, desired, level="exact", time_limit=0.5)
+    assert known <= scip * (1.0 + 2.0 * SOLVER_TOLERANCE)
+    assert lower_bound(model, desired) <= scip
+    assert scip <= search * (1.0 + SOLVER_TOLERANCE)
+    assert search <= invert_optimal(model, desired).error
+
+
+def test_a_solver_that_runs_out_of_time_reports_its_gap_and_still_bounds():
+    model = random_model(np.random.default_rng(3))
+    desired = saturating(np.random.default_rng(4), model, samples=120)
+    certificate = certify(model, desired, level="exact", time_limit=0.3)
+    assert certificate.solver_gap > 0.0
+    assert certificate.bound >= lower_bound(model, desired)

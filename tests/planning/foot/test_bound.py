@@ -1,0 +1,339 @@
+"""The bound for a foot: below every plan whatever, close to the best, and proved by anything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from planner.exceptions import NoSteadyCycle, SolverFailed
+from planner.gait.half_ellipse import reference_walk
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
+from planner.planning.clarabel import ConicSolution
+from planner.planning.foot.bound import FootBoundOptions, attainable_angles, foot_bound
+from planner.planning.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
+from planner.planning.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
+from planner.planning.foot.invert import invert_foot
+from tests.instances import random_model
+from tests.kinematics.made_up_robots import ers210a_leg
+
+ERS210A = JointModel.ers210a()
+WALK = reference_walk()
+
+ROUNDING = 1e-9
+"""Rounding in sums over samples [relative]."""
+
+CLOSE = 0.01
+"""Gap of the plan for the reference walk, half of which was there when this was written."""
+
+KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms"), (2, False, "max")]
+
+
+@pytest.fixture(autouse=True)
+def less_effort(monkeypatch):
+    """Less effort than usual: what is proved is then less, and no less valid."""
+    monkeypatch.setattr("planner.planning.foot.bound.OPTIONS", FootBoundOptions(effort=600))
+
+
+def walk_plan(**options):
+    return invert_foot(ERS210A, WALK.leg, WALK.desired_foot, **options)
+
+
+@cache
+def short_plan(hold, cyclic, norm, *, weights=(1.0, 1.0, 1.0), samples=16, friction=False):
+    """A short plan for random joints of the Aibo's own leg, asked for too much, not smoothed."""
+    rng = np.random.default_rng([hold, cyclic])
+    model, load = random_model(rng, whole=False, hold=hold), None
+    if friction:
+        faster = 0.2 * model.v_max
+        terms = {"dead_band": 0.02, "v_offset": faster, "compliance": 0.03}
+        model = replace(model, **terms, speed_per_torque=faster)
+        load = 0.5 * np.sin(2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples + [0, 1, 2])
+    leg = ers210a_leg("front_left")
+    phase = 2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples
+    middle = np.mean(leg.limits, axis=0)
+    swing = 1.5 * model.v_max * model.period * samples / (2.0 * np.pi)
+    angles = middle + np.minimum(swing, 0.5) * np.sin(phase + rng.uniform(0.0, 6.0, 3))
+    return invert_foot(
+        model,
+        leg,
+        leg.foot_positions(angles),
+        cyclic=cyclic,
+        norm=norm,
+        weights=weights,
+        load=load,
+        smoothness=0.0,
+    )
+
+
+def error_of(plan, requests):
+    """What other requests of a leg make of a plan's error, by exact simulation [m]."""
+    starts = [None] * 3 if plan.start is None else plan.start
+    angles = [
+        simulate(model, column, cyclic=plan.cyclic, start=start, load=load)
+        for model, column, start, load in zip(
+            plan.models, requests.T, starts, plan.loads, strict=True
+        )
+    ]
+    roots = np.sqrt(plan.weights / np.max(plan.weights))
+    missed = (plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot) * roots
+    distances = np.linalg.norm(missed, axis=1)
+    return np.max(distances) if plan.norm == "max" else np.sqrt(np.mean(distances**2))
+
+
+def task_of(plan):
+    """The relaxation behind a plan's bound, in units of its error."""
+    lower, upper = attainable_angles(
+        plan.models, plan.limits, len(plan.desired_foot), start=plan.start
+    )
+    roots = np.sqrt(plan.weights / np.max(plan.weights))
+    starts = [None] * 3 if plan.start is None else plan.start
+    sets = [
+        reachable_set(
+            BoundProblem(model, plan.predicted[:, 0], plan.cyclic, plan.norm, start), "envelope"
+        )
+        for model, start in zip(plan.models, starts, strict=True)
+    ]
+    distance = Distance(plan.leg.chain, lower, upper, plan.desired_foot, roots / plan.error)
+    return LagrangianRelaxation(
+        distance, sets, plan.norm, (np.min(lower, axis=0), np.max(upper, axis=0))
+    )
+
+
+def test_the_plan_for_the_reference_walk_is_within_a_hundredth_of_the_best():
+    plan = walk_plan()
+    assert 0.0 <= plan.gap <= CLOSE
+
+
+@pytest.mark.parametrize(
+    ("hold", "cyclic", "norm", "friction"),
+    [*((*kind, False) for kind in KINDS), (1, True, "rms", True), (2, False, "max", True)],
+)
+def test_no_requests_within_the_limits_go_below_it(hold, cyclic, norm, friction):
+    plan = short_plan(hold, cyclic, norm, friction=friction)
+    assert 0.0 < plan.lower_bound <= plan.error
+    rng = np.random.default_rng(1)
+    for spread in (0.01, 0.1, 1.0):
+        for _ in range(20):
+            requests = plan.requests + rng.normal(0.0, spread, plan.requests.shape)
+            if plan.start is not None:
+                requests[0] = plan.requests[0]  # which holds the joints where they rest
+            requests = np.clip(requests, *plan.limits)
+            assert plan.lower_bound <= error_of(plan, requests)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_whatever_the_multipliers_nothing_is_proved_that_is_not_so(cyclic, norm):
+    rng = np.random.default_rng(4)
+    plan = short_plan(2, cyclic, norm)
+    task = task_of(plan)
+    for size in (0.0, 0.01, 0.1, 1.0):
+        shares = rng.uniform(size=16) if norm == "max" else np.ones(16)
+        guess = Multipliers(
+            shares / np.sum(shares), [size * rng.exponential(size=len(s.limits)) for s in task.sets]
+        )
+        proved, _ = dual_function(task, guess, plan.predicted)
+        assert proved <= 1.0 + ROUNDING  # the plan's own squared error
+
+
+def test_an_axis_that_does_not_count_lowers_the_bound():
+    every, some = (
+        short_plan(1, True, "rms", weights=w, samples=6) for w in ((1.0, 1.0, 1.0), (1.0, 0.0, 1.0))
+    )
+    assert some.lower_bound <= every.error
+    assert some.lower_bound <= error_of(some, every.requests)
+
+
+def test_no_plan_that_is_planted_is_below_it():
+    rng = np.random.default_rng(6)
+    leg = ers210a_leg("hind_right")
+    holds = [(1, 0.008), (2, 0.004), (4, 0.002)]
+    models = [replace(ERS210A, tick=tick, hold=hold, offset=0.02) for hold, tick in holds]
+    middle = np.mean(leg.limits, axis=0)
+    for cyclic in (True, False):
+        requests = middle + np.cumsum(rng.normal(0.0, 0.1, (14, 3)), axis=0)
+        start = None if cyclic else requests[0] + 0.02
+        angles = np.transpose(
+            [
+                simulate(model, column, cyclic=cyclic, start=None if cyclic else float(start[j]))
+                for j, (model, column) in enumerate(zip(models, requests.T, strict=True))
+            ]
+        )
+        noise = rng.normal(0.0, 0.002, (14, 3))
+        bound = foot_bound(
+            models,
+            leg,
+            leg.foot_positions(angles) + noise,
+            np.tile(middle, (14, 1)) if cyclic else angles + 0.3 * (angles - angles[0]),
+            cyclic=cyclic,
+            norm="rms",
+            weights=np.ones(3),
+            limits=(np.min(requests, axis=0), np.max(requests, axis=0)),
+            start=start,
+        )
+        assert bound <= np.sqrt(np.mean(np.sum(noise**2, axis=1)))
+
+
+def test_limits_that_are_far_apart_take_no_more_cells_than_there_may_be():
+    lower, upper = attainable_angles(
+        [ERS210A] * 3, (np.full(3, -100.0), np.full(3, 100.0)), 20, start=None
+    )
+    assert np.all(upper - lower <= 2.0 * np.pi + 10.0 * ERS210A.v_max * ERS210A.period + ROUNDING)
+    wide = Distance(WALK.leg.chain, lower * 0.0, upper * 9.0, WALK.desired_foot[:20], np.ones(3))
+    owner, _, _ = _first_cells(wide)
+    assert len(owner) <= OPTIONS.most_cells
+
+
+def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch):
+    plan = short_plan(1, False, "rms")
+    sharp = plan.lower_bound
+
+    def fail(_):
+        raise SolverFailed("lower bound of the foot", "no luck")
+
+    monkeypatch.setattr("planner.planning.foot.bundle_method._solve", fail)
+    nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
+    monkeypatch.setattr("planner.planning.clarabel.ConicSolver.solve", lambda _: nothing)
+    assert 0.0 < replace(plan).lower_bound <= sharp
+
+
+def test_a_point_out_of_reach_is_missed_by_what_it_is_out_of_reach():
+    leg = WALK.leg
+    far = np.tile([0.0, 0.0, -0.5], (12, 1))
+    plan = invert_foot(ERS210A, leg, far)
+    assert plan.gap == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_path_that_the_joints_can_follow_has_a_bound_of_nothing():
+    leg = WALK.leg
+    still = np.tile(leg.foot_positions(np.mean(leg.limits, axis=0)[np.newaxis]), (12, 1))
+    plan = invert_foot(ERS210A, leg, still)
+    assert plan.lower_bound == 0.0
+
+
+def test_a_cycle_may_begin_anywhere():
+    plan = short_plan(1, True, "rms")
+    options = {
+        "cyclic": True,
+        "norm": "rms",
+        "weights": plan.weights,
+        "limits": plan.limits,
+        "start": None,
+    }
+    later = foot_bound(
+        plan.models,
+        plan.leg,
+        np.roll(plan.desired_foot, 5, axis=0),
+        np.roll(plan.predicted, 5, axis=0),
+        **options,
+    )
+    assert later == pytest.approx(plan.lower_bound, rel=0.01)
+
+
+@given(seed=st.integers(0, 1000), share=st.floats(0.0, 2.0), size=st.floats(0.0, 10.0))
+def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
+    rng = np.random.default_rng(seed)
+    leg = ers210a_leg("front_left")
+    lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
+    wanted = leg.foot_positions(rng.uniform(lower, upper)) + rng.normal(0.0, 0.02, (3, 3))
+    distance = Distance(leg.chain, lower, upper, wanted, np.array([50.0, 30.0, 50.0]))
+    shares, gradients = np.full(3, share), rng.normal(0.0, size, (3, 3))
+
+    def values(angles):
+        return shares * distance.squared(angles) + np.sum(gradients * angles, axis=1)
+
+    tolerance = 1e-3
+    found = minima(distance, shares, gradients, (lower + upper) / 2.0, tolerance=tolerance)
+    assert np.all(found.angles >= lower)
+    assert np.all(found.angles <= upper)
+    reached = values(found.angles)
+    assert np.all(found.proved <= reached)
+    if share > 0.1:
+        assert np.all(found.proved >= reached - 2.0 * tolerance - ROUNDING * np.abs(reached))
+    for _ in range(200):
+        assert np.all(found.proved <= values(rng.uniform(lower, upper)) + ROUNDING)
+
+
+def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
+    whole = replace(OPTIONS, widest_cell=10.0)  # [rad]: the box is one cell
+    monkeypatch.setattr("planner.planning.foot.configuration_minima.OPTIONS", whole)
+    leg = WALK.leg
+    lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
+    rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])
+    distance = Distance(leg.chain, lower, upper, leg.foot_positions(rim), np.full(3, 100.0))
+    guesses = np.clip(rim, lower + 0.05, upper - 0.05)
+    found = minima(distance, np.ones(3), np.zeros((3, 3)), guesses, tolerance=1e-3)
+    assert np.all(found.proved <= 0.0)
+    assert np.all(distance.squared(found.angles) <= 2e-3)
+
+
+def test_the_least_value_found_is_that_of_a_search_from_many_places():
+    rng = np.random.default_rng(3)
+    leg = WALK.leg
+    lower, upper = (limit[np.newaxis] for limit in leg.limits)
+    distance = Distance(leg.chain, lower, upper, WALK.desired_foot[:1], np.full(3, 100.0))
+    gradients = np.array([[20.0, -5.0, 3.0]])
+    middle = (lower + upper) / 2.0
+    found = minima(distance, np.ones(1), gradients, middle, tolerance=1e-6)
+
+    def value(angles):
+        return float(distance.squared(angles[np.newaxis])[0] + gradients[0] @ angles)
+
+    searches = [
+        minimize(value, rng.uniform(lower, upper)[0], bounds=np.transpose(leg.limits)).fun
+        for _ in range(10)
+    ]
+    assert found.proved[0] == pytest.approx(min(searches), abs=1e-4)
+
+
+def cycles(seed, limits):
+    """Random cycles of a random joint under requests within limits, [rad], and the joint."""
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    for _ in range(5):
+        requests = rng.choice([*limits, rng.uniform(*limits)], size=40)
+        try:
+            yield model, simulate(model, requests)
+        except NoSteadyCycle:
+            continue
+
+
+@given(seed=st.integers(0, 1000))
+def test_a_cycle_stays_within_reach(seed):
+    limits = (-0.3, 0.4)
+    for model, angles in cycles(seed, limits):
+        lower, upper = attainable_angles([model], np.array(limits)[:, np.newaxis], 40, start=None)
+        assert np.all(angles >= lower[:, 0] - ROUNDING)
+        assert np.all(angles <= upper[:, 0] + ROUNDING)
+
+
+@given(seed=st.integers(0, 1000))
+def test_a_joint_that_rests_first_stays_within_reach(seed):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    requests = rng.choice([-0.3, 0.4], size=40)
+    requests[0] = 0.1 - model.offset
+    angles = simulate(model, requests, cyclic=False, start=0.1)
+    limits = np.array([[-0.3], [0.4]])
+    lower, upper = attainable_angles([model], limits, 40, start=np.array([0.1]))
+    assert np.all(angles >= lower[:, 0] - ROUNDING)
+    assert np.all(angles <= upper[:, 0] + ROUNDING)
+
+
+@pytest.mark.parametrize("limits", [(-np.inf, np.inf), (-0.3, np.inf), (-np.inf, 20.0)])
+def test_without_limits_a_cycle_is_within_reach_but_for_whole_turns(limits):
+    for model, angles in cycles(0, (5.0, 19.0)):
+        box = attainable_angles([model], np.array(limits)[:, np.newaxis], 40, start=None)
+        lower, upper = (edges[0, 0] for edges in box)
+        turns = 2.0 * np.pi * np.arange(-5, 6)
+        fits = (np.min(angles) + turns >= lower) & (np.max(angles) + turns <= upper)
+        assert np.isfinite(upper - lower)
+        assert np.any(fits)

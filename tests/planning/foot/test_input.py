@@ -1,0 +1,134 @@
+"""What invert_foot refuses, and how it says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
+from planner.exceptions import Infeasible, InvalidInput, SolverFailed
+from planner.model.joint import JointModel
+from planner.planning.foot.invert import invert_foot
+from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
+
+ERS210A = JointModel.ers210a()
+LEG = reference_leg()
+PATH = LEG.foot_positions(np.linspace([0.2, 0.1, 0.5], [0.4, 0.3, 0.9], 6))
+
+
+@pytest.mark.parametrize(
+    ("models", "message"),
+    [
+        ([ERS210A] * 2, r"^models: got 2 .*\(rotator, abductor, knee\)"),
+        ([ERS210A] * 4, r"^models: got 4 .*\(rotator, abductor, knee\)"),
+        ([], r"^models: got 0 "),
+        (["fast", "slow", ERS210A], r"^models: got .*expected one JointModel, or one for each"),
+        (None, r"^models: got "),
+        (
+            [ERS210A, ERS210A, replace(ERS210A, hold=2)],
+            r"^models: their periods are 0.008, 0.016 s, expected one",
+        ),
+    ],
+)
+def test_models_that_do_not_fit_the_leg_or_each_other_are_refused(models, message):
+    with pytest.raises(InvalidInput, match=message):
+        invert_foot(models, LEG, PATH)
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [
+        (1.0, 1.0),
+        (0.0, 0.0, 0.0),
+        (1.0, -1.0, 1.0),
+        (1.0, math.nan, 1.0),
+        (1.0, math.inf, 1.0),
+        1.0,
+        None,
+        ("much", 1.0, 1.0),
+        [[1.0, 2.0], [3.0]],
+    ],
+    ids=str,
+)
+def test_weights_that_are_not_three_numbers_of_use_are_refused(weights):
+    with pytest.raises(InvalidInput, match=r"^weights: got .*expected three numbers, 0 or more"):
+        invert_foot(ERS210A, LEG, PATH, weights=weights)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        3.0,
+        (1.0,),
+        (1.0, 2.0, 3.0),
+        ("low", "high"),
+        ((-1.0, -1.0), (1.0, 1.0)),
+        ([-3.0, [1.0]], 3.0),
+        (-3.0, (3.0, 3.0, math.nan)),
+    ],
+    ids=str,
+)
+def test_limits_that_are_no_pair_of_numbers_for_each_joint_are_refused(limits):
+    with pytest.raises(InvalidInput, match=r"^limits( of knee)?: got .*expected \(lower, "):
+        invert_foot(ERS210A, LEG, PATH, limits=limits)
+
+
+def test_limits_that_exclude_each_other_are_infeasible_and_name_the_joint():
+    message = r"^limits of knee: the lower one, 1 rad, is above the upper one, -1 rad"
+    with pytest.raises(Infeasible, match=message):
+        invert_foot(ERS210A, LEG, PATH, limits=((-2.0, -2.0, 1.0), (2.0, 2.0, -1.0)))
+
+
+@pytest.mark.parametrize(
+    ("path", "error", "message"),
+    [
+        (np.full((5, 3), np.nan), InvalidPath, r"^foot: 5 of 5 rows are not finite"),
+        (PATH[:2], InvalidInput, r"^foot: got 2 points, expected at least 3"),
+        (PATH[:0], InvalidInput, r"^foot: got 0 points, expected at least 3"),
+        (PATH[:, :2], InvalidPath, r"^foot: got shape \(6, 2\), expected \(n, 3\)"),
+        (PATH[0], InvalidPath, r"^foot: got shape \(3,\).*for a single row"),
+        ("path.csv", InvalidPath, r"^foot: got an array of "),
+    ],
+    ids=["nan", "two points", "no points", "two columns", "one point", "text"],
+)
+def test_a_path_that_is_none_is_refused(path, error, message):
+    with pytest.raises(error, match=message):
+        invert_foot(ERS210A, LEG, path)
+
+
+def test_an_unknown_norm_is_refused():
+    with pytest.raises(InvalidInput, match=r"^norm: got 'l2'"):
+        invert_foot(ERS210A, LEG, PATH, norm="l2")
+
+
+def test_a_leg_of_four_joints_has_no_inverse(tmp_path):
+    joints = [Joint((0, 0, -0.1), axis) for axis in (Y, X, Y, X)]
+    leg = made_up_leg(tmp_path, joints, (0, 0, -0.1))
+    with pytest.raises(UnsupportedLeg, match="3 joints at most, this one has 4"):
+        invert_foot(ERS210A, leg, PATH)
+
+
+def test_a_leg_that_cannot_move_its_foot_at_all_is_refused(tmp_path):
+    axes = (Y, X, Y)
+    leg = made_up_leg(tmp_path, [Joint((0, 0, 0), axis) for axis in axes], (0, 0, 0))
+    with pytest.raises(SingularLeg, match=r"^leg: "):
+        invert_foot(ERS210A, leg, np.zeros((5, 3)))
+
+
+def test_weights_only_where_the_leg_cannot_move_its_foot_are_refused(tmp_path):
+    joints = [Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y), Joint((0, 0, -0.1), Y)]
+    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
+    path = leg.foot_positions(np.linspace([0.2, 0.1, 0.5], [0.4, 0.3, 0.9], 6))
+    with pytest.raises(InvalidInput, match=r"^leg: .*weight"):
+        invert_foot(ERS210A, leg, path, weights=(0.0, 1.0, 0.0))
+
+
+def test_joints_under_whose_requests_no_cycle_closes_are_a_failure_of_the_search(monkeypatch):
+    monkeypatch.setattr(
+        "planner.planning.foot.invert.minimise", lambda *given: (given[1], math.inf)
+    )
+    with pytest.raises(SolverFailed, match=r"foot.*no requests lead to a steady cycle"):
+        invert_foot(ERS210A, LEG, PATH)

@@ -1,0 +1,374 @@
+"""Plans for a foot: within limits, never worse than joint by joint, and honest about the rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from kinematics import UnreachableFoot
+from planner.gait.half_ellipse import reference_walk
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.closed_form import invert_closed_form
+from planner.planning.foot.invert import invert_foot
+from planner.planning.foot.result import FootInversion
+from planner.planning.line_inverse import RULES
+from planner.planning.optimal import invert_optimal
+from tests.independent import from_rest, next_cycle
+from tests.instances import random_model
+from tests.kinematics.made_up_robots import LEGS, SHAPES, Joint, Y, ers210a_leg, made_up_leg
+
+ERS210A = JointModel.ers210a()
+WALK = reference_walk()
+
+SAME = 1e-11
+"""Two simulations of the same requests agree to this [rad, m]."""
+
+NO_WORSE = 1e-12
+"""Rounding between two simulations of the same requests [m]."""
+
+SAME_QUALITY = 0.02
+"""Difference of rms between two searches that differ by more than rounding [relative]."""
+
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+
+pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
+
+
+@cache
+def reference_plan(**options) -> FootInversion:
+    """The plan for the reference walk, searched for once."""
+    return invert_foot(ERS210A, WALK.leg, WALK.desired_foot, **options)
+
+
+@cache
+def reference_closed_forms(rule, cyclic):
+    """Requests of the closed form for each joint of the reference walk [rad], (88, 3)."""
+    return np.transpose(
+        [
+            invert_closed_form(ERS210A, angles, cyclic=cyclic, segments=6, rule=rule).requests
+            for angles in WALK.desired.T
+        ]
+    )
+
+
+def stride(leg, *, samples=30, swing=0.35, seed=1):
+    """Angles of a stride about the middle of the limits, too fast for the ERS-210A [rad]."""
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * np.pi * np.arange(samples)[:, np.newaxis] / samples
+    middle = np.mean(leg.limits.finite, axis=0)
+    shifts = rng.uniform(0.0, 2.0 * np.pi, (2, len(middle)))
+    return middle + swing * (np.sin(phase + shifts[0]) + 0.3 * np.sin(2.0 * phase + shifts[1]))
+
+
+def foot_errors(plan, requests):
+    """Distances of the foot under other requests to the same joints, by exact simulation [m]."""
+    starts = [None] * len(plan.models) if plan.start is None else plan.start
+    angles = [
+        simulate(model, column, cyclic=plan.cyclic, start=start)
+        for model, column, start in zip(plan.models, np.transpose(requests), starts, strict=True)
+    ]
+    return np.linalg.norm(plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1)
+
+
+def rms(distances):
+    return math.sqrt(np.mean(np.square(distances)))
+
+
+def assert_within_limits(plan):
+    lower, upper = plan.limits
+    assert np.all((lower <= plan.requests) & (plan.requests <= upper))
+
+
+def joint_by_joint(plan, norm="rms"):
+    """Every joint planned for itself, for the angles that come nearest to the path."""
+    offsets = np.array([model.offset for model in plan.models])
+    lower, upper = np.array(plan.limits) + offsets  # where the requests let the joints rest
+    desired = np.clip(
+        plan.leg.joint_angles(plan.desired_foot, unreachable="nearest"), lower, upper
+    ).T
+    return np.transpose(
+        [
+            invert_optimal(model, angles, cyclic=plan.cyclic, limits=limits, norm=norm).requests
+            for model, angles, limits in zip(
+                plan.models, desired, np.transpose(plan.limits), strict=True
+            )
+        ]
+    )
+
+
+def test_the_reference_walk_is_followed_to_62_hundredths_of_a_centimetre():
+    assert reference_plan().rms <= 0.0062
+    assert_within_limits(reference_plan())
+
+
+def test_the_largest_distance_on_the_reference_walk_is_135_hundredths_of_a_centimetre():
+    plan = reference_plan(norm="max")
+    assert plan.max_error <= 0.0135
+    assert plan.max_error < 0.95 * reference_plan().max_error
+    assert plan.norm == "max"
+    assert_within_limits(plan)
+
+
+@CYCLIC
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_on_the_reference_walk_no_plan_of_single_joints_is_better(norm, cyclic):
+    plan = reference_plan(norm=norm, cyclic=cyclic)
+    error = np.max if norm == "max" else rms
+    others = [joint_by_joint(plan, norm)]
+    for rule in RULES:
+        closed_forms = np.clip(reference_closed_forms(rule, cyclic), *plan.limits)
+        others.append(closed_forms)
+    for requests in others:
+        assert error(plan.distances) <= error(foot_errors(plan, requests)) + NO_WORSE
+
+
+@pytest.mark.parametrize("speed", [2, 3])
+def test_a_walk_that_saturates_throughout_is_led_by_the_norm_that_counts(speed):
+    path = WALK.desired_foot[::speed]
+    least = invert_foot(ERS210A, WALK.leg, path)
+    smallest = invert_foot(ERS210A, WALK.leg, path, norm="max")
+    assert smallest.max_error < least.max_error
+    assert least.rms < smallest.rms
+
+
+@CYCLIC
+@pytest.mark.parametrize("name", LEGS)
+def test_every_leg_of_the_robot_follows_better_than_joint_by_joint(name, cyclic):
+    leg = ers210a_leg(name)
+    plan = invert_foot(ERS210A, leg, leg.foot_positions(stride(leg)), cyclic=cyclic)
+    assert_within_limits(plan)
+    for given, own in zip(plan.limits, leg.limits, strict=True):
+        np.testing.assert_array_equal(given, own)
+    assert plan.rms <= rms(foot_errors(plan, joint_by_joint(plan))) + NO_WORSE
+
+
+@pytest.mark.parametrize("end", ["front", "hind"])
+def test_mirror_legs_get_mirror_plans(end):
+    left, right = ers210a_leg(f"{end}_left"), ers210a_leg(f"{end}_right")
+    path = left.foot_positions(stride(left))
+    plan = invert_foot(ERS210A, left, path)
+    mirror = invert_foot(ERS210A, right, path * [1.0, -1.0, 1.0])
+    np.testing.assert_allclose(mirror.requests, plan.requests, rtol=0.0, atol=1e-3)
+    assert mirror.rms == pytest.approx(plan.rms, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "cyclic"), list(zip(SHAPES, [True, False, True, False, True], strict=True))
+)
+def test_a_path_that_requests_have_led_to_is_followed_to_a_tenth_of_a_millimetre(
+    shape, cyclic, tmp_path
+):
+    leg = made_up_leg(tmp_path, *SHAPES[shape])
+    requests = stride(leg, samples=40, swing=0.15)
+    requests[:10] = requests[0]  # so that from rest the joints can start there
+    angles = [simulate(ERS210A, column, cyclic=cyclic) for column in requests.T]
+    path = leg.foot_positions(np.transpose(angles))
+    plan = invert_foot(ERS210A, leg, path, cyclic=cyclic, smoothness=0.0)
+    assert plan.rms <= 1e-4
+
+
+@CYCLIC
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_limits_narrower_than_the_path_are_respected_to_the_last_bit(norm, cyclic):
+    leg = ers210a_leg("front_left")
+    desired = stride(leg)
+    limits = (desired.min(axis=0) + 0.1, desired.max(axis=0) - np.array([0.1, 0.2, 0.0]))
+    path = leg.foot_positions(desired)
+    options = {"cyclic": cyclic, "limits": limits, "norm": norm, "smoothness": 0.0}
+    plan = invert_foot(ERS210A, leg, path, **options)
+    assert_within_limits(plan)
+    np.testing.assert_array_equal(plan.limits, limits)
+    assert np.any((plan.requests == limits[0]) | (plan.requests == limits[1]))
+    error = np.max if norm == "max" else rms
+    assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
+
+
+def test_one_number_limits_every_joint():
+    leg = ers210a_leg("front_left")
+    plan = invert_foot(ERS210A, leg, leg.foot_positions(stride(leg)), limits=(-0.9, 2.5))
+    np.testing.assert_array_equal(plan.limits, [[-0.9] * 3, [2.5] * 3])
+    assert_within_limits(plan)
+
+
+@CYCLIC
+@pytest.mark.parametrize("hold", [1, 3])
+def test_joints_of_different_kinds_are_planned_together(hold, cyclic):
+    rng = np.random.default_rng(hold)
+    leg = ers210a_leg("hind_left")
+    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(3)]
+    models[1] = replace(models[1], tick=models[1].tick / 2.0, hold=2 * hold)
+    path = leg.foot_positions(stride(leg))
+    plan = invert_foot(models, leg, path, cyclic=cyclic)
+    assert plan.models == tuple(models)
+    assert_within_limits(plan)
+    assert plan.rms <= rms(foot_errors(plan, joint_by_joint(plan))) + NO_WORSE
+    for joint, model in enumerate(models):
+        requests, angles = plan.requests[:, joint], plan.predicted[:, joint]
+        if cyclic:
+            expected = next_cycle(model, requests, angles[-1])
+        else:
+            expected = from_rest(model, requests, start=plan.start[joint])
+        np.testing.assert_allclose(angles, expected, rtol=0.0, atol=SAME)
+
+
+def test_one_model_stands_for_one_of_its_kind_at_every_joint():
+    path = WALK.desired_foot[::4]
+    one = invert_foot(ERS210A, WALK.leg, path)
+    three = invert_foot([ERS210A, replace(ERS210A), ERS210A], WALK.leg, path)
+    np.testing.assert_array_equal(one.requests, three.requests)
+
+
+def test_from_rest_the_joints_hold_the_first_pose_until_the_second_request_acts():
+    leg = ers210a_leg("front_right")
+    model = replace(ERS210A, offset=0.1)
+    desired = stride(leg)
+    plan = invert_foot(model, leg, leg.foot_positions(desired), cyclic=False)
+    np.testing.assert_allclose(plan.start, desired[0], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(plan.requests[0] + 0.1, plan.start, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(plan.predicted[:5], [plan.start] * 5, rtol=0.0, atol=1e-15)
+    assert reference_plan().start is None
+
+
+@pytest.mark.parametrize("offset", [-0.2, 0.2])
+def test_what_joints_sag_comes_off_the_requests_and_changes_little_else(offset):
+    leg = ers210a_leg("front_left")
+    path = leg.foot_positions(stride(leg))
+    limits = (-math.inf, math.inf)
+    without = invert_foot(ERS210A, leg, path, limits=limits)
+    plan = invert_foot(replace(ERS210A, offset=offset), leg, path, limits=limits)
+    assert plan.rms == pytest.approx(without.rms, rel=SAME_QUALITY)
+    assert np.mean(without.requests - plan.requests) == pytest.approx(offset, abs=0.02)
+
+
+@pytest.mark.parametrize("offset", [-0.1, 0.1])
+def test_joints_that_sag_follow_a_path_along_the_limits_of_the_leg_too(offset):
+    plan = invert_foot(replace(ERS210A, offset=offset), WALK.leg, WALK.desired_foot)
+    assert_within_limits(plan)
+    assert plan.rms <= 1.2 * reference_plan().rms
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_axis_without_a_weight_is_let_go_for_the_others(axis):
+    weights = np.ones(3)
+    weights[axis] = 0.0
+    errors = np.abs(reference_plan().foot - WALK.desired_foot)
+    plan = reference_plan(weights=tuple(weights))
+    freed = np.abs(plan.foot - WALK.desired_foot)
+    assert rms(freed[:, axis]) > 1.5 * rms(errors[:, axis])
+    assert rms(freed * weights) < 0.9 * rms(errors * weights)
+    np.testing.assert_array_equal(plan.weights, weights)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("scale", [2.0**-10, 2.0**4])
+def test_scaling_all_weights_changes_nothing(scale, norm):
+    path = WALK.desired_foot[::2]
+    weights = np.array([1.0, 0.5, 2.0])
+    plan = invert_foot(ERS210A, WALK.leg, path, weights=weights, norm=norm)
+    scaled = invert_foot(ERS210A, WALK.leg, path, weights=scale * weights, norm=norm)
+    np.testing.assert_allclose(scaled.requests, plan.requests, rtol=0.0, atol=1e-9)
+
+
+def test_a_point_out_of_reach_is_pointed_at():
+    point = [0.3, 0.1, -0.1]
+    solution = WALK.leg.inverse([point], unreachable="nearest")
+    assert solution.distance[0] > 0.1
+    for cyclic in (True, False):
+        plan = invert_foot(ERS210A, WALK.leg, [point] * 12, cyclic=cyclic)
+        np.testing.assert_allclose(plan.distances, solution.distance[0], rtol=0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_a_path_partly_out_of_reach_is_followed_as_closely_as_the_rest_of_it(norm):
+    plan = invert_foot(ERS210A, WALK.leg, WALK.half_ellipse, norm=norm)
+    solution = WALK.leg.inverse(WALK.half_ellipse, unreachable="nearest")
+    assert not solution.reachable.all()
+    error = np.max if norm == "max" else rms
+    assert error(solution.distance) <= error(plan.distances)
+    assert error(plan.distances) <= error(foot_errors(plan, joint_by_joint(plan, norm))) + NO_WORSE
+    np.testing.assert_array_equal(plan.desired_foot, WALK.half_ellipse)
+
+
+@CYCLIC
+@pytest.mark.parametrize("samples", [3, 4, 5])
+def test_a_handful_of_samples_is_enough(samples, cyclic):
+    leg = ers210a_leg("front_left")
+    path = leg.foot_positions(stride(leg, samples=samples, swing=0.05))
+    plan = invert_foot(ERS210A, leg, path, cyclic=cyclic)
+    assert plan.rms <= rms(foot_errors(plan, joint_by_joint(plan))) + NO_WORSE
+
+
+def test_a_leg_that_moves_its_foot_in_a_plane_gets_a_plan_for_points_beside_it(tmp_path):
+    joints = [Joint((0, 0, 0), Y), Joint((0, 0, -0.1), Y), Joint((0, 0, -0.1), Y)]
+    leg = made_up_leg(tmp_path, joints, (0.0, 0.0, -0.1))
+    phase = 2.0 * np.pi * np.arange(40)[:, np.newaxis] / 40
+    path = leg.foot_positions(0.5 * np.sin(phase + np.arange(3.0)))
+    within = invert_foot(ERS210A, leg, path)
+    beside = invert_foot(ERS210A, leg, path + np.array([0.0, 0.05, 0.0]))
+    assert beside.rms == pytest.approx(math.hypot(within.rms, 0.05), rel=SAME_QUALITY)
+
+
+def test_every_figure_follows_from_the_requests():
+    plan = reference_plan()
+    np.testing.assert_allclose(plan.distances, foot_errors(plan, plan.requests), atol=SAME)
+    np.testing.assert_array_equal(plan.foot, WALK.leg.foot_positions(plan.predicted))
+    assert plan.rms == rms(plan.distances)
+    assert plan.max_error == np.max(plan.distances)
+    other = replace(plan, requests=WALK.desired)
+    np.testing.assert_allclose(other.distances, foot_errors(plan, WALK.desired), atol=SAME)
+
+
+def test_a_plan_keeps_nothing_of_its_input():
+    path = WALK.desired_foot[::8].copy()
+    kept = path.copy()
+    plan = invert_foot(ERS210A, WALK.leg, path)
+    path += 1.0
+    np.testing.assert_array_equal(plan.desired_foot, kept)
+
+
+@pytest.mark.parametrize(
+    "name", ["requests", "desired_foot", "predicted", "foot", "weights", "start"]
+)
+def test_what_a_plan_is_made_of_cannot_be_written_to(name):
+    plan = reference_plan(cyclic=False)
+    assert not getattr(plan, name).flags.writeable
+
+
+def test_the_limits_of_a_plan_cannot_be_written_to():
+    assert not any(limit.flags.writeable for limit in reference_plan().limits)
+
+
+@pytest.mark.parametrize("options", [{}, {"norm": "max"}, {"cyclic": False}])
+def test_the_same_path_gets_the_same_plan_bit_for_bit(options):
+    path = WALK.desired_foot.tolist()
+    again = invert_foot(ERS210A, WALK.leg, path, **options)
+    assert np.array_equal(again.requests, reference_plan(**options).requests)
+
+
+def test_turning_the_cycle_changes_little():
+    turned = invert_foot(ERS210A, WALK.leg, np.roll(WALK.desired_foot, 31, axis=0))
+    assert turned.rms == pytest.approx(reference_plan().rms, rel=SAME_QUALITY)
+
+
+def test_a_plan_says_which_points_are_in_reach_or_refuses_the_others():
+    beyond = WALK.desired_foot.copy()
+    beyond[10:13] += np.array([0.0, 0.0, -0.2])
+    plan = invert_foot(ERS210A, WALK.leg, beyond)
+    np.testing.assert_array_equal(np.flatnonzero(~plan.reachable), [10, 11, 12])
+    with pytest.raises(UnreachableFoot) as caught:
+        invert_foot(ERS210A, WALK.leg, beyond, unreachable="raise")
+    np.testing.assert_array_equal(caught.value.indices, [10, 11, 12])
+
+
+def test_the_error_is_that_of_the_norm_and_the_weights():
+    plan = reference_plan()
+    assert plan.error == pytest.approx(plan.rms, rel=1e-12)
+    sideways = replace(plan, weights=np.array([0.0, 2.0, 0.0]), norm="max")
+    assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.desired_foot)[:, 1])))
+    steps = np.abs(plan.requests - np.roll(plan.requests, 1, axis=0))
+    assert plan.largest_step == np.max(steps)

@@ -1,0 +1,226 @@
+"""Plans for a foot whose joints may have any of several models."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidInput
+from planner.gait.half_ellipse import reference_walk
+from planner.model.drawn_models import drawn_models
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.foot.invert import invert_foot
+from planner.planning.optimal import invert_optimal
+from planner.planning.robust import ReachInAll, RobustProblem, scenarios_of
+from planner.planning.tracking_problem import FollowAngles, track
+from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
+
+ERS210A = JointModel.ers210a()
+
+LEG = reference_walk().leg
+
+SLOWER = ERS210A.with_evidence(Evidence(intervals={"v_max": (4.0, 5.6), "lag": (0.03, 0.034)}))
+"""A joint that may be slower than its model."""
+
+OTHERS = tuple(
+    replace(ERS210A, lag=lag, v_max=speed * ERS210A.v_max)
+    for lag, speed in ((0.04, 1.0), (0.04, 0.85))
+)
+
+MODELS = [(ERS210A, *OTHERS), (ERS210A,), (ERS210A, *OTHERS[::-1])]
+"""Three models of the rotator and of the knee; the abductor is known."""
+
+
+@cache
+def path(samples: int = 30):
+    """A foot path that saturates no joint of the ERS-210A, but some of the slower ones [m]."""
+    phase = 2.0 * np.pi * np.arange(samples) / samples
+    swing = np.column_stack([np.sin(phase), np.zeros(samples), np.cos(phase)])
+    return LEG.foot_positions(np.radians([0.0, 20.0, 60.0]) + 0.15 * swing)
+
+
+@cache
+def planned(**options):
+    """A plan for several models, searched for once."""
+    return invert_foot(MODELS, LEG, path(), **options)
+
+
+def errors(scenarios, plan, *, requests=None, loads=(None, None, None)):
+    """Errors of the foot in each scenario, by simulation joint by joint [m], (scenarios,)."""
+    sent = plan.requests if requests is None else requests
+    starts = [None] * sent.shape[1] if plan.start is None else plan.start
+    found = []
+    for models in scenarios:
+        columns = zip(models, sent.T, starts, loads, strict=True)
+        angles = [
+            simulate(model, each, cyclic=plan.cyclic, start=start, load=load)
+            for model, each, start, load in columns
+        ]
+        away = np.linalg.norm(
+            plan.leg.foot_positions(np.transpose(angles)) - plan.desired_foot, axis=1
+        )
+        found.append(np.max(away) if plan.norm == "max" else np.sqrt(np.mean(away**2)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_the_foots_errors_over_several_models_are_smaller_than_under_a_plan_for_one(norm, cyclic):
+    alone = invert_foot(ERS210A, LEG, path(), norm=norm, cyclic=cyclic)
+    mean, worst = (planned(norm=norm, cyclic=cyclic, robust=which) for which in ("mean", "worst"))
+    scenarios = tuple(zip(MODELS[0], [ERS210A] * 3, MODELS[2], strict=True))
+    before = errors(scenarios, alone)
+    for made, which in ((mean, "mean"), (worst, "worst")):
+        assert made.scenarios == made.nominal.scenarios == scenarios
+        assert made.robust == which
+        np.testing.assert_array_equal(made.nominal.requests, alone.requests)
+        np.testing.assert_allclose(made.nominal.errors_of_models, before, rtol=0.0, atol=1e-11)
+        np.testing.assert_allclose(
+            made.errors_of_models, errors(scenarios, made), rtol=0.0, atol=1e-11
+        )
+        after = made.errors_of_models
+        assert made.error == after[0]
+        assert made.over_models == (after[0], np.sqrt(np.mean(after**2)), np.max(after))
+        # The lesser of the two at least: from rest the largest error is that of the start.
+        assert getattr(made.over_models, which) <= getattr(made.nominal.over_models, which)
+    if cyclic:
+        assert mean.over_models.mean <= 0.95 * mean.nominal.over_models.mean
+        assert worst.over_models.worst <= 0.85 * worst.nominal.over_models.worst
+
+
+def test_of_a_single_joint_the_foots_plan_is_as_good_as_the_joints(tmp_path):
+    radius, phase = 0.1, 2.0 * np.pi * np.arange(60) / 60
+    leg = made_up_leg(tmp_path, [Joint((0.0, 0.0, 0.0), Y)], (0.0, 0.0, -radius))
+    desired = 0.3 * np.sin(phase)
+    feet = leg.foot_positions(desired[:, np.newaxis])
+    for robust in ("mean", "worst"):
+        joint = invert_optimal(SLOWER, desired, robust=robust)
+        foot = invert_foot(SLOWER, leg, feet, robust=robust)
+        assert foot.scenarios == tuple((each,) for each in joint.models)
+        flat = invert_foot(joint.models, leg, feet, robust=robust)
+        np.testing.assert_array_equal(flat.requests, foot.requests)
+        # A foot turned by e is 2 r sin(e / 2) away; two searches end apart by a per cent or so.
+        after = [getattr(each.over_models, robust) for each in (foot, joint)]
+        assert after[0] == pytest.approx(radius * after[1], rel=0.03)
+
+
+def test_limits_and_largest_steps_hold_and_the_plan_is_the_same_again():
+    limits = np.radians([[-8.0, 10.0, 45.0], [8.0, 30.0, 75.0]])
+    asked = {"limits": (limits[0], limits[1]), "max_step": 0.04, "robust": "mean"}
+    made = invert_foot(MODELS, LEG, path(), **asked)
+    assert made.largest_step <= 0.04 * (1.0 + 1e-12)
+    assert np.all(made.requests >= limits[0])
+    assert np.all(made.requests <= limits[1])
+    again = invert_foot(MODELS, LEG, path(), **asked)
+    np.testing.assert_array_equal(made.requests, again.requests)
+
+
+def test_a_load_that_depends_on_the_pose_acts_on_all_models():
+    soft = [replace(each, compliance=0.05) for each in MODELS[0]]
+
+    def weight(angles):
+        return 0.2 * np.sin(angles)
+
+    made = invert_foot([soft] * 3, LEG, path(), load=weight, robust="mean")
+    assert made.load_of_pose
+    assert made.nominal.load_of_pose
+    assert made.lower_bound == 0.0
+    np.testing.assert_allclose(np.transpose(made.loads), weight(made.predicted), atol=1e-3)
+    assert made.over_models.mean <= 1.01 * made.nominal.over_models.mean  # other loads
+
+
+def test_every_model_is_judged_under_the_load_that_it_feels():
+    soft = replace(ERS210A, compliance=0.05)
+    load = np.array([0.3, 0.2, -0.4])
+    made = invert_foot([(ERS210A, soft), (ERS210A,), (soft, ERS210A)], LEG, path(), load=load)
+    scenarios = ((ERS210A, ERS210A, soft), (soft, ERS210A, ERS210A))
+    for plan in (made, made.nominal, made.under(np.tile(load, (30, 1)))):
+        expected = errors(scenarios, plan, loads=load)
+        np.testing.assert_allclose(plan.errors_of_models, expected, rtol=0.0, atol=1e-11)
+    assert made.loads[1] is None  # no model of the abductor feels it
+
+
+def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_not():
+    other = replace(SLOWER, lag=0.033).with_evidence(SLOWER.evidence)
+    scenarios = scenarios_of([SLOWER, other, SLOWER], 3, "worst", joints="joints")
+    one, two, three = zip(*scenarios, strict=True)
+    assert one == three == drawn_models(SLOWER)
+    assert two[0] == other
+    assert two == drawn_models(other, seed=1)
+    speeds = np.array([[each.v_max for each in models] for models in (one, two)])
+    assert not np.allclose(np.sort(speeds[0]), np.sort(speeds[1]))
+    for pair in range(4):  # on either side of the nominal models, of all joints at once
+        lags = [[models[1 + 2 * pair + side].lag for side in (0, 1)] for models in (one, two)]
+        for (below, above), middle in zip(lags, (SLOWER.lag, 0.033), strict=True):
+            assert (below - middle) * (above - middle) < 0.0
+
+
+def test_models_that_do_not_go_together_are_refused():
+    with pytest.raises(InvalidInput, match=r"models: got 3, 1, 2 of the .*rotator.* as many of"):
+        invert_foot([MODELS[0], ERS210A, MODELS[0][:2]], LEG, path())
+    with pytest.raises(InvalidInput, match="without intervals of its parameters"):
+        invert_foot([SLOWER, ERS210A, SLOWER], LEG, path(), robust="mean")
+    with pytest.raises(InvalidInput, match="robust: got 'best', expected 'mean' or 'worst'"):
+        invert_foot(SLOWER, LEG, path(), robust="best")
+    with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
+        invert_foot([[SLOWER]] * 3, LEG, path(), robust="mean")
+    alone = invert_foot([[ERS210A]] * 3, LEG, path())
+    assert alone.scenarios == ()
+    assert alone.robust is None
+
+
+@pytest.fixture
+def problem():
+    """Three models under the requests to one joint."""
+    desired = 0.2 * np.sin(2.0 * np.pi * np.arange(20) / 20)
+    nominal = track(ERS210A, desired, cyclic=True)
+    scenarios = tuple((each,) for each in MODELS[0])
+    weights = np.array([0.5, 0.3, 0.2])
+    return RobustProblem(nominal, scenarios, [(None,)] * 3, "mean", weights)
+
+
+def test_other_limits_and_another_norm_are_those_of_all_scenarios(problem):
+    limits = (np.array([-0.1]), np.array([0.15]))
+    within, largest = problem.within(limits), problem.with_norm("max")
+    angles = np.random.default_rng(0).normal(size=(20, 3))
+    errors = angles - problem.desired
+    assert largest.error(angles) == pytest.approx(np.sqrt(np.mean(np.max(errors**2, axis=0))))
+    assert (
+        within.error(angles) == problem.error(angles) == pytest.approx(np.sqrt(np.mean(errors**2)))
+    )
+    for changed in (within, largest):
+        assert changed.scenarios == problem.scenarios
+        np.testing.assert_array_equal(changed.weights, problem.weights)
+        requests = changed.admissible(problem.desired)
+        assert changed.exact_angles(requests).shape == angles.shape
+    requests = within.admissible(problem.desired)
+    assert (np.min(requests), np.max(requests)) == (-0.1, 0.15)
+
+
+def test_sums_over_what_requests_drive_are_the_transpose_of_driving_it(problem):
+    rng = np.random.default_rng(0)
+    requests, angles = rng.normal(size=(20, 1)), rng.normal(size=(20, 3))
+    driven, summed = problem.in_all(requests), problem.over_driven(angles)
+    assert summed.shape == requests.shape
+    assert np.vdot(driven, angles) == pytest.approx(np.vdot(requests, summed))
+
+
+def test_the_weighted_goal_has_the_weighted_sum_of_squares_and_its_derivatives():
+    rng = np.random.default_rng(0)
+    desired, weights = rng.normal(size=10), np.array([0.5, 0.3, 0.2])
+    goal = ReachInAll(FollowAngles(desired), weights)
+    angles = rng.normal(size=(10, 3))
+    found = goal.errors(angles)
+    squares = ((angles - desired[:, np.newaxis]) ** 2) @ weights
+    np.testing.assert_allclose(goal.distances(angles) ** 2, squares)
+    np.testing.assert_allclose(np.sum(found.values**2, axis=1), squares)
+    step = 1e-6
+    for column in range(3):
+        moved = angles + step * (np.arange(3) == column)
+        slope = (goal.errors(moved).values - found.values) / step
+        np.testing.assert_allclose(found.jacobians[:, :, column], slope, atol=1e-8)

@@ -1,0 +1,122 @@
+"""A path that about repeats goes on as it did a cycle before, as far as that explains it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.planning.streaming.repeating_path import RepeatingPath
+
+KNOWN, CYCLE, AHEAD = 10, 40, 15
+FINE = np.zeros(2, dtype=np.bool_)
+
+
+def wave(phase):
+    """Two joints that repeat together, at phases in cycles, shape (2, n)."""
+    turns = 2.0 * np.pi * phase
+    return np.array([np.sin(turns) + 0.3 * np.cos(2.0 * turns), 0.5 * np.cos(turns)])
+
+
+def fed(path, last, *, missed=(), unknown=()):
+    """The path's continuation at a tick, after all before it, some with the second joint bad."""
+    repeating = RepeatingPath(2, KNOWN, CYCLE, varies=0.25, ahead=AHEAD)
+    for k in range(last + 1):
+        repeating.move_on(1)
+        if k not in missed:
+            bad = np.array([False, k in unknown])
+            known = np.where(bad[:, np.newaxis], 0.0, path[:, k : k + KNOWN])
+            answer = repeating.continued(known, bad)
+    return answer
+
+
+def test_a_path_that_repeats_is_continued_exactly_once_a_cycle_is_known():
+    path = wave(np.arange(200) / CYCLE)
+    for last in (0, 20, CYCLE - 1):
+        follow, weights = fed(path, last)
+        assert np.all(weights == 0.0)
+        assert np.array_equal(follow, np.repeat(path[:, [last + KNOWN - 1]], AHEAD, axis=1))
+    for last in (CYCLE, 90):
+        follow, weights = fed(path, last)
+        assert np.allclose(follow, path[:, last + KNOWN : last + KNOWN + AHEAD], atol=1e-12)
+        assert np.allclose(weights, 1.0, atol=1e-12)
+
+
+def test_a_cycle_that_was_shorter_or_longer_is_found():
+    for length in (33, 47):  # rows, where 40 are expected
+        path = wave(np.arange(200) / length)
+        follow, weights = fed(path, 100)
+        assert np.allclose(follow, path[:, 100 + KNOWN : 100 + KNOWN + AHEAD], atol=1e-12)
+        assert np.all(weights > 0.999)  # its first continuations were of another cycle
+
+
+def test_a_path_that_drifts_goes_on_from_where_it_is():
+    path = wave(np.arange(200) / CYCLE) + 0.002 * np.arange(200)
+    follow, weights = fed(path, 100)
+    assert np.allclose(follow, path[:, 100 + KNOWN : 100 + KNOWN + AHEAD], atol=1e-12)
+    assert np.all(weights > 1.0 - 1e-12)
+
+
+def test_the_weight_is_the_share_of_the_motion_that_the_cycle_before_explains():
+    path = wave(np.arange(200) / CYCLE)
+    path[:, 100:] = 0.3 * np.random.default_rng(0).normal(size=(2, 100))
+    assert fed(path, 100)[1].max() < 0.9
+    standing = np.ones((2, 200))
+    assert fed(standing, 100)[1].min() == 1.0
+    standing[:, 105:] += 0.1  # it begins to move
+    assert fed(standing, 100)[1].max() == 0.0
+    walking = wave(np.arange(200) / CYCLE)
+    walking[:, 100:] = walking[:, [100]]  # it has stopped
+    assert fed(walking, 100)[1].max() == 0.0
+
+
+def test_a_path_that_never_repeats_is_not_expected_to_go_on_as_what_is_nearest_did():
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        path = np.repeat(np.cumsum(rng.normal(size=(1, 200)), axis=1), 2, axis=0)
+        weights = [fed(path, last)[1].max() for last in range(100, 180, 10)]
+        assert np.mean(weights) < 0.1  # the nearest stretches explain 0.14 to 0.33 of what is known
+
+
+def test_continuations_that_were_wrong_for_a_while_are_relied_on_again_later():
+    path = wave(np.arange(400) / CYCLE)
+    path[:, 120:160] = np.random.default_rng(0).normal(size=(2, 40))
+    assert fed(path, 165)[1].max() < 0.2
+    assert fed(path, 350)[1].min() > 0.95
+
+
+def test_missed_ticks_leave_what_was_known_before_them():
+    path = wave(np.arange(200) / CYCLE)
+    follow, weights = fed(path, 90, missed=range(60, 60 + KNOWN - 1))
+    assert np.allclose(follow, path[:, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
+    assert np.allclose(weights, 1.0, atol=1e-12)
+
+
+def test_rows_that_nobody_knew_are_not_continued_until_a_cycle_is_known_again():
+    path = wave(np.arange(300) / CYCLE)
+    outage = range(60, 90)
+    assert np.all(fed(path, 110, missed=outage)[1] == 0.0)
+    assert np.allclose(fed(path, 180, missed=outage)[1], 1.0, atol=1e-12)
+
+
+def test_a_joint_of_which_nothing_is_known_leaves_the_others_alone():
+    path = wave(np.arange(200) / CYCLE)
+    follow, weights = fed(path, 90, unknown=range(91))
+    assert np.allclose(follow[0], path[0, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
+    assert weights[:, 0] == pytest.approx([1.0, 0.0])
+    follow, weights = fed(path, 90, unknown=(50, 70))
+    assert np.allclose(follow, path[:, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
+
+
+def test_nothing_is_remembered_after_a_reset():
+    repeating = RepeatingPath(2, KNOWN, CYCLE, varies=0.25, ahead=AHEAD)
+    path = wave(np.arange(200) / CYCLE)
+    for k in range(100):
+        repeating.move_on(1)
+        repeating.continued(path[:, k : k + KNOWN], FINE)
+    repeating.reset()
+    assert np.all(repeating.continued(path[:, :KNOWN], FINE)[1] == 0.0)
+
+
+def test_no_more_is_continued_than_the_shortest_cycle_has():
+    assert RepeatingPath(1, KNOWN, 12, varies=0.25, ahead=AHEAD).ahead == 9
+    assert RepeatingPath(1, KNOWN, 2, varies=0.25, ahead=AHEAD).ahead == 2

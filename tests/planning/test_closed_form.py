@@ -1,0 +1,215 @@
+"""The paper's method: its figures on the reference walk, and its switching rule written out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.closed_form import invert_closed_form, requests_along
+from planner.planning.line_inverse import RULES, line_offset
+from tests.independent import from_rest
+from tests.instances import REFERENCE_JOINTS, random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+NEAR_THE_BOUND = 1.01
+"""Rms error over the bound on that of any requests."""
+
+AT_A_SWITCH = 1e-6
+"""A request this close to a switch may belong to either line [samples]."""
+
+SAME = 1e-10
+"""Rounding of requests of a few radians at slopes of a few rad/s [rad]."""
+
+
+def switched(model, fit, *, rule):
+    """Requests by Sections 4.2 and 4.3, line by line; NaN where a switch is too close to call."""
+    n = fit.samples
+    early = (model.lag + model.acceleration_time / 2) / model.tick  # l + a/2 [ticks]
+    early += (model.hold - 1) / 2  # a held request is that much older on average
+    early /= model.hold  # [samples]
+    requests = np.full(n, np.nan)
+    lines = len(fit.slopes)
+    for line in range(lines):
+        start = fit.knots[line]
+        cyclic_end = fit.knots[0] + n if line == lines - 1 else None
+        end = fit.knots[line + 1] if line + 1 < len(fit.knots) else cyclic_end
+        first, last = start - early, end - early
+        if not fit.cyclic:
+            first = -math.inf if line == 0 else first
+            last = math.inf if line == lines - 1 else last
+        for k in range(n):
+            for cycle in range(-200, 3) if fit.cyclic else (0,):
+                time = k + cycle * n
+                if first + AT_A_SWITCH < time < last - AT_A_SWITCH:
+                    along = (time - start) * model.tick * model.hold * fit.slopes[line]
+                    raised = line_offset(model, fit.slopes[line], rule=rule)
+                    requests[k] = fit.values[line] + along + raised
+    return requests
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_six_segments_track_the_reference_walk_as_closely_as_known(joint):
+    plan = invert_closed_form(ERS210A, joint.desired, segments=6)
+    assert math.degrees(plan.rms) <= joint.closed_form_rms_deg
+    assert plan.approximation.segments == 6
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_number_of_segments_chosen_alone_is_nearly_as_good(joint):
+    plan = invert_closed_form(ERS210A, joint.desired)
+    assert math.degrees(plan.rms) <= 1.05 * joint.closed_form_rms_deg
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_lines_chosen_for_the_joint_come_near_the_exact_bound(joint):
+    plan = invert_closed_form(ERS210A, joint.desired)
+    assert math.degrees(plan.rms) <= NEAR_THE_BOUND * joint.exact_bound_deg
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_requests_change_from_line_to_line_l_plus_half_a_before_each_knot(seed, cyclic, rule):
+    rng = np.random.default_rng(seed)
+    inside = {"acceleration_time": 0.04, "theta_0": 0.2}  # keeps Equation 13
+    model = replace(random_model(rng, whole=False, hold=1 + seed % 3, offset=True), **inside)
+    plan = invert_closed_form(
+        model, saturating(rng, model), cyclic=cyclic, segments=6 if seed else None, rule=rule
+    )
+    expected = switched(model, plan.approximation, rule=rule)
+    clear = ~np.isnan(expected)
+    assert np.count_nonzero(clear) >= 70
+    if not cyclic:
+        clear[0] = False  # the first request holds the joint
+    np.testing.assert_allclose(plan.requests[clear], expected[clear], rtol=0.0, atol=SAME)
+
+
+@pytest.mark.parametrize("knot", [20.0, 20.3, 20.5, 20.999])
+def test_a_switch_between_samples_falls_at_its_true_time(knot):
+    curve = PiecewiseLinear(
+        knots=[knot, 50.0], values=[0.0, 0.5], samples=88, tick=0.008, cyclic=True
+    )
+    requests = requests_along(ERS210A, curve, rule="exact")
+    expected = switched(ERS210A, curve, rule="exact")
+    clear = ~np.isnan(expected)
+    np.testing.assert_allclose(requests[clear], expected[clear], rtol=0.0, atol=SAME)
+    rising = math.ceil(knot - 7.0)  # first request of the rising line, l + a/2 = 7 before
+    assert requests[rising + 1] - requests[rising] == pytest.approx(
+        curve.slopes[0] * 0.008, abs=SAME
+    )
+    assert requests[rising] - requests[rising - 1] > 2.0 * curve.slopes[0] * 0.008
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_line_alone_is_followed_from_one_end_to_the_other(rule):
+    desired = 2.0 * ERS210A.period * np.arange(120)
+    plan = invert_closed_form(ERS210A, desired, cyclic=False, rule=rule, refine=False)
+    tick_of_motion = 2.0 * ERS210A.tick
+    assert np.max(np.abs(plan.errors[-20:])) <= (1e-9 if rule == "exact" else tick_of_motion)
+
+
+@pytest.mark.parametrize("hold", [1, 4])
+def test_from_rest_the_first_request_holds_the_joint_at_the_first_desired_angle(hold):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, hold=hold, offset=True)
+    desired = saturating(rng, model)
+    plan = invert_closed_form(model, desired, cyclic=False, rule="exact")
+    assert plan.start == desired[0]
+    assert plan.requests[0] == desired[0] - model.offset
+    expected = from_rest(model, plan.requests, start=desired[0])
+    np.testing.assert_allclose(plan.predicted, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_predicted_angles_are_what_the_simulation_says(cyclic):
+    plan = invert_closed_form(ERS210A, REFERENCE_JOINTS[0].desired, cyclic=cyclic)
+    angles = simulate(ERS210A, plan.requests, cyclic=cyclic, start=plan.start)
+    np.testing.assert_array_equal(plan.predicted, angles)
+    assert plan.method == "closed_form"
+    assert plan.cyclic is cyclic
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_constant_is_requested_as_it_is(rule):
+    model = replace(ERS210A, offset=0.25)
+    for cyclic in (True, False):
+        plan = invert_closed_form(model, np.full(9, 0.75), cyclic=cyclic, rule=rule)
+        np.testing.assert_allclose(plan.requests, 0.5, rtol=0.0, atol=1e-12)
+        assert plan.rms <= 1e-12
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_shifting_and_mirroring_the_desired_angles_changes_nothing_else(cyclic):
+    desired = saturating(np.random.default_rng(12), ERS210A)
+    options = {"cyclic": cyclic, "segments": 8, "refine": False}
+    same = pytest.approx(invert_closed_form(ERS210A, desired, **options).rms, rel=1e-3)
+    assert invert_closed_form(ERS210A, desired + 0.5, **options).rms == same
+    assert invert_closed_form(ERS210A, -desired, **options).rms == same
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_refining_the_lines_keeps_what_lines_must_keep_and_never_tracks_worse(seed, cyclic):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False, hold=1 + seed % 2, offset=True)
+    desired = saturating(rng, model, samples=60)
+    options = {"cyclic": cyclic, "segments": 6, "rule": "exact"}
+    plain = invert_closed_form(model, desired, refine=False, **options)
+    refined = invert_closed_form(model, desired, **options)
+    assert refined.rms <= plain.rms
+    assert refined.approximation.segments == plain.approximation.segments
+    assert np.max(np.abs(refined.approximation.slopes)) <= model.v_max * (1.0 + 1e-9)
+    assert np.min(refined.approximation.lengths) >= 1.0 - 1e-9
+
+
+def test_a_refinement_that_tracks_worse_is_not_taken(monkeypatch):
+    def flattened(_problem, curve, **_options):
+        return PiecewiseLinear(
+            knots=curve.knots,
+            values=0.0 * curve.values,
+            samples=curve.samples,
+            tick=curve.tick,
+            cyclic=curve.cyclic,
+        )
+
+    knee = REFERENCE_JOINTS[2].desired
+    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
+    monkeypatch.setattr("planner.planning.closed_form.refined_curve", flattened)
+    np.testing.assert_array_equal(
+        invert_closed_form(ERS210A, knee, segments=6).requests, plain.requests
+    )
+
+
+def test_refining_the_lines_helps_on_the_reference_walk():
+    knee = REFERENCE_JOINTS[2].desired
+    plain = invert_closed_form(ERS210A, knee, segments=6, refine=False)
+    assert invert_closed_form(ERS210A, knee, segments=6).rms < plain.rms
+
+
+def test_the_requests_are_read_only():
+    plan = invert_closed_form(ERS210A, [0.0, 0.1, 0.3, 0.1])
+    with pytest.raises(ValueError, match="read-only"):
+        plan.requests[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("desired", "options", "error", "message"),
+    [
+        ([0.0, math.nan, 0.0, 0.0], {}, InvalidTrajectory, "^desired: 1 of 4 samples"),
+        ([0.0, 1.0], {}, InvalidTrajectory, "^desired: got 2 samples"),
+        ([[0.0, 1.0, 2.0]], {}, InvalidTrajectory, "^desired: got shape"),
+        ([0.0, 1.0, 0.0], {"rule": "best"}, InvalidInput, "^rule: got 'best'"),
+        ([0.0, 1.0, 0.0], {"segments": 0}, InvalidInput, "^segments: got 0"),
+    ],
+)
+def test_bad_input_is_named(desired, options, error, message):
+    with pytest.raises(error, match=message):
+        invert_closed_form(ERS210A, desired, **options)

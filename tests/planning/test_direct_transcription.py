@@ -1,0 +1,137 @@
+"""IPOPT on the transcribed problem: its plans are as good, and failures are told."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pytest
+
+import planner
+from planner.exceptions import InvalidInput, SolverFailed
+from planner.model.joint import JointModel
+from planner.planning import direct_transcription
+from planner.planning.direct_transcription import TranscriptionOptions
+from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+
+ALIKE = 0.01
+"""Difference of two optimisers' rms, relative; a random instance in a hundred differs by more."""
+
+ALIKE_MAX = 0.05
+"""The same for the largest error, where more local minima are as good."""
+
+ATTAINED = np.radians(0.005)
+"""Rms of a plan for a trajectory that the joint can follow [rad]."""
+
+
+def instance(seed, *, hold=1):
+    """A joint of fractional window, with a sag, and angles that it cannot follow."""
+    rng = np.random.default_rng([77, seed])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    return model, saturating(rng, model, samples=60)
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_reference_walk_is_planned_as_well_as_by_our_own_solver(joint):
+    plan, own = (
+        planner.invert_optimal(
+            ERS210A, joint.desired, limits=joint.limits, solver=each, smoothness=0.0
+        )
+        for each in ("ipopt", "gauss-newton")
+    )
+    assert plan.gap == pytest.approx(own.gap, abs=ALIKE / 5.0)
+    assert (plan.method, plan.solver, own.solver) == ("optimal", "ipopt", "gauss-newton")
+    assert planner.invert_closed_form(ERS210A, joint.desired).solver is None
+
+
+@CYCLIC
+@pytest.mark.parametrize(("seed", "hold"), [(0, 1), (2, 3)])
+@pytest.mark.parametrize("limited", [False, True])
+def test_any_window_hold_offset_and_limits_are_planned_as_well(seed, hold, cyclic, limited):
+    model, desired = instance(seed, hold=hold)
+    held = desired - model.offset
+    limits = (np.min(held) - 0.02, np.max(held) + 0.02) if limited else None
+    plan, own = (
+        planner.invert_optimal(model, desired, cyclic=cyclic, limits=limits, solver=each)
+        for each in ("ipopt", "gauss-newton")
+    )
+    assert plan.rms == pytest.approx(own.rms, rel=ALIKE)
+    assert plan.rms >= plan.lower_bound
+    if limits is not None:
+        assert np.min(plan.requests) >= limits[0]
+        assert np.max(plan.requests) <= limits[1]
+    if not cyclic:
+        assert plan.requests[0] == pytest.approx(desired[0] - model.offset, abs=1e-12)
+
+
+@CYCLIC
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_largest_error_is_minimised_as_well(seed, cyclic):
+    model, desired = instance(seed, hold=seed)
+    plan, own = (
+        planner.invert_optimal(model, desired, cyclic=cyclic, norm="max", solver=each)
+        for each in ("ipopt", "gauss-newton")
+    )
+    assert plan.max_error == pytest.approx(own.max_error, rel=ALIKE_MAX)
+    assert plan.max_error >= plan.lower_bound
+
+
+def test_what_can_be_followed_is_followed():
+    rng = np.random.default_rng([78, 2])
+    model = random_model(rng, whole=False, hold=3, offset=True)
+    desired = attainable(rng, model, samples=60)
+    plan = planner.invert_optimal(model, desired, solver="ipopt", smoothness=0.0)
+    assert plan.rms <= ATTAINED
+
+
+@CYCLIC
+@pytest.mark.parametrize("samples", [7, 12])
+def test_trajectories_shorter_than_the_window_are_planned(samples, cyclic):
+    # Such cycles are saturated throughout: their closing condition is singular.
+    desired = REFERENCE_JOINTS[0].desired[:samples]
+    plan = planner.invert_optimal(ERS210A, desired, cyclic=cyclic, solver="ipopt")
+    own = planner.invert_optimal(ERS210A, desired, cyclic=cyclic)
+    assert plan.rms == pytest.approx(own.rms, rel=ALIKE)
+
+
+def test_a_solver_that_stops_early_is_reported_with_its_own_status(monkeypatch):
+    monkeypatch.setattr(direct_transcription, "OPTIONS", TranscriptionOptions(iterations=1))
+    with pytest.raises(SolverFailed, match="inversion by ipopt: the solver stopped") as caught:
+        planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
+    assert caught.value.status.startswith("Max")
+
+
+def test_a_stage_that_fails_is_left_out_and_the_best_of_the_others_is_kept(monkeypatch, caplog):
+    options = TranscriptionOptions(radii=(0.4, 1e-9), iterations=40)
+    monkeypatch.setattr(direct_transcription, "OPTIONS", options)
+    with caplog.at_level(logging.DEBUG, "planner"):
+        plan = planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
+    first, last = (
+        record.getMessage()
+        for record in caplog.records
+        if record.name == direct_transcription.__name__
+    )
+    assert first.startswith("ipopt, corners of 0.4 theta_0: Solve_Succeeded after ")
+    assert "exact error" in first
+    assert "Solve_Succeeded" not in last
+    assert np.isfinite(plan.rms)
+
+
+def test_requests_without_a_cycle_are_no_answer(monkeypatch):
+    monkeypatch.setattr(
+        "planner.planning.tracking_problem.TrackingProblem.exact_error", lambda *_: np.inf
+    )
+    with pytest.raises(SolverFailed, match="no requests lead to a steady cycle"):
+        planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
+
+
+@pytest.mark.parametrize("solver", ["x", "IPOPT", "", None, 1, ["ipopt"]])
+def test_an_unknown_solver_is_named_with_those_that_there_are(solver):
+    with pytest.raises(
+        InvalidInput, match=r"^unknown solver .*; expected 'gauss-newton' or 'ipopt'$"
+    ):
+        planner.invert_optimal(ERS210A, [0.0, 0.1, 0.2], solver=solver)

@@ -1,0 +1,273 @@
+"""Both rules for C_m: Equations 10-12 written out once more, and the joint on the line itself."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.exceptions import InvalidInput, OutsideEquation13
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.line_inverse import interpolated_offset, line_offset
+from tests.independent import windowed
+from tests.instances import TICK, random_model, random_model_outside_equation_13
+from tests.strategies import models
+
+STEADY = 1e-9
+"""Steady error that the exact rule may leave [rad]."""
+
+ERS210A = JointModel.ers210a()
+
+FRICTIONAL = replace(
+    ERS210A, dead_band=0.03, v_offset=0.4, compliance=0.05, speed_per_torque=1.1, offset=0.01
+)
+
+
+def equations_10_to_12(model, slope):
+    """C_m of the appendix for a slope m in [0, v_max) [rad/tick]."""
+    v_max, theta_0 = model.v_max * model.tick, model.theta_0
+    lag, acceleration = model.lag / model.tick, model.acceleration_time / model.tick
+    if slope * (theta_0 / v_max + acceleration / 2) < theta_0:
+        return slope * (theta_0 / v_max + lag + acceleration / 2)
+    root = math.sqrt(2 * theta_0 / slope * acceleration * (v_max - slope) / v_max)
+    return theta_0 + slope * (lag + acceleration - root)
+
+
+def steady_error(model, slope, offset, *, ticks=40, load=0.0):
+    """How far the joint is driven off a line that it is on, under requests line + offset [rad]."""
+    per_tick = slope * model.tick
+
+    def request_at(tick):  # tick 0 comes after a sample with the joint on the line, at 0
+        return per_tick * ((tick + 1) // model.hold * model.hold) + offset
+
+    every = windowed(model, request_at, ticks * model.hold, 0.0, lambda _: load)
+    angles = every[model.hold - 1 :: model.hold]
+    return angles - per_tick * model.hold * np.arange(1, ticks + 1)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.5, 0.69, 0.71, 0.9, 0.999])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_papers_rule_is_equations_10_to_12(seed, share):
+    model = ERS210A if seed == 0 else _inside_equation_13(np.random.default_rng(seed))
+    slope = share * model.v_max
+    expected = equations_10_to_12(model, slope * model.tick)
+    assert line_offset(model, slope, rule="paper") == pytest.approx(expected, rel=1e-12)
+    assert line_offset(model, -slope, rule="paper") == pytest.approx(-expected, rel=1e-12)
+
+
+def test_at_v_max_the_papers_rule_takes_the_papers_threshold():
+    threshold = ERS210A.theta_0 + 10 * ERS210A.v_max_per_tick
+    assert line_offset(ERS210A, ERS210A.v_max, rule="paper") == pytest.approx(threshold, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_at_v_max_the_exact_rule_takes_a_tick_less(seed):
+    model = random_model(np.random.default_rng(seed))
+    last = model.lag_ticks + model.acceleration_ticks
+    threshold = model.theta_0 + (last - 1) * model.v_max_per_tick
+    assert line_offset(model, model.v_max) == pytest.approx(threshold, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_papers_rule_warns_outside_equation_13(seed):
+    model = random_model_outside_equation_13(np.random.default_rng(seed))
+    with pytest.warns(OutsideEquation13, match=r"which this joint breaks.*rule='exact' holds"):
+        line_offset(model, 0.5 * model.v_max, rule="paper")
+
+
+def test_neither_rule_warns_without_need():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        line_offset(ERS210A, ERS210A.v_max, rule="paper")
+        line_offset(random_model_outside_equation_13(np.random.default_rng(0)), 0.1)
+
+
+@given(models(), st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0, -1.0])))
+def test_the_exact_rule_keeps_any_joint_on_the_line(model, share):
+    slope = share * model.v_max
+    error = steady_error(model, slope, line_offset(model, slope))
+    assert np.max(np.abs(error)) < STEADY
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("lag", [0.0, 0.01, 0.025])
+@pytest.mark.parametrize("hold", [2, 3, 4])
+def test_the_exact_rule_holds_for_joints_that_overshoot_a_held_request(hold, lag, share):
+    model = JointModel(
+        v_max=43.75, theta_0=0.25, lag=lag, acceleration_time=0.01, tick=0.01, hold=hold
+    )
+    slope = share * model.v_max
+    error = steady_error(model, slope, line_offset(model, slope))
+    assert np.max(np.abs(error)) < STEADY
+
+
+@pytest.mark.parametrize("hold", [1, 4])
+@pytest.mark.parametrize("share", [-0.9, -0.3, 0.0, 0.5, 0.85])
+@pytest.mark.parametrize("kind", ["whole", "fractional", "outside Equation 13"])
+def test_from_rest_the_joint_finds_its_way_to_the_line(kind, share, hold):
+    rng = np.random.default_rng(abs(hash((share, hold))) % 1000)
+    if kind == "outside Equation 13":
+        model = replace(random_model_outside_equation_13(rng), hold=hold, offset=0.2)
+    else:
+        model = random_model(rng, whole=kind == "whole", hold=hold, offset=True)
+    slope = share * model.v_max
+    line = slope * model.period * np.arange(1500)
+    angles = simulate(model, line + line_offset(model, slope), cyclic=False)
+    np.testing.assert_allclose(angles[-5:], line[-5:], rtol=0.0, atol=STEADY)
+
+
+@given(models(), st.floats(0.0, 1.0))
+def test_the_exact_offset_is_the_smallest_that_keeps_the_joint_on_the_line(model, share):
+    slope = share * model.v_max
+    error = steady_error(model, slope, line_offset(model, slope) - 1e-6, ticks=1)
+    assert error[0] < -1e-12  # some request of the window is unsaturated and the joint falls behind
+
+
+@pytest.mark.parametrize("share", [0.05, 0.12, 0.3, 0.6])
+def test_the_papers_rule_leaves_half_a_tick_of_motion(share):
+    slope = share * ERS210A.v_max  # within Equation 11, where S is linear
+    line = slope * ERS210A.period * np.arange(2000)
+    angles = simulate(ERS210A, line + line_offset(ERS210A, slope, rule="paper"), cyclic=False)
+    half_a_tick = slope * ERS210A.tick / 2.0
+    assert angles[-1] - line[-1] == pytest.approx(half_a_tick, rel=0.25)
+
+
+@pytest.mark.parametrize("hold", [1, 2, 4])
+def test_the_rules_differ_by_half_a_tick_of_motion_however_long_a_request_is_held(hold):
+    model = replace(ERS210A, tick=ERS210A.tick / hold, hold=hold)
+    slope = 0.05 * model.v_max  # within Equation 11
+    paper, exact = (float(line_offset(model, slope, rule=rule)) for rule in ("paper", "exact"))
+    assert paper - exact == pytest.approx(0.5 * slope * model.tick, rel=1e-9)
+
+
+@given(models(offsets=False), st.floats(0.0, 1.0), st.sampled_from(["paper", "exact"]))
+@pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
+def test_the_offset_is_odd_in_the_slope(model, share, rule):
+    slope = share * model.v_max
+    assert line_offset(model, -slope, rule=rule) == -line_offset(model, slope, rule=rule)
+    assert line_offset(model, 0.0, rule=rule) == 0.0
+
+
+@given(models(holds=(1, 1)))
+def test_the_exact_offset_grows_with_the_slope(model):
+    # Not so with held requests: a joint that overshoots them may need less lead on steeper lines.
+    offsets = line_offset(model, np.linspace(-1.0, 1.0, 21) * model.v_max)
+    assert np.all(np.diff(offsets) > 0.0)
+
+
+@pytest.mark.parametrize("rule", ["paper", "exact"])
+def test_the_models_offset_comes_off(rule):
+    sagging = replace(ERS210A, offset=0.125)
+    slopes = np.array([-2.0, 0.0, 2.0])
+    expected = line_offset(ERS210A, slopes, rule=rule) - 0.125
+    np.testing.assert_allclose(line_offset(sagging, slopes, rule=rule), expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("rule", ["paper", "exact"])
+def test_an_array_of_slopes_is_answered_one_by_one(rule):
+    slopes = np.linspace(-1.0, 1.0, 12).reshape(3, 4) * ERS210A.v_max
+    offsets = line_offset(ERS210A, slopes, rule=rule)
+    assert offsets.shape == (3, 4)
+    one_by_one = [line_offset(ERS210A, float(slope), rule=rule) for slope in slopes.ravel()]
+    assert all(isinstance(offset, float) for offset in one_by_one)
+    np.testing.assert_allclose(offsets.ravel(), one_by_one, rtol=0.0, atol=1e-14)
+    assert line_offset(ERS210A, np.array([]), rule=rule).shape == (0,)
+
+
+@pytest.mark.parametrize("slope", [5.5, -5.5, math.inf, math.nan, [0.0, 9.0]])
+@pytest.mark.parametrize("rule", ["paper", "exact"])
+def test_a_slope_beyond_v_max_is_refused(slope, rule):
+    with pytest.raises(InvalidInput, match=r"^slope: got .* rad/s, expected within ±v_max"):
+        line_offset(ERS210A, slope, rule=rule)
+
+
+def test_v_max_itself_is_within_whatever_the_last_digit():
+    for factor in (1.0, 1.0 + 1e-15, 1.0 - 1e-15):
+        offset = line_offset(ERS210A, ERS210A.v_max * factor)
+        assert offset == pytest.approx(math.radians(7.0 + 9.0 * 2.5), rel=1e-9)
+
+
+@pytest.mark.parametrize("slope", ["fast", [1.0, [2.0]], None])
+def test_a_slope_that_is_no_number_is_refused(slope):
+    with pytest.raises(InvalidInput, match=r"^slope: got "):
+        line_offset(ERS210A, slope)
+
+
+def test_a_rule_that_does_not_exist_is_refused_with_those_that_do():
+    with pytest.raises(InvalidInput, match=r"rule: got 'best', expected one of 'paper', 'exact'"):
+        line_offset(ERS210A, 0.0, rule="best")
+
+
+def _inside_equation_13(rng):
+    v_max, acceleration = rng.uniform(0.02, 0.05), rng.uniform(1.0, 9.0)
+    return JointModel(
+        v_max=v_max / TICK,
+        theta_0=v_max * max(1.1, acceleration / 4.0) * rng.uniform(1.05, 3.0),
+        lag=rng.uniform(0.0, 7.0) * TICK,
+        acceleration_time=acceleration * TICK,
+        tick=TICK,
+    )
+
+
+@given(
+    models(friction=True),
+    st.floats(-1.0, 1.0),
+    st.one_of(st.floats(-1.0, 1.0), st.sampled_from([0.0, 1.0, -1.0, 1e-4, -1e-4])),
+)
+def test_the_exact_rule_keeps_a_joint_with_friction_and_load_on_the_line(model, load, share):
+    low, high = model.speed_limits(load)
+    slope = share * float(high if share > 0.0 else -low)
+    error = steady_error(model, slope, line_offset(model, slope, load=load), load=load)
+    assert np.max(np.abs(error)) < STEADY
+
+
+@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
+@pytest.mark.parametrize("rule", ["exact", "paper"])
+def test_a_slow_line_gains_the_dead_band_less_the_sag(rule, load):
+    slow = 1e-6 * ERS210A.v_max
+    sag = float(FRICTIONAL.sag(load))
+    without = line_offset(ERS210A, slow, rule=rule)
+    band = FRICTIONAL.dead_band
+    up, down = (line_offset(FRICTIONAL, m, rule=rule, load=load) for m in (slow, -slow))
+    assert up == pytest.approx(band - sag + without, abs=1e-12)
+    assert down == pytest.approx(-band - sag - without, abs=1e-12)
+    assert line_offset(FRICTIONAL, 0.0, rule=rule, load=load) == -sag
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.69, 0.71, 0.9, 0.999])
+@pytest.mark.parametrize("load", [0.0, 0.4, -0.4])
+def test_the_papers_rule_takes_the_top_speed_of_the_direction(load, share):
+    low, high = FRICTIONAL.speed_limits(load)
+    for sign, top in ((1.0, float(high)), (-1.0, -float(low))):
+        theta_0 = ERS210A.theta_0 * top / ERS210A.v_max
+        one_way = replace(ERS210A, v_max=top, theta_0=theta_0)
+        expected = equations_10_to_12(one_way, share * top * ERS210A.tick) + FRICTIONAL.dead_band
+        answer = line_offset(FRICTIONAL, sign * share * top, rule="paper", load=load)
+        assert answer == pytest.approx(sign * expected - float(FRICTIONAL.sag(load)), rel=1e-12)
+
+
+def test_the_slopes_end_at_the_top_speed_of_either_direction():
+    low, high = (float(limit) for limit in FRICTIONAL.speed_limits(0.4))
+    line_offset(FRICTIONAL, [low, high], load=0.4)
+    for slope in (1.01 * low, 1.01 * high):
+        with pytest.raises(InvalidInput, match=r"slope: got .*, expected from .* to "):
+            line_offset(FRICTIONAL, slope, load=0.4)
+    with pytest.raises(InvalidInput, match=r"load: got .* N m at sample 0, against which"):
+        line_offset(FRICTIONAL, 0.1, load=50.0)
+    with pytest.raises(InvalidInput, match=r"load: got .*one for every slope"):
+        line_offset(FRICTIONAL, [0.1, 0.2], load=[0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("rule", ["exact", "paper"])
+def test_the_table_is_the_offset_of_a_joint_with_friction_and_load(rule):
+    slopes = np.linspace(-0.99, 0.99, 331) * FRICTIONAL.v_max * 0.8
+    load = 0.4 * np.cos(np.arange(331))
+    table = interpolated_offset(FRICTIONAL, slopes, rule=rule, load=load)
+    exact = line_offset(FRICTIONAL, slopes, rule=rule, load=load)
+    np.testing.assert_allclose(table, exact, rtol=0.0, atol=2e-4 * FRICTIONAL.theta_0)

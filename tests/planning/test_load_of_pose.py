@@ -1,0 +1,165 @@
+"""Plans whose load follows from the pose: the load at hand is that of the prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+import planner
+from kinematics import Leg, urdf_path
+from planner.exceptions import InvalidInput, SolverFailed
+from planner.gait.stride import stride
+from planner.planning.load_of_pose import OPTIONS, settled
+
+SOFT = planner.JointModel(
+    v_max=4.8,
+    theta_0=0.33,
+    lag=0.01,
+    acceleration_time=0.06,
+    tick=0.02,
+    dead_band=0.03,
+    compliance=0.11,
+    speed_per_torque=1.7,
+)
+"""A servo that sags by 0.06 rad under the load below."""
+
+PHASE = 2.0 * np.pi * np.arange(40) / 40
+PATH = 0.9 + 0.5 * np.sin(PHASE)
+TOO_FAST = 0.9 + 1.2 * np.sin(3.0 * PHASE)
+
+ROUNDING = 1e-8
+"""The simulation has settled to 1e-9 rad; the slope of the load is below 1 N m/rad."""
+
+
+def pendulum(angles):
+    return -0.6 * np.sin(angles)
+
+
+@pytest.fixture(scope="module")
+def too_fast():
+    """A plan for a path that the joint cannot follow."""
+    return planner.plan(SOFT, TOO_FAST, load=pendulum)
+
+
+@pytest.mark.parametrize("kind", ["attainable", "too fast", "closed form"])
+def test_the_load_is_that_of_the_predicted_angles(kind, too_fast):
+    made = too_fast
+    if kind != "too fast":
+        method = "optimal" if kind == "attainable" else "closed_form"
+        made = planner.plan(SOFT, PATH, load=pendulum, method=method)
+    (inversion,) = made.inversions
+    load = pendulum(made.predicted[:, 0])
+    np.testing.assert_allclose(inversion.load, load, rtol=0.0, atol=ROUNDING)
+    simulated = planner.simulate(SOFT, made.requests[:, 0], load=load)
+    np.testing.assert_allclose(simulated, made.predicted[:, 0], rtol=0.0, atol=ROUNDING)
+
+
+def test_where_the_joint_can_follow_one_more_plan_settles_the_load():
+    calls = []
+    made = planner.plan(SOFT, PATH, load=pendulum, progress=calls.append)
+    under_desired = planner.plan(SOFT, PATH, load=pendulum(PATH))
+    assert len(calls) <= 2
+    assert made.rms[0] <= under_desired.rms[0] + OPTIONS.moved
+
+
+def test_where_it_cannot_the_plan_is_made_for_the_angles_that_it_reaches(too_fast):
+    made = too_fast
+    fixed = planner.plan(SOFT, TOO_FAST, load=made.inversions[0].load)
+    assert made.rms[0] <= 1.01 * fixed.rms[0]  # rounding decides between local minima
+    naive = planner.plan(SOFT, TOO_FAST, load=pendulum(TOO_FAST)).under(
+        made.inversions[0].load[:, np.newaxis]
+    )
+    assert made.rms[0] < naive.rms[0]
+
+
+def test_a_load_of_the_pose_has_no_lower_bound(too_fast):
+    (inversion,) = too_fast.inversions
+    assert inversion.load_of_pose
+    assert inversion.lower_bound == 0.0 < inversion.rms
+    stiff = replace(SOFT, compliance=0.0, speed_per_torque=0.0)
+    (unloaded,) = planner.plan(stiff, TOO_FAST, load=pendulum).inversions
+    assert unloaded.lower_bound > 0.0  # it does not feel the load
+
+
+def test_a_plan_from_rest_settles_too():
+    made = planner.plan(SOFT, PATH, cyclic=False, load=pendulum)
+    load = made.inversions[0].load
+    np.testing.assert_allclose(load, pendulum(made.predicted[:, 0]), rtol=0.0, atol=ROUNDING)
+
+
+def test_whatever_is_asked_for_is_kept_under_a_load_of_the_pose():
+    told = []
+    made = planner.plan(
+        SOFT,
+        PATH,
+        names=["arm"],
+        cyclic=False,
+        start=0.85,
+        limits=(0.2, 1.7),
+        max_step=0.15,
+        smoothness=0.02,
+        norm="max",
+        load=pendulum,
+        progress=told.append,
+    )
+    (arm,) = made.inversions
+    assert made.names == ("arm",)
+    assert set(told) == {"arm"}
+    assert (arm.start, arm.limits, arm.norm) == (0.85, (0.2, 1.7), "max")
+    assert (arm.max_step, arm.smoothness, arm.cyclic) == (0.15, 0.02, False)
+
+
+def test_a_leg_carries_itself():
+    leg = Leg.from_urdf(urdf_path("ers210a.urdf"), base="body", foot="front_left_ball")
+    foot_path = stride(leg).foot
+    model = replace(planner.JointModel.ers210a(), compliance=0.3, speed_per_torque=0.5)
+    joints = planner.plan(model, leg.joint_angles(foot_path), load=leg.load_torques)
+    expected = leg.load_torques(joints.predicted)
+    loads = np.column_stack([each.load for each in joints.inversions])
+    np.testing.assert_allclose(loads, expected, rtol=0.0, atol=ROUNDING)
+    foot = planner.invert_foot(model, leg, foot_path, load=leg.load_torques)
+    expected = leg.load_torques(foot.predicted)
+    np.testing.assert_allclose(np.column_stack(foot.loads), expected, rtol=0.0, atol=ROUNDING)
+    assert foot.lower_bound == 0.0
+
+
+def test_a_load_that_does_not_settle_is_an_error():
+    steep = replace(SOFT, compliance=1.0, speed_per_torque=0.0)
+    with pytest.raises(SolverFailed, match=r"the prediction still moves by .* after 50"):
+        planner.plan(steep, PATH, load=lambda angles: 4.0 * np.cos(8.0 * angles))
+
+
+@pytest.mark.parametrize(
+    ("load", "message"),
+    [
+        (lambda _: np.zeros(7), r"answered \(7,\), expected torques \[N m\] of shape"),
+        (lambda angles: np.full_like(angles, np.nan), "answered torques that are not finite"),
+        (lambda _: "heavy", "expected torques"),
+        (lambda angles: np.full_like(angles, -5.0), "against which the joint cannot move up"),
+    ],
+)
+def test_what_a_load_answers_is_checked(load, message):
+    with pytest.raises(InvalidInput, match=message):
+        planner.plan(SOFT, PATH, load=load)
+
+
+@dataclass(frozen=True)
+class Swinging:
+    """A joint on a fast path: half as much again as its load deviates, to the other side."""
+
+    torques: np.ndarray
+
+    @property
+    def predicted(self):
+        return 1.0 - 1.5 * (self.torques - 0.2)
+
+    def under(self, torques):
+        return Swinging(torques)
+
+
+def test_a_pose_that_swings_too_far_is_settled_by_smaller_moves():
+    desired = np.ones((5, 1))
+    made = settled(Swinging, lambda angles: angles, desired)
+    np.testing.assert_allclose(made.predicted, made.torques, rtol=0.0, atol=ROUNDING)

@@ -1,0 +1,177 @@
+"""The largest change from one request to the next: kept exactly, at little cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidInput
+from planner.gait.half_ellipse import reference_walk
+from planner.model.joint import JointModel
+from planner.planning.foot.invert import invert_foot
+from planner.planning.optimal import invert_optimal
+from planner.planning.plan import plan
+from planner.planning.qp_step import second_difference_matrix
+from planner.planning.tracking_problem import track, within_step
+from tests.instances import REFERENCE_JOINTS, random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+EXACT = 1e-12
+"""By how much a step may exceed the limit: the rounding of one subtraction [relative]."""
+
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+
+
+def steps(requests, *, cyclic):
+    """Sizes of the changes from one request to the next [rad]."""
+    return np.abs(np.diff(requests, axis=0, append=requests[:1] if cyclic else requests[-1:]))
+
+
+def random_instance(seed):
+    """A joint and a path with all that a plan may have, by seed: options of invert_optimal."""
+    rng = np.random.default_rng([31, seed])
+    model = random_model(rng, whole=bool(rng.integers(2)), hold=int(rng.integers(1, 4)))
+    desired = saturating(rng, model, samples=int(rng.integers(20, 60)))
+    cyclic = bool(rng.integers(2))
+    options = {
+        "cyclic": cyclic,
+        "norm": ["rms", "max"][int(rng.integers(2))],
+        "max_step": float(model.v_max * model.period * rng.uniform(0.1, 3.0)),
+        "smoothness": [0.0, 0.005, 0.05][int(rng.integers(3))],
+    }
+    if rng.integers(2):
+        model = JointModel(
+            v_max=model.v_max,
+            theta_0=model.theta_0,
+            lag=model.lag,
+            acceleration_time=model.acceleration_time,
+            tick=model.tick,
+            hold=model.hold,
+            dead_band=float(rng.uniform(0.0, 0.5) * model.theta_0),
+            compliance=0.02,
+        )
+        options["load"] = rng.uniform(-1.0, 1.0, size=len(desired))
+    if rng.integers(2):
+        room = 0.02 + model.dead_band
+        options["limits"] = (desired.min() - room, desired.max() + room)
+    return model, desired, options
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_every_step_is_within_the_limit_whatever_else_is_asked_for(seed):
+    model, desired, options = random_instance(seed)
+    made = invert_optimal(model, desired, **options)
+    limit = options["max_step"]
+    assert np.max(steps(made.requests, cyclic=made.cyclic)) <= limit * (1.0 + EXACT)
+    assert made.largest_step <= limit * (1.0 + EXACT)
+    assert made.max_step == limit
+    if made.limits is not None:
+        assert made.limits[0] <= np.min(made.requests)
+        assert np.max(made.requests) <= made.limits[1]
+    if not made.cyclic:
+        load = 0.0 if made.load is None else made.load[0]
+        holding = made.start - model.sag(load)  # the middle of the requests that hold the joint
+        assert made.requests[0] == pytest.approx(holding, abs=model.dead_band + 1e-12)
+    assert made.error >= made.lower_bound - 1e-9
+    again = invert_optimal(model, desired, **options)
+    np.testing.assert_array_equal(again.requests, made.requests)
+
+
+@CYCLIC
+@pytest.mark.parametrize("degrees", [3.0, 6.0])
+def test_ipopt_finds_nothing_better(degrees, cyclic):
+    joint = REFERENCE_JOINTS[0]
+    options = {"limits": joint.limits, "max_step": np.radians(degrees), "cyclic": cyclic}
+    ours, theirs = (
+        invert_optimal(ERS210A, joint.desired, solver=each, smoothness=0.0, **options)
+        for each in ("gauss-newton", "ipopt")
+    )
+    for made in (ours, theirs):
+        assert made.largest_step <= np.radians(degrees) * (1.0 + EXACT)
+    assert ours.rms <= 1.005 * theirs.rms
+
+
+@pytest.mark.parametrize(("degrees", "cost"), [(5.0, 0.01), (3.0, 0.04)])
+def test_the_reference_walk_bears_small_steps(degrees, cost):
+    for joint in REFERENCE_JOINTS:
+        free, limited = (
+            invert_optimal(
+                ERS210A, joint.desired, limits=joint.limits, smoothness=0.0, max_step=step
+            )
+            for step in (None, np.radians(degrees))
+        )
+        assert limited.rms <= (1.0 + cost) * free.rms
+
+
+def test_a_wide_limit_changes_nothing_much_and_a_narrow_one_leaves_a_constant():
+    joint = REFERENCE_JOINTS[0]
+    free = invert_optimal(ERS210A, joint.desired)
+    wide = invert_optimal(ERS210A, joint.desired, max_step=2.0)
+    assert wide.rms == pytest.approx(free.rms, rel=0.005)
+    narrow = invert_optimal(ERS210A, joint.desired, max_step=1e-6)
+    assert np.ptp(narrow.requests) <= 88e-6
+    assert narrow.rms == pytest.approx(np.std(joint.desired), rel=1e-3)
+
+
+@CYCLIC
+def test_the_foot_keeps_one_limit_or_one_for_each_joint(cyclic):
+    walk = reference_walk()
+    limits = np.radians([4.0, 5.0, 6.0])
+    made = invert_foot(ERS210A, walk.leg, walk.desired_foot, cyclic=cyclic, max_step=limits)
+    assert np.all(steps(made.requests, cyclic=cyclic) <= limits * (1.0 + EXACT))
+    np.testing.assert_array_equal(made.max_step, limits)
+    if cyclic:
+        free = invert_foot(ERS210A, walk.leg, walk.desired_foot)
+        assert made.rms <= 1.02 * free.rms
+
+
+def test_several_joints_have_their_own_limits():
+    walk = reference_walk()
+    limits = np.radians([3.0, 5.0, 20.0])
+    by_joint = {"joint_1": limits[0], "joint_2": limits[1], "joint_3": limits[2]}
+    both = [plan(ERS210A, walk.desired, max_step=each) for each in (limits, by_joint)]
+    for made in both:
+        assert np.all(steps(made.requests, cyclic=True) <= limits * (1.0 + EXACT))
+    np.testing.assert_array_equal(both[0].requests, both[1].requests)
+    with pytest.raises(InvalidInput, match="max_step: no joint 'hip'"):
+        plan(ERS210A, walk.desired, max_step={"hip": 0.1})
+    with pytest.raises(InvalidInput, match="max_step: without effect"):
+        plan(ERS210A, walk.desired, max_step=0.1, method="closed_form")
+
+
+@pytest.mark.parametrize("max_step", [0.0, -0.1, np.nan, "5 deg", [0.1, 0.2]])
+def test_a_limit_that_is_no_angle_is_refused(max_step):
+    with pytest.raises(InvalidInput, match=r"max_step: got .*expected an angle above 0"):
+        invert_optimal(ERS210A, np.zeros(30), max_step=max_step)
+    walk = reference_walk()
+    with pytest.raises(InvalidInput, match=r"max_step: got .*expected an angle above 0"):
+        invert_foot(ERS210A, walk.leg, walk.desired_foot, max_step=max_step)
+
+
+@CYCLIC
+@pytest.mark.parametrize("seed", range(6))
+def test_requests_are_brought_within_the_step_exactly_and_once(seed, cyclic):
+    rng = np.random.default_rng(seed)
+    requests = rng.normal(size=(200, 2)) * 10.0 ** rng.uniform(-2, 2)
+    limits = np.array([10.0 ** rng.uniform(-4, 0), np.inf])
+    first = None if cyclic else requests[0]
+    near = within_step(requests, limits, cyclic=cyclic, first=first)
+    assert np.all(steps(near, cyclic=cyclic) <= limits * (1.0 + EXACT))
+    np.testing.assert_array_equal(near[:, 1], requests[:, 1])
+    assert requests.min() <= near.min()
+    assert near.max() <= requests.max()
+    if first is not None:
+        np.testing.assert_array_equal(near[0], first)
+    again = within_step(near, limits, cyclic=cyclic, first=first)
+    np.testing.assert_allclose(again, near, rtol=0.0, atol=1e-9 * limits[0])
+
+
+@CYCLIC
+def test_second_differences_are_those_of_a_matrix(cyclic):
+    requests = np.random.default_rng(1).normal(size=(12, 2))
+    problem = track(ERS210A, requests[:, 0], cyclic=cyclic, start=None if cyclic else 0.0)
+    matrix = second_difference_matrix(12, cyclic=cyclic)
+    expected = problem.second_differences(requests)
+    np.testing.assert_allclose(matrix @ requests, expected, rtol=0.0, atol=1e-14)
+    assert len(expected) == (12 if cyclic else 11)

@@ -1,0 +1,460 @@
+"""The optimised plan: near its bound, within its limits, and never worse than the closed form."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from planner.approximation.curve import PiecewiseLinear
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.model.sensitivity import sensitivities
+from planner.planning.closed_form import closed_form_requests, invert_closed_form
+from planner.planning.line_inverse import RULES
+from planner.planning.optimal import initial_guess, invert_optimal
+from planner.planning.tracking_problem import track
+from tests.independent import from_rest, next_cycle
+from tests.instances import (
+    REFERENCE_JOINTS,
+    TICK,
+    answered,
+    attainable,
+    random_model,
+    random_model_outside_equation_13,
+    saturating,
+)
+
+ERS210A = JointModel.ers210a()
+
+GAP = 0.005
+"""Most by which a plan may exceed that of a general solver."""
+
+GAP_ON_THE_WALK = 0.002
+"""Most by which a plan may exceed the exact bound on the reference walk."""
+
+ATTAINED = math.radians(0.01)
+"""Largest rms error on what the joint can do [rad]."""
+
+NO_WORSE = 1e-12
+"""Rounding between two simulations of the same requests [rad]."""
+
+TABULATED = 1e-4
+"""Error of an offset of a line from the table [theta_0]."""
+
+SAME_QUALITY = 1e-3
+"""Difference of rms between two searches that take the same steps but for rounding [relative]."""
+
+pytestmark = pytest.mark.filterwarnings("ignore::planner.exceptions.OutsideEquation13")
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_gap_on_the_reference_walk_is_at_most_a_fifth_of_a_percent(joint):
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=0.0)
+    assert math.degrees(plan.rms) <= (1.0 + GAP_ON_THE_WALK) * joint.exact_bound_deg
+    assert math.degrees(plan.rms) >= joint.exact_bound_deg - 1e-3
+    lower, upper = joint.limits
+    assert np.all((plan.requests >= lower) & (plan.requests <= upper))
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_the_largest_error_on_the_reference_walk_comes_within_three_percent_of_its_bound(joint):
+    plan = invert_optimal(ERS210A, joint.desired, limits=joint.limits, norm="max")
+    assert plan.norm == "max"
+    assert 0.0 <= plan.gap <= 0.03
+    assert plan.max_error < invert_optimal(ERS210A, joint.desired, limits=joint.limits).max_error
+
+
+@pytest.mark.parametrize(("samples", "degrees"), [(88, 30.0), (120, 23.0), (60, 23.0), (40, 11.5)])
+def test_where_the_joint_can_follow_the_largest_error_is_that_of_the_mean_square_or_less(
+    samples, degrees
+):
+    desired = math.radians(degrees) * np.sin(2.0 * np.pi * np.arange(samples) / samples)
+    largest = invert_optimal(ERS210A, desired, norm="max").max_error
+    assert largest <= invert_optimal(ERS210A, desired).max_error + 1e-6
+    assert math.degrees(largest) < 0.005
+
+
+@pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("seed", [0, 1, 3, 5])
+def test_no_closed_form_within_the_limits_does_better(seed, cyclic, limited):
+    rng = np.random.default_rng([seed, cyclic, limited])
+    model = (
+        random_model_outside_equation_13(rng)
+        if seed % 4 == 3
+        else random_model(rng, whole=seed % 2 == 0, hold=1 + (seed == 1), offset=seed > 3)
+    )
+    desired = (saturating if seed % 3 else attainable)(rng, model, samples=60)
+    limits = _barely_around(desired - model.offset) if limited else None
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, smoothness=0.0)
+    lower, upper = limits or (-math.inf, math.inf)
+    # Each rule with six lines at one seed and with a number of its own choice at the next.
+    for rule, segments in zip(RULES, (6, None) if seed % 2 else (None, 6), strict=True):
+        other = invert_closed_form(model, desired, cyclic=cyclic, segments=segments, rule=rule)
+        requests = np.clip(other.requests, lower, upper)
+        angles = simulate(model, requests, cyclic=cyclic, start=other.start)
+        closed_form_rms = float(np.sqrt(np.mean((angles - desired) ** 2)))
+        assert plan.rms <= closed_form_rms + NO_WORSE
+
+
+FEW_TICKS = [
+    # samples, v_max and theta_0 [degrees per tick, degrees], lag and acceleration time [ticks]
+    (4, 2.0, 5.0, 12.5, 0.9),
+    (3, 3.2, 2.5, 0.7, 6.3),
+    (5, 1.5, 9.0, 11.0, 3.4),
+    (8, 0.3, 6.0, 7.2, 9.6),
+    (12, 2.4, 1.4, 8.1, 0.2),
+    (12, 0.6, 12.0, 3.3, 13.5),
+]
+
+
+@pytest.mark.parametrize("limited", [False, True], ids=["free", "limited"])
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize(("samples", "v_max", "theta_0", "lag", "acceleration"), FEW_TICKS)
+def test_no_closed_form_does_better_over_fewer_samples_than_the_window_has(
+    samples, v_max, theta_0, lag, acceleration, cyclic, limited
+):
+    model = JointModel(
+        v_max=math.radians(v_max) / TICK,
+        theta_0=math.radians(theta_0),
+        lag=lag * TICK,
+        acceleration_time=acceleration * TICK,
+        tick=TICK,
+    )
+    rng = np.random.default_rng([samples, cyclic])
+    desired = (saturating if samples % 4 else attainable)(rng, model, samples=samples)
+    limits = _barely_around(desired) if limited else None
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, smoothness=0.0)
+    for rule in RULES:
+        other = invert_closed_form(model, desired, cyclic=cyclic, rule=rule)
+        requests = np.clip(other.requests, *(limits or (-math.inf, math.inf)))
+        angles = simulate(model, requests, cyclic=cyclic, start=other.start)
+        assert plan.rms <= math.sqrt(np.mean((angles - desired) ** 2)) + NO_WORSE
+
+
+@pytest.mark.parametrize("seed", [107, 178])
+def test_no_closed_form_does_better_where_a_slow_joint_stays_far_from_the_ideal(seed):
+    rng = np.random.default_rng(seed)
+    model = JointModel(
+        v_max=math.radians(rng.uniform(1.0, 3.0)) / TICK,
+        theta_0=math.radians(rng.uniform(3.0, 8.0)),
+        lag=rng.uniform(5.0, 7.0) * TICK,
+        acceleration_time=rng.uniform(7.0, 9.0) * TICK,
+        tick=TICK,
+    )
+    desired = saturating(rng, model, samples=60)
+    plan = invert_optimal(model, desired)
+    for rule in RULES:
+        assert plan.rms <= invert_closed_form(model, desired, rule=rule).rms + NO_WORSE
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+def test_no_closed_form_does_better_for_a_joint_at_top_speed_throughout(cyclic):
+    # Without closed forms to start from, plans of these cycles are 0.01 to 0.14 % worse than them.
+    model = JointModel(v_max=2.3, theta_0=0.086, lag=0.047, acceleration_time=0.031, tick=TICK)
+    for seed in (4, 5, 7):
+        rng = np.random.default_rng([seed, cyclic])
+        desired = rng.normal(size=17 + 9 * (seed % 3))
+        plan = invert_optimal(model, desired, cyclic=cyclic, smoothness=0.0)
+        for rule in RULES:
+            other = invert_closed_form(model, desired, cyclic=cyclic, rule=rule)
+            assert plan.rms <= other.rms + NO_WORSE
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("seed", range(4))
+def test_limits_are_respected_to_the_last_bit(seed, norm, cyclic):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False, offset=True)
+    desired = saturating(rng, model, samples=40)
+    limits = _barely_around(desired - model.offset)
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=limits, norm=norm)
+    assert plan.limits == limits
+    assert limits[0] <= np.min(plan.requests)
+    assert np.max(plan.requests) <= limits[1]
+
+
+def test_a_first_angle_beyond_the_limit_by_rounding_is_not_sent_beyond_it():
+    desired = 0.5 * np.cos(2.0 * np.pi * np.arange(40) / 40)
+    limits = (-1.0, 0.5 - 5e-10)
+    for cyclic in (True, False):
+        plan = invert_optimal(ERS210A, desired, cyclic=cyclic, limits=limits)
+        assert np.max(plan.requests) <= limits[1]
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_within_tight_limits_no_general_least_squares_does_better(seed, cyclic):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng)
+    desired = saturating(rng, model, samples=40)
+    lower, upper = _barely_around(desired)
+    plan = invert_optimal(model, desired, cyclic=cyclic, limits=(lower, upper))
+    start = None if cyclic else desired[0]
+    movable = slice(0 if cyclic else 1, None)
+
+    def residuals(free):
+        requests = np.append(desired[: movable.start], free)
+        return simulate(model, requests, cyclic=cyclic, start=start) - desired
+
+    def jacobian(free):
+        requests = np.append(desired[: movable.start], free)
+        return sensitivities(model, requests, cyclic=cyclic, start=start)[:, movable]
+
+    inside = np.clip(plan.requests[movable], lower + 1e-9, upper - 1e-9)
+    improved = least_squares(residuals, inside, jac=jacobian, bounds=(lower, upper), max_nfev=30)
+    assert plan.rms <= math.sqrt(2.0 * improved.cost / len(desired)) * (1.0 + GAP)
+
+
+def test_tighter_limits_never_help():
+    rng = np.random.default_rng(10)
+    desired = saturating(rng, ERS210A)
+    low, high = float(desired.min()), float(desired.max())
+    rms = [
+        invert_optimal(ERS210A, desired, limits=(low - room, high + room)).rms
+        for room in (1e-3, 0.3, 1.0)
+    ]
+    assert rms[0] >= rms[1] * (1.0 - 0.01)
+    assert rms[1] >= rms[2] * (1.0 - 0.01)
+    assert rms[0] > rms[2]
+
+
+@pytest.mark.parametrize("hold", [1, 2])
+@pytest.mark.parametrize("seed", range(6))
+def test_what_the_joint_can_do_is_reached_to_a_hundredth_of_a_degree(seed, hold):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=seed % 2 == 0, hold=hold, offset=seed > 2)
+    assert invert_optimal(model, attainable(rng, model)).rms <= ATTAINED
+
+
+@pytest.mark.parametrize(("seed", "samples"), [(1, 25), (20, 20), (35, 30), (44, 20)])
+def test_short_cycles_that_the_joint_can_do_are_reached_to_a_hundredth_of_a_degree(seed, samples):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False)
+    assert invert_optimal(model, attainable(rng, model, samples=samples)).rms <= ATTAINED
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_requests_have_led_to_is_reached_to_a_hundredth_of_a_degree(seed):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=seed % 2 == 0, offset=seed > 2)
+    assert invert_optimal(model, answered(rng, model)).rms <= ATTAINED
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_predicted_angles_are_those_of_the_model_written_out(hold, cyclic):
+    rng = np.random.default_rng(hold)
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=40)
+    plan = invert_optimal(model, desired, cyclic=cyclic)
+    if cyclic:
+        expected = next_cycle(model, plan.requests, plan.predicted[-1])
+    else:
+        expected = from_rest(model, plan.requests, start=float(desired[0]))
+        assert plan.start == desired[0]
+        assert plan.requests[0] == desired[0] - model.offset
+    np.testing.assert_allclose(plan.predicted, expected, rtol=0.0, atol=1e-11)
+    assert plan.rms == pytest.approx(np.sqrt(np.mean((expected - desired) ** 2)), abs=1e-11)
+    assert plan.lower_bound <= plan.rms
+    assert plan.method == "optimal"
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_from_rest_the_first_request_holds_the_joint_at_its_start(norm):
+    model = replace(ERS210A, offset=0.1)
+    desired = saturating(np.random.default_rng(3), model, samples=40)
+    plan = invert_optimal(model, desired, cyclic=False, start=0.4, norm=norm)
+    assert plan.requests[0] == pytest.approx(0.3, abs=1e-15)
+    np.testing.assert_allclose(plan.predicted[:5], 0.4, rtol=0.0, atol=1e-15)  # 4 ticks of lag
+    assert plan.gap >= 0.0
+
+
+@pytest.mark.parametrize("options", [{}, {"norm": "max"}, {"cyclic": False}, {"limits": (-2, 2)}])
+def test_the_same_problem_gets_the_same_plan_bit_for_bit(options):
+    desired = REFERENCE_JOINTS[0].desired
+    first = invert_optimal(ERS210A, desired, **options).requests
+    assert np.array_equal(first, invert_optimal(ERS210A, desired.copy(), **options).requests)
+
+
+def test_many_threads_get_the_plans_that_one_thread_gets():
+    walks = [joint.desired for joint in REFERENCE_JOINTS] * 2
+    alone = [invert_optimal(ERS210A, desired).requests for desired in walks]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda desired: invert_optimal(ERS210A, desired), walks))
+    for requests, plan in zip(alone, together, strict=True):
+        assert np.array_equal(requests, plan.requests)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_shift_and_mirror_of_the_desired_angles_change_nothing_else(seed, cyclic):
+    desired = saturating(np.random.default_rng(seed), ERS210A)
+    rms = invert_optimal(ERS210A, desired, cyclic=cyclic).rms
+    same = pytest.approx(rms, rel=SAME_QUALITY)
+    assert invert_optimal(ERS210A, desired + 2.0, cyclic=cyclic).rms == same
+    assert invert_optimal(ERS210A, -desired, cyclic=cyclic).rms == same
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rotating_the_cycle_changes_nothing_else(seed):
+    desired = saturating(np.random.default_rng(seed), ERS210A)
+    rms = invert_optimal(ERS210A, desired).rms
+    rotated = invert_optimal(ERS210A, np.roll(desired, 31))
+    assert rotated.rms == pytest.approx(rms, rel=SAME_QUALITY)
+
+
+@pytest.mark.parametrize("offset", [-2.0, -0.5, 0.5])
+@pytest.mark.parametrize("scale", [0.1, 1.0])
+def test_an_offset_of_the_joint_comes_off_the_requests_and_changes_nothing_else(scale, offset):
+    desired = scale * REFERENCE_JOINTS[0].desired
+    without = invert_optimal(ERS210A, desired)
+    plan = invert_optimal(replace(ERS210A, offset=offset), desired)
+    assert plan.rms == pytest.approx(without.rms, rel=SAME_QUALITY)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("hold", [1, 3])
+def test_the_search_begins_at_the_closed_form_of_the_ideal_with_a_knot_at_every_sample(
+    hold, cyclic
+):
+    model = random_model(np.random.default_rng(hold), whole=False, hold=hold, offset=True)
+    desired = saturating(np.random.default_rng(7), model, samples=40)
+    start = None if cyclic else float(desired[0])
+    problem = track(model, desired, cyclic=cyclic, start=start)
+    guess = initial_guess(problem)
+    lines = PiecewiseLinear(
+        knots=np.arange(40), values=guess.angles[:, 0], samples=40, tick=model.period, cyclic=cyclic
+    )
+    expected = problem.admissible(closed_form_requests(model, lines, rule="exact")[:, np.newaxis])
+    np.testing.assert_allclose(guess.requests, expected, rtol=0.0, atol=TABULATED * model.theta_0)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("samples", [3, 4, 5])
+def test_a_handful_of_samples_is_enough(samples, cyclic):
+    rng = np.random.default_rng(samples)
+    for hold in (1, 3):
+        model = random_model(rng, whole=False, hold=hold)
+        desired = rng.uniform(-0.3, 0.3, size=samples)
+        plan = invert_optimal(model, desired, cyclic=cyclic, smoothness=0.0)
+        assert plan.lower_bound <= plan.rms + NO_WORSE
+        closed_form = invert_closed_form(model, desired, cyclic=cyclic, rule="exact")
+        assert plan.rms <= closed_form.rms + NO_WORSE
+
+
+@pytest.mark.parametrize("samples", [3, 5, 12, 40])
+def test_steep_cycles_get_a_plan_however_short(samples):
+    rng = np.random.default_rng(samples)
+    for _ in range(4):
+        model = random_model(rng)
+        plan = invert_optimal(model, 3.0 * saturating(rng, model, samples=samples))
+        assert plan.lower_bound <= plan.rms + NO_WORSE
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_two_thousand_samples_are_planned_as_well_as_a_few(cyclic):
+    desired = np.tile(REFERENCE_JOINTS[0].desired, 23)[:2000]
+    assert invert_optimal(ERS210A, desired, cyclic=cyclic, smoothness=0.0).gap <= 0.01
+
+
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_from_rest_the_gap_on_the_reference_walk_is_a_few_percent(joint):
+    plan = invert_optimal(ERS210A, joint.desired, cyclic=False, limits=joint.limits)
+    assert 0.0 <= plan.gap <= 0.035
+
+
+def test_every_kind_of_joint_gets_a_plan_near_its_bound():
+    rng = np.random.default_rng(99)
+    gaps = []
+    for seed in range(12):
+        model = random_model(rng, whole=seed % 2 == 0, hold=1 + seed % 3, offset=True)
+        gaps.append(invert_optimal(model, saturating(rng, model)).gap)
+    assert np.median(gaps) <= 0.02
+    assert min(gaps) >= 0.0
+
+
+def test_a_constant_is_requested_as_it_is():
+    model = replace(ERS210A, offset=0.25)
+    for cyclic in (True, False):
+        plan = invert_optimal(model, np.full(9, 0.75), cyclic=cyclic)
+        assert plan.rms <= 1e-12
+        np.testing.assert_allclose(plan.requests, 0.5, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ((1.0, -1.0), r"^limits: the lower one, 1 rad, is above the upper one, -1 rad; swap"),
+        ((-1.0, 0.3), r"^desired: sample 1 is 0.5 rad, 0.2 rad beyond the angles -1 to 0.3 rad"),
+        ((0.1, 1.0), r"^desired: sample 2 is -0.5 rad, 0.6 rad beyond the angles 0.1 to 1 rad"),
+    ],
+)
+def test_limits_that_exclude_desired_angles_are_infeasible(limits, message):
+    with pytest.raises(Infeasible, match=message):
+        invert_optimal(ERS210A, [0.0, 0.5, -0.5], limits=limits)
+
+
+def test_the_angles_that_limits_allow_are_those_of_the_requests_plus_the_offset():
+    sagging = replace(ERS210A, offset=-0.3)
+    with pytest.raises(Infeasible, match=r"beyond the angles -1.3 to 0.7 rad"):
+        invert_optimal(sagging, [0.0, 0.8, 0.0], limits=(-1.0, 1.0))
+    invert_optimal(sagging, [0.0, -1.2, 0.0], limits=(-1.0, 1.0))
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_negligible_sag_leaves_a_path_that_just_fits_within_its_limits(cyclic):
+    desired = 0.3 * np.cos(2.0 * np.pi * np.arange(40) / 40.0)
+    sagging = replace(ERS210A, offset=-math.radians(0.007))
+    plan = invert_optimal(sagging, desired, cyclic=cyclic, limits=(-0.3, 0.3))
+    assert np.all(np.abs(plan.requests) <= 0.3)
+    with pytest.raises(Infeasible, match=r"beyond the angles -0.302 to 0.298 rad"):
+        invert_optimal(replace(sagging, offset=-2e-3), desired, cyclic=cyclic, limits=(-0.3, 0.3))
+
+
+def test_a_start_that_no_request_within_the_limits_can_hold_is_infeasible():
+    with pytest.raises(Infeasible, match=r"^start: "):
+        invert_optimal(ERS210A, [0.0, 0.5, 0.0], cyclic=False, limits=(-1.0, 1.0), start=1.5)
+
+
+@pytest.mark.parametrize(
+    "limits", [3.0, (1.0,), (1.0, 2.0, 3.0), (math.nan, 1.0), ("a", "b"), "ab"]
+)
+def test_limits_that_are_no_pair_of_numbers_are_refused(limits):
+    with pytest.raises(InvalidInput, match=r"^limits: got .*expected \(lower, upper\)"):
+        invert_optimal(ERS210A, [0.0, 0.5, 0.0], limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("desired", "options", "error", "message"),
+    [
+        ([0.0, 1.0], {}, InvalidTrajectory, "^desired: got 2 samples, expected at least 3"),
+        ([0.0, math.nan, 1.0], {}, InvalidTrajectory, "^desired: 1 of 3 samples"),
+        ([[0.0, 1.0, 2.0]], {}, InvalidTrajectory, "^desired: got shape"),
+        ([0.0, 1.0, 0.0], {"norm": "l2"}, InvalidInput, "^norm: got 'l2'"),
+        ([0.0, 1.0, 0.0], {"start": 0.0}, InvalidInput, "^start: a cycle has none"),
+        ([0.0, 1.0, 0.0], {"cyclic": False, "start": math.nan}, InvalidInput, "^start: got nan"),
+    ],
+)
+def test_bad_input_is_named(desired, options, error, message):
+    with pytest.raises(error, match=message):
+        invert_optimal(ERS210A, desired, **options)
+
+
+def _barely_around(requests):
+    """Limits that leave the desired angles a thousandth of a radian of room."""
+    return float(np.min(requests)) - 1e-3, float(np.max(requests)) + 1e-3
+
+
+@pytest.mark.parametrize("plan", [invert_optimal, invert_closed_form])
+def test_degrees_are_not_planned_as_radians(plan):
+    degrees = 50.0 + 9.0 * np.sin(2.0 * np.pi * np.arange(80) / 80)
+    with pytest.raises(InvalidTrajectory, match=r"desired: got 59 rad, 9\.4 turns, .*at index 20"):
+        plan(ERS210A, degrees)

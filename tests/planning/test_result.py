@@ -1,0 +1,139 @@
+"""A plan judges itself: every figure follows from its requests and the exact model."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.bounds.certify import lower_bound
+from planner.planning.optimal import invert_optimal
+from planner.planning.result import Inversion
+from tests.instances import saturating
+
+ERS210A = JointModel.ers210a()
+
+
+def plan_of(desired, requests, **options):
+    desired, requests = np.array(desired, dtype=float), np.array(requests, dtype=float)
+    return Inversion(
+        model=ERS210A, desired=desired, requests=requests, method="closed_form", **options
+    )
+
+
+def test_errors_are_predicted_minus_desired_in_both_norms():
+    desired = saturating(np.random.default_rng(0), ERS210A)
+    plan = plan_of(desired, np.roll(desired, -7))
+    errors = simulate(ERS210A, np.roll(desired, -7)) - desired
+    np.testing.assert_array_equal(plan.errors, errors)
+    assert plan.rms == pytest.approx(math.sqrt(np.mean(errors**2)), rel=1e-14)
+    assert plan.max_error == np.max(np.abs(errors))
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("start", [None, 0.3])
+def test_the_gap_is_the_error_over_the_bound_in_the_plans_own_norm(norm, start):
+    cyclic = start is None
+    desired = saturating(np.random.default_rng(1), ERS210A)
+    requests = desired.copy()
+    requests[0] = desired[0] if start is None else start
+    plan = plan_of(desired, requests, norm=norm, cyclic=cyclic, start=start)
+    bound = lower_bound(ERS210A, desired, cyclic=cyclic, norm=norm, start=start)
+    assert plan.lower_bound == bound
+    error = plan.rms if norm == "rms" else plan.max_error
+    assert plan.gap == pytest.approx(error / bound - 1.0, rel=1e-12)
+    assert plan.gap >= 0.0
+
+
+@pytest.mark.parametrize(("tolerance", "kept"), [(0.09, False), (0.11, True), (None, True)])
+def test_a_plan_says_whether_it_keeps_its_tolerance(tolerance, kept):
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.3), tolerance=tolerance)
+    assert plan.within_tolerance is kept
+
+
+def test_a_perfect_plan_has_no_gap():
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.2))
+    assert (plan.rms, plan.lower_bound, plan.gap) == (0.0, 0.0, 0.0)
+
+
+def test_a_plan_that_misses_what_has_no_bound_has_an_infinite_gap():
+    plan = plan_of(np.full(9, 0.2), np.full(9, 0.3))
+    assert plan.lower_bound == 0.0
+    assert plan.gap == math.inf
+
+
+def test_the_largest_step_counts_the_boundary_of_a_cycle_only():
+    requests = [0.0, 0.1, 0.3, 0.9]
+    assert plan_of(requests, requests).largest_step == pytest.approx(0.9)
+    assert plan_of(requests, requests, cyclic=False, start=0.0).largest_step == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize(
+    ("requests", "excess"),
+    [([0.0, 1.0, 0.5], 0.0), ([-0.2, 1.1, 0.5], 0.2), ([0.2, 1.3, 0.5], 0.3), ([0.5] * 3, 0.0)],
+)
+def test_the_excess_is_the_distance_beyond_the_desired_range(requests, excess):
+    plan = plan_of([0.0, 1.0, 0.5], requests, cyclic=False, start=0.0)
+    assert plan.excess == pytest.approx(excess)
+
+
+def test_the_start_and_the_boundary_are_those_of_the_plan():
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    plan = plan_of(desired, desired, cyclic=False, start=0.7)
+    expected = simulate(ERS210A, desired, cyclic=False, start=0.7)
+    np.testing.assert_array_equal(plan.predicted, expected)
+
+
+def test_a_plan_cannot_be_changed():
+    plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
+    with pytest.raises(FrozenInstanceError):
+        plan.requests = np.zeros(3)
+    for name in ("predicted", "errors"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(plan, name)[0] = 1.0
+
+
+def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
+    asked = []
+
+    def count(*_arguments, **_options):
+        asked.append(1)
+        return 0.5
+
+    monkeypatch.setattr("planner.planning.result.linear_bound", count)
+    plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
+    assert plan.rms >= 0.0
+    assert not asked
+    assert plan.gap == pytest.approx(plan.rms / 0.5 - 1.0)
+    assert plan.lower_bound == 0.5
+    assert len(asked) == 1
+
+
+def test_what_cycles_have_added_counts_in_the_bound_and_ends_what_the_model_promised():
+    desired = saturating(np.random.default_rng(2), ERS210A)
+    disturbance = 0.1 * np.roll(desired, 5)
+    plan = replace(plan_of(desired, desired), disturbance=disturbance)
+    assert plan.lower_bound == lower_bound(ERS210A, desired - disturbance)
+    tested = ERS210A.with_evidence(Evidence(0.01))
+    assert replace(plan, model=tested, disturbance=None).expected.error > 0.01
+    assert math.isnan(replace(plan, model=tested).expected.error)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda plan: pickle.loads(pickle.dumps(plan))]
+)
+def test_a_copy_of_a_plan_is_read_only_too(copied):
+    plan = invert_optimal(ERS210A, 0.3 * np.sin(np.linspace(0.0, 6.0, 30)), cyclic=False)
+    assert plan.predicted.size
+    again = copied(plan)
+    for name in ("desired", "requests", "predicted"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(plan, name))
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(again, name)[0] = 1.0

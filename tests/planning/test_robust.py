@@ -1,0 +1,314 @@
+"""Plans for several models of one joint."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.exceptions import InvalidInput
+from planner.identification.identify import identify
+from planner.identification.log import Log
+from planner.model.drawn_models import drawn_models
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.optimal import invert_optimal
+from planner.planning.plan import plan
+from planner.planning.robust import models_of_joints
+from tests.instances import REFERENCE_JOINTS
+
+ERS210A = JointModel.ers210a()
+
+SINE = 0.3 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+
+OTHERS = tuple(
+    replace(ERS210A, lag=lag, acceleration_time=acceleration, v_max=speed * ERS210A.v_max)
+    for lag, acceleration, speed in ((0.04, 0.048, 1.0), (0.04, 0.056, 0.9), (0.048, 0.06, 1.0))
+)
+
+MODELS = (ERS210A, *OTHERS)
+
+SLOWER = ERS210A.with_evidence(
+    Evidence(
+        intervals={
+            "v_max": (4.2, ERS210A.v_max),
+            "gain": (-np.inf, np.inf),
+            "lag": (0.029, 0.035),
+            "acceleration_time": (0.04, 0.056),
+        },
+        correlations=tuple(
+            map(tuple, [[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, -0.9], [0, 0, -0.9, 1.0]])
+        ),
+    )
+)
+"""A joint that may be slower than its model, with a gain, v_max / theta_0, that is known."""
+
+
+@pytest.fixture(scope="module")
+def identified():
+    """What a noisy log of the joint tells."""
+    rng = np.random.default_rng(3)
+    requests = np.repeat(rng.uniform(-0.6, 0.6, 12), 25)
+    angles = simulate(ERS210A, requests, cyclic=False, start=float(requests[0]))
+    noisy = angles + rng.normal(scale=0.01, size=len(angles))
+    times = ERS210A.tick * np.arange(len(angles))
+    return identify(Log(times=times, requests=requests, angles=noisy))
+
+
+def errors(models, requests, desired, *, norm="rms", **options):
+    """Errors of the models under requests [rad]."""
+    distances = [np.abs(simulate(each, requests, **options) - desired) for each in models]
+    return np.array([np.sqrt(np.mean(d**2)) if norm == "rms" else np.max(d) for d in distances])
+
+
+@pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_the_mean_and_the_worst_of_several_models_are_better_than_under_a_plan_for_one(
+    norm, cyclic
+):
+    options = {"cyclic": cyclic, "norm": norm}
+    alone = invert_optimal(ERS210A, SINE, **options)
+    start = {} if cyclic else {"start": float(SINE[0])}
+    before = errors(MODELS, alone.requests, SINE, norm=norm, cyclic=cyclic, **start)
+    mean, worst = (
+        invert_optimal(MODELS, SINE, robust=robust, **options) for robust in ("mean", "worst")
+    )
+    for made in (mean, worst):
+        expected = errors(MODELS, made.requests, SINE, norm=norm, cyclic=cyclic, **start)
+        np.testing.assert_allclose(made.errors_of_models, expected, rtol=0.0, atol=1e-12)
+        assert made.error == made.errors_of_models[0]
+        assert made.models == MODELS
+        assert made.error >= made.lower_bound - 1e-9
+    assert np.sum(mean.errors_of_models**2) <= np.sum(before**2)
+    # From rest the largest error is that of the start, which no requests can lessen.
+    assert worst.worst_error <= (0.8 if cyclic else 1.0) * np.max(before)
+    assert worst.worst_error <= 1.01 * mean.worst_error
+    assert (mean.robust, worst.robust) == ("mean", "worst")
+
+
+def test_limits_and_largest_steps_hold_for_several_models_too():
+    joint = REFERENCE_JOINTS[2]
+    made = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
+    assert made.largest_step <= 0.06 * (1.0 + 1e-12)
+    assert joint.limits[0] <= np.min(made.requests)
+    assert np.max(made.requests) <= joint.limits[1]
+    again = invert_optimal(MODELS, joint.desired, limits=joint.limits, max_step=0.06)
+    np.testing.assert_array_equal(again.requests, made.requests)
+
+
+def test_several_models_that_are_one_get_the_plan_of_that_one():
+    alone = invert_optimal(ERS210A, SINE)
+    made = invert_optimal([ERS210A] * 3, SINE)
+    assert made.rms <= alone.rms + 1e-4
+    single = invert_optimal([ERS210A], SINE)
+    np.testing.assert_array_equal(single.requests, alone.requests)
+    assert single.models == ()
+
+
+def test_models_are_drawn_from_an_identification_alike_every_time(identified):
+    models = drawn_models(identified.model)
+    assert models == drawn_models(identified.model)
+    assert len(models) == 9
+    assert models[0] is identified.model
+    for name, interval in identified.intervals.items():
+        values = np.array([getattr(model, name) for model in models])
+        assert np.ptp(values) > 0.0
+        width = interval.upper - interval.lower
+        assert np.all(np.abs(values - values[0]) <= 1.2 * width)  # theta_0 follows from the gain
+    covariance = identified.covariance
+    lag, time = (list(identified.intervals).index(n) for n in ("lag", "acceleration_time"))
+    correlation = covariance[lag, time] / np.sqrt(covariance[lag, lag] * covariance[time, time])
+    order = list(identified.model.evidence.intervals)
+    told = np.array(identified.model.evidence.correlations)
+    lag, time = order.index("lag"), order.index("acceleration_time")
+    assert told[lag, time] == pytest.approx(correlation, abs=1e-4)
+    # The gain is known better than v_max and theta_0 are one by one.
+    gains = [each.v_max / each.theta_0 for each in models]
+    assert np.ptp(gains) <= np.ptp(identified.gain_interval)
+
+
+def test_a_plan_for_an_identification_is_good_for_the_models_that_it_allows(identified):
+    alone, made = (
+        invert_optimal(each, SINE, smoothness=0.0) for each in (identified.model, identified)
+    )
+    fresh = drawn_models(identified.model, pairs=12)[9:]
+    before, after = (errors(fresh, each.requests, SINE) for each in (alone, made))
+    # Either side of the nominal model is as likely, so that there is nothing to win: eight drawn
+    # models stand for all of them up to 1 % of the error.
+    assert np.max(after) <= 1.02 * np.max(before)
+    assert np.sqrt(np.mean(after**2)) <= 1.01 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize(("robust", "share"), [("mean", 0.9), ("worst", 0.7)])
+def test_a_plan_for_a_joint_that_may_be_slower_is_better_for_models_that_it_was_not_made_for(
+    robust, share
+):
+    fast = 0.4 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+    made = invert_optimal(SLOWER, fast, robust=robust)
+    after, before = (getattr(each.over_models, robust) for each in (made, made.nominal))
+    assert after <= share * before
+    fresh = drawn_models(SLOWER, pairs=40)[9:]
+    before, after = (errors(fresh, each.requests, fast) for each in (made.nominal, made))
+    assert np.max(after) <= 0.96 * np.max(before)
+    assert np.sqrt(np.mean(after**2)) <= 0.96 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize("robust", ["mean", "worst"])
+def test_no_robust_plan_is_worse_over_its_models_than_the_plan_for_the_nominal_one(robust):
+    for model, desired in ((SLOWER, SINE), (SLOWER, REFERENCE_JOINTS[2].desired)):
+        made = invert_optimal(model, desired, robust=robust)
+        alone = invert_optimal(model, desired)
+        np.testing.assert_array_equal(made.nominal.requests, alone.requests)
+        assert made.nominal.models == made.models == drawn_models(model)
+        after, before = made.over_models, made.nominal.over_models
+        assert getattr(after, robust) <= getattr(before, robust)
+        assert after == (
+            made.errors_of_models[0],
+            pytest.approx(np.sqrt(np.mean(made.errors_of_models**2))),
+            np.max(made.errors_of_models),
+        )
+
+
+def test_models_are_drawn_as_their_intervals_and_correlations_say():
+    models = drawn_models(SLOWER, pairs=2000)
+    speeds, lags, times = (
+        np.array([getattr(each, name) for each in models])
+        for name in ("v_max", "lag", "acceleration_time")
+    )
+    gains = np.array([each.v_max / each.theta_0 for each in models])
+    for values, (least, most) in ((lags, (0.029, 0.035)), (times, (0.04, 0.056))):
+        assert least <= np.min(values) <= 0.95 * least + 0.05 * most
+        assert most >= np.max(values) >= 0.05 * least + 0.95 * most
+        # Of a normal distribution that is cut off at its 95 %, half lie within 0.642 deviations.
+        half = np.abs(values - values[0]) <= 0.642 / 1.96 * np.where(
+            values > values[0], most - values[0], values[0] - least
+        )
+        assert np.mean(half) == pytest.approx(0.5, abs=0.03)
+    assert np.corrcoef(lags, times)[0, 1] == pytest.approx(-0.9, abs=0.05)
+    assert 4.2 <= np.min(speeds) <= 4.3
+    assert np.max(speeds) == SLOWER.v_max
+    assert np.ptp(gains) <= 1e-12 * gains[0]  # theta_0 follows v_max
+    assert {each.offset for each in models} == {0.0}
+
+
+def open_above(**others):
+    """A joint of which a log tells that it is no slower than 4.2 rad/s, and how it begins."""
+    return ERS210A.with_evidence(Evidence(intervals={"v_max": (4.2, np.inf), **others}))
+
+
+def test_a_top_speed_that_is_open_above_is_drawn_up_to_any_and_keeps_the_gain():
+    models = drawn_models(open_above(gain=(44.0, 45.0)), pairs=2000)
+    speeds = np.array([each.v_max for each in models])
+    faster, slower = speeds[speeds > ERS210A.v_max], speeds[speeds < ERS210A.v_max]
+    assert len(faster) == len(slower) == 2000
+    assert np.min(slower) >= 4.2
+    half = 0.642 / 1.96  # within it lies half of a normal distribution that is cut off at its 95 %
+    assert np.mean(ERS210A.v_max / faster >= 1.0 - half) == pytest.approx(0.5, abs=0.03)
+    assert np.max(faster) > 50.0 * ERS210A.v_max
+    gains = speeds / np.array([each.theta_0 for each in models])
+    assert np.min(gains) >= 44.0
+    assert np.max(gains) <= 45.0
+    # Without a gain theta_0 would stay, and the joint react as fast as it moves: none is drawn.
+    alone = drawn_models(open_above(), pairs=20)
+    assert max(each.v_max for each in alone) == ERS210A.v_max
+
+
+@pytest.mark.parametrize("robust", ["mean", "worst"])
+def test_a_plan_for_an_open_top_speed_bears_joints_that_are_faster_than_the_model(robust):
+    """The desired angles are too fast for the model, and would be overshot by a faster joint."""
+    model = open_above(gain=(44.0, 45.3), lag=(0.031, 0.033))
+    too_fast = 0.55 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+    made = invert_optimal(model, too_fast, robust=robust)
+    others = [
+        replace(model, v_max=factor * model.v_max, theta_0=factor * model.theta_0)
+        for factor in (0.85, 1.3, 2.0, 10.0)
+    ]
+    before, after = (errors(others, each.requests, too_fast) for each in (made.nominal, made))
+    assert np.max(after) <= 0.6 * np.max(before)
+
+
+def test_a_model_without_intervals_gives_no_others():
+    for model in (ERS210A, ERS210A.with_evidence(Evidence(0.01))):
+        with pytest.raises(InvalidInput, match="without intervals of its parameters"):
+            plan(model, SINE, robust="mean")
+    unknown = ERS210A.with_evidence(Evidence(intervals={"v_max": (-np.inf, np.inf)}))
+    with pytest.raises(InvalidInput, match="without intervals of its parameters"):
+        drawn_models(unknown)
+
+
+def test_a_model_file_gives_the_plan_that_its_identification_gave(identified, tmp_path):
+    identified.model.to_toml(tmp_path / "joint.toml")
+    read = JointModel.from_toml(tmp_path / "joint.toml")
+    assert read.evidence == identified.model.evidence
+    assert drawn_models(read) == drawn_models(identified.model)
+    made = plan(read, SINE, robust="mean")
+    np.testing.assert_array_equal(made.requests[:, 0], invert_optimal(identified, SINE).requests)
+
+
+def test_plan_takes_several_models_of_one_joint_or_of_each(identified):
+    one = plan(MODELS, SINE, robust="worst")
+    np.testing.assert_array_equal(
+        one.requests[:, 0], invert_optimal(MODELS, SINE, robust="worst").requests
+    )
+    both = np.column_stack([SINE, 0.5 * SINE])
+    made = plan([MODELS[:2], identified], both)
+    assert [len(each.models) for each in made.inversions] == [2, 9]
+    with pytest.raises(InvalidInput, match="method 'optimal'"):
+        plan([MODELS[:2], ERS210A], both, method="closed_form")
+    with pytest.raises(InvalidInput, match="robust: without effect with method 'closed_form'"):
+        plan(SLOWER, SINE, method="closed_form", robust="mean")
+
+
+def test_every_model_is_judged_under_the_load_that_it_feels():
+    models = [ERS210A, replace(ERS210A, compliance=0.05), replace(ERS210A, compliance=0.1)]
+    for load in (1.0, np.cos(SINE)):
+        made = invert_optimal(models, SINE, load=load)
+        for plan_ in (made, made.nominal):
+            expected = errors(models, plan_.requests, SINE, load=load)
+            np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-12)
+    assert invert_optimal([ERS210A, OTHERS[0]], SINE, load=1.0).load is None  # neither feels it
+
+
+def test_every_model_is_judged_under_the_load_of_the_predicted_pose():
+    models = [ERS210A, replace(ERS210A, compliance=0.05)]
+    (made,) = plan(models, SINE, load=np.cos).inversions
+    for plan_ in (made, made.nominal):
+        load = np.cos(made.predicted)
+        expected = errors(models, plan_.requests, SINE, load=load)
+        np.testing.assert_allclose(plan_.errors_of_models, expected, rtol=0.0, atol=1e-9)
+    # The nominal model feels no load: its bound holds whatever the pose.
+    assert made.load_of_pose
+    assert made.lower_bound == invert_optimal(ERS210A, SINE).lower_bound
+
+
+def test_a_model_in_a_sequence_of_one_is_that_of_the_joint_in_any_case():
+    with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
+        invert_optimal([SLOWER], SINE, robust="mean")
+    both = np.column_stack([SINE, 0.5 * SINE])
+    for models, desired in (([[SLOWER]], SINE), ([[SLOWER], [ERS210A]], both)):
+        with pytest.raises(InvalidInput, match="robust: got 'mean' for a sequence of one model"):
+            plan(models, desired, robust="mean")
+    made = plan([[ERS210A], SLOWER], both, robust="mean")  # without intervals, and with
+    assert [len(each.models) for each in made.inversions] == [0, 9]
+    assert [each.robust for each in made.inversions] == [None, "mean"]
+
+
+def test_models_of_one_joint_are_as_those_of_more():
+    drawn = drawn_models(SLOWER)
+    for count in (1, 2):
+        for models in (SLOWER, [SLOWER] * count, [drawn] * count):
+            assert models_of_joints(models, count, "mean", joints="joints") == [drawn] * count
+        alone = models_of_joints([[SLOWER]] * count, count, joints="joints")
+        assert alone == [(SLOWER,)] * count
+    assert models_of_joints(drawn, 1, "mean", joints="joints") == [drawn]  # several of the joint
+
+
+def test_models_of_different_periods_and_unknown_errors_are_refused():
+    with pytest.raises(InvalidInput, match="one request period"):
+        invert_optimal([ERS210A, replace(ERS210A, hold=2)], SINE)
+    with pytest.raises(InvalidInput, match="expected at least one"):
+        invert_optimal([], SINE)
+    with pytest.raises(InvalidInput, match="robust: got 'best', expected 'mean' or 'worst'"):
+        invert_optimal(ERS210A, SINE, robust="best")

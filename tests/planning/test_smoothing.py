@@ -1,0 +1,261 @@
+"""Smoother requests at nearly the same error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.evaluation.metrics import request_motion
+from planner.exceptions import InvalidInput
+from planner.gait.half_ellipse import reference_walk
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.planning.foot.invert import invert_foot
+from planner.planning.optimal import invert_optimal
+from planner.planning.smoothing import roughness, smoothed
+from planner.planning.tracking_problem import track
+from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-12
+"""Errors of two simulations of the same requests [rad]."""
+
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+
+
+ENCODER_STEP = 2.0 * np.pi / 4096.0
+"""Of an encoder of 12 bits [rad]."""
+
+
+def allowed_error(error, share, noise=ENCODER_STEP):
+    """The error that a joint's smoothing may leave [rad], (12b) of docs/math.md."""
+    shown = (1.0 + share) * np.hypot(error, noise)
+    return np.sqrt(shown**2 - noise**2)
+
+
+def travel(requests):
+    """The way that requests go from one to the next [rad]."""
+    return np.sum(np.abs(np.diff(requests.ravel())))
+
+
+def rough(plan):
+    """The sum of the squared second differences of a plan's requests [rad^2]."""
+    columns = np.asarray(plan.requests).reshape(len(plan.requests), -1)
+    ends = (columns[-1:], columns[:1]) if plan.cyclic else (columns[:1], columns[:0])
+    return float(np.sum(np.diff(np.vstack([ends[0], columns, ends[1]]), n=2, axis=0) ** 2))
+
+
+@CYCLIC
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("joint", REFERENCE_JOINTS, ids=lambda joint: joint.name)
+def test_smoother_requests_cost_the_reference_walk_no_more_than_their_share(joint, norm, cyclic):
+    options = {"limits": joint.limits, "norm": norm, "cyclic": cyclic}
+    rugged = invert_optimal(ERS210A, joint.desired, smoothness=0.0, **options)
+    plan = invert_optimal(ERS210A, joint.desired, **options)
+    assert plan.error <= allowed_error(rugged.error, 0.005) + ROUNDING
+    # Where a plan spends its largest error at a limit of speed, no smoother one may be found.
+    assert rough(plan) <= (0.25 if norm == "rms" or cyclic else 1.0) * rough(rugged)
+    if norm == "rms" and cyclic:
+        assert travel(plan.requests) <= 1.02 * travel(rugged.requests)
+        assert plan.largest_step < np.radians(8.0)
+
+
+@CYCLIC
+def test_random_joints_get_smoother_requests_within_the_share(cyclic):
+    ratios = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        model = random_model(rng, whole=seed % 2 == 0, hold=1 + seed % 3)
+        desired = saturating(rng, model)
+        if seed % 3 == 2:
+            desired = attainable(rng, model) + 0.004 * rng.standard_normal(88)
+        noise = np.radians(rng.uniform(0.2, 1.0)) if seed % 4 == 1 else ENCODER_STEP
+        if seed % 4 == 3:
+            model = replace(model, dead_band=rng.uniform(0.01, 0.12))
+        model = model.with_evidence(Evidence(error=noise))
+        beyond = model.theta_0 / 2.0
+        limits = (desired.min() - beyond, desired.max() + beyond) if seed % 2 else None
+        options = {"limits": limits, "cyclic": cyclic}
+        rugged = invert_optimal(model, desired, smoothness=0.0, **options)
+        plan = invert_optimal(model, desired, smoothness=0.01, **options)
+        allowed = allowed_error(rugged.error, 0.01, noise)
+        unseen = ENCODER_STEP if model.dead_band else 0.0  # requests have a choice within the band
+        assert plan.error <= max(allowed, unseen) + ROUNDING
+        assert rough(plan) <= rough(rugged)
+        ratios.append(rough(plan) / rough(rugged))
+    assert np.median(ratios) < 0.3
+
+
+def test_a_square_is_followed_as_well_by_requests_that_hardly_go_beyond_it():
+    desired = np.radians(20.0) * np.repeat([1.0, -1.0], [63, 62])
+    rugged = invert_optimal(ERS210A, desired, smoothness=0.0)
+    plan = invert_optimal(ERS210A, desired)
+    assert plan.rms <= 1.005 * rugged.rms
+    assert travel(plan.requests) < 0.4 * travel(rugged.requests)
+    assert plan.largest_step < 0.6 * rugged.largest_step
+    assert plan.excess < 0.6 * rugged.excess
+
+
+def test_more_smoothness_never_gives_rougher_requests_and_none_switches_it_off():
+    joint = REFERENCE_JOINTS[1]
+    plans = [
+        invert_optimal(ERS210A, joint.desired, limits=joint.limits, smoothness=share)
+        for share in (0.0, 0.001, 0.01, 0.1)
+    ]
+    sums = [rough(plan) for plan in plans]
+    assert sums == sorted(sums, reverse=True)
+    errors = [plan.rms for plan in plans]
+    assert errors == sorted(errors)
+    problem = track(ERS210A, joint.desired, cyclic=True)
+    assert smoothed(problem, problem.resting, smoothness=0.0) is problem.resting
+
+
+def test_errors_that_an_encoder_hardly_shows_are_not_bought_by_rough_requests():
+    """A triangle that the joint follows but for its corners: requests jump to sharpen these."""
+    desired = np.radians(20.0) * np.abs(2.0 * ((np.arange(88) / 88.0 + 0.1) % 1.0) - 1.0)
+    model = JointModel(v_max=12.0, theta_0=0.3, lag=0.02, acceleration_time=0.02, tick=0.005)
+    exact = invert_optimal(model, desired, smoothness=0.0)
+    plan = invert_optimal(model, desired)
+    assert exact.rms < plan.rms <= allowed_error(exact.rms, 0.005)
+    assert rough(plan) < 0.6 * rough(exact)
+    smooth = invert_optimal(model, desired, smoothness=0.1)
+    assert smooth.rms <= allowed_error(exact.rms, 0.1) < ENCODER_STEP
+    motions = [
+        request_motion(each.requests, desired, period=model.period, cyclic=True)
+        for each in (exact, smooth)
+    ]
+    assert motions[1].reversals_per_s <= 2.0 / 0.44 < 0.2 * motions[0].reversals_per_s
+    assert motions[1].largest_step < 0.4 * motions[0].largest_step
+
+
+def test_a_smooth_path_is_not_flattened_for_smoothness():
+    """Its requests are smooth already: an encoder's step more of error would spare them little."""
+    desired = np.radians(1.0) * np.sin(2.0 * np.pi * np.arange(88) / 88.0)
+    plan = invert_optimal(ERS210A, desired)
+    assert plan.rms < 0.11 * ENCODER_STEP  # what the share allows
+
+
+@CYCLIC
+def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic):
+    joint = REFERENCE_JOINTS[1]
+    plan = invert_optimal(ERS210A, joint.desired, cyclic=cyclic, smoothness=0.0)
+    start = None if cyclic else float(joint.desired[0])
+    problem = track(ERS210A, joint.desired, cyclic=cyclic, start=start)
+    requests = plan.requests[:, np.newaxis]
+    given = problem.exact_error(requests)
+    smoother = smoothed(problem, requests, smoothness=0.1, at_most=1.0001 * given)
+    assert problem.exact_error(smoother) <= 1.0001 * given + ROUNDING
+    assert roughness(problem, smoother) < roughness(problem, requests)
+
+
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize("desired", [0.0, 0.7], ids=["at zero", "elsewhere"])
+def test_what_does_not_change_is_left_alone(desired, norm):
+    problem = track(ERS210A, np.full(20, desired), cyclic=True, norm=norm)
+    smoother = smoothed(problem, problem.resting, smoothness=0.005)
+    np.testing.assert_array_equal(smoother, problem.resting)
+
+
+def test_requests_without_a_cycle_are_left_alone(monkeypatch):
+    monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
+    problem = track(ERS210A, np.zeros(88), cyclic=True)
+    requests = np.repeat([-1e3, 1e3], [43, 45])[:, np.newaxis]
+    assert smoothed(problem, requests, smoothness=0.005) is requests
+
+
+def test_plans_of_ipopt_are_smoothed():
+    joint = REFERENCE_JOINTS[2]
+    options = {"limits": joint.limits, "solver": "ipopt"}
+    rugged, plan = (
+        invert_optimal(ERS210A, joint.desired, smoothness=share, **options)
+        for share in (0.0, 0.005)
+    )
+    assert plan.rms <= 1.005 * rugged.rms
+    assert rough(plan) < 0.25 * rough(rugged)
+
+
+def reversals(plan, column):
+    """How often the requests to a joint turn [1/s]."""
+    requests, period = plan.requests[:, column], plan.models[column].period
+    return request_motion(requests, requests, period=period, cyclic=True).reversals_per_s
+
+
+def expected(plan):
+    """The foot's error with the known ones of the joints [m], through the leg's Jacobians."""
+    known = [
+        model.evidence.error_of(angles, period=model.period, cyclic=True)
+        for model, angles in zip(plan.models, plan.predicted.T, strict=True)
+    ]
+    moved = plan.leg.jacobians(plan.predicted) * np.array(known)
+    return np.sqrt(plan.rms**2 + np.sum(moved**2) / len(moved))
+
+
+def test_a_leg_of_hobby_servos_does_not_chatter_for_errors_that_its_models_miss():
+    """Its foot moves in a plane, so that the abductor may rest."""
+    known = Evidence(0.008, by_acceleration=((0.0, 0.004), (60.0, 0.012)))
+    servo = JointModel(
+        v_max=8.0, theta_0=0.3, lag=0.024, acceleration_time=0.05, tick=0.005, hold=4
+    ).with_evidence(known)
+    leg, phase = reference_walk().leg, 2.0 * np.pi * np.arange(25) / 25
+    swing = np.column_stack([0.4 * np.sin(phase), np.full(25, 0.35), 0.9 + 0.4 * np.abs(phase - 3)])
+    path = leg.foot_positions(swing)
+    exact, plan = (invert_foot(servo, leg, path, smoothness=share) for share in (0.0, None))
+    assert np.ptp(plan.requests[:, 1]) == 0.0 < np.ptp(exact.requests[:, 1])
+    for column in (0, 2):
+        assert reversals(plan, column) <= 8.0 < reversals(exact, column)
+    assert expected(plan) <= expected(exact)
+
+
+def test_a_plan_for_the_foot_is_smoothed_within_the_share_of_the_foots_error():
+    walk = reference_walk()
+    rugged, plan = (
+        invert_foot(ERS210A, walk.leg, walk.desired_foot, smoothness=share)
+        for share in (0.0, 0.005)
+    )
+    assert plan.rms <= 1.005 * rugged.rms
+    assert rough(plan) < 0.1 * rough(rugged)
+    assert plan.largest_step < 0.5 * rugged.largest_step
+
+
+@pytest.mark.parametrize("smoothness", [-0.1, 1e300, np.nan, np.inf, "little"])
+def test_a_smoothness_that_is_no_share_is_refused(smoothness):
+    with pytest.raises(InvalidInput, match=r"smoothness: got .*expected the share"):
+        invert_optimal(ERS210A, np.zeros(30), smoothness=smoothness)
+
+
+def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
+    """A step of 20 degrees, rounded so that the joint can follow it: jumps would gain nothing."""
+    ramp = np.clip((np.arange(88) - 20) / 24.0, 0.0, 1.0) - np.clip((np.arange(88) - 60) / 24, 0, 1)
+    desired = 0.35 * ramp**2 * (3.0 - 2.0 * ramp)
+    known = ERS210A.with_evidence(Evidence(error=np.radians(0.25)))
+    exact, plan = invert_optimal(ERS210A, desired, smoothness=0.0), invert_optimal(known, desired)
+    assert exact.rms < np.radians(0.05)
+    assert plan.rms <= allowed_error(exact.rms, 0.005, noise=np.radians(0.25)) + ROUNDING
+    assert rough(plan) < 0.3 * rough(exact)
+
+
+def test_a_largest_error_far_below_the_dead_band_is_smoothed_without_overflow():
+    model = JointModel(
+        v_max=9.7, theta_0=0.56, lag=0.019, acceleration_time=0.05, hold=4, dead_band=0.02
+    )
+    desired = 1e-4 * np.array([1.0, 2.1, 1.6, -0.6, 1.2, -2.8])
+    plan = invert_optimal(model, desired, norm="max", max_step=1.5e-3)
+    assert plan.max_error <= model.dead_band
+
+
+def test_a_leg_with_friction_in_one_joint_does_not_cross_its_dead_band_for_noise():
+    leg, band = reference_walk().leg, np.radians(2.0)
+    noise = 0.05 * band * np.random.default_rng(0).normal(size=40)
+    angles = np.column_stack([np.full(40, 0.1), np.full(40, 0.35), 1.0 + noise])
+    models = [ERS210A, ERS210A, replace(ERS210A, dead_band=band)]
+    plan = invert_foot(models, leg, leg.foot_positions(angles))
+    assert travel(plan.requests[:, 2]) <= 15.0 * band  # 38 where the noise is followed
+
+
+def test_a_path_that_is_followed_to_rounding_is_planned_for_the_largest_error_too():
+    joint = JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.05, tick=0.02)
+    desired = np.radians(1.0) * np.sin(2.0 * np.pi * np.arange(50) / 50)
+    assert invert_optimal(joint, desired, norm="max").error <= ENCODER_STEP

@@ -1,0 +1,211 @@
+"""Recordings replayed at any speed: the requests, their promise, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner import InvalidInput, JointModel, Log, replay, simulate
+from planner.exceptions import Infeasible
+from planner.model.evidence import Evidence
+from planner.recording.recorded_path import recorded_path
+from planner.recording.replaying import replay_at
+
+SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
+"""A servo that is asked 50 times a second."""
+
+OWN = SERVO.period
+COUNT = 150
+
+
+def asked(size=0.6):
+    """A motion that begins and ends at rest [rad]."""
+    phase = np.linspace(0.0, 2.0 * np.pi, COUNT)
+    return size * (1.0 - np.cos(phase)) / 2.0
+
+
+def recorded(joint="elbow", *, requests=None, times=None, **others):
+    """A log of the servo as its own model answers."""
+    requests = asked() if requests is None else requests
+    angles = simulate(SERVO, requests, cyclic=False)
+    times = OWN * np.arange(len(requests)) if times is None else times
+    return Log(times=times, requests=requests, angles=angles, joint=joint, **others)
+
+
+def rms(errors):
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def test_at_its_own_speed_the_joint_repeats_what_it_did():
+    log = recorded()
+    made = replay(log, SERVO, smoothness=0.0)
+    (joint,) = made.joints
+    assert made.requests.shape == (COUNT, 1)
+    assert joint.desired == pytest.approx(log.angles, abs=1e-12)
+    again = simulate(SERVO, made.requests[:, 0], cyclic=False, start=log.angles[0])
+    assert joint.predicted == pytest.approx(again, abs=1e-12)
+    assert rms(joint.errors["planned"]) < 1e-3 * rms(joint.errors["direct"])
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0, 1.5, 2.0])
+def test_the_plan_is_closest_whatever_the_speed(speed):
+    (joint,) = replay(recorded(), SERVO, speed=speed).joints
+    errors = {kind: rms(each) for kind, each in joint.errors.items()}
+    assert errors["planned"] <= errors["shifted"] <= errors["direct"]
+    assert errors["planned"] >= joint.inversion.lower_bound - 1e-9
+    assert len(joint.requests) == int((COUNT - 1) / speed + 1e-6) + 1
+
+
+def test_twice_as_fast_takes_half_the_time():
+    log = recorded()
+    made = replay(log, SERVO, speed=2.0)
+    assert made.joints[0].desired == pytest.approx(log.angles[::2], abs=1e-12)
+
+
+def test_the_action_is_what_was_asked():
+    log = recorded()
+    (joint,) = replay(log, SERVO, track="action").joints
+    assert joint.desired == pytest.approx(log.requests, abs=1e-12)
+    assert rms(joint.errors["planned"]) < 0.1 * joint.path.recorded_error
+
+
+def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
+    elbow, jaw, tail = recorded("elbow"), recorded("Jaw", unit="1"), recorded("tail")
+    made = replay([elbow, jaw, tail], {"elbow": SERVO, "Jaw": SERVO}, speed=1.5)
+    reasons = {each.name: each.path.reason for each in made.joints}
+    assert reasons == {"elbow": "", "Jaw": "a gripper", "tail": "no model"}
+    moments = OWN * 1.5 * np.arange(len(made.requests))
+    assert made.requests[:, 1] == pytest.approx(np.interp(moments, jaw.times, jaw.requests))
+    assert made.summary()["joints"]["tail"]["reason"] == "no model"
+
+
+def test_a_gripper_is_planned_where_it_is_named_or_alone():
+    logs = [recorded("elbow"), recorded("gripper", unit="1")]
+    named = replay(logs, SERVO, joints=["gripper"])
+    assert [each.name for each in named.planned] == ["gripper"]
+    assert [each.name for each in replay(logs[1], SERVO).planned] == ["gripper"]
+
+
+def test_shares_of_a_range_stay_inside_it():
+    log = recorded("jaw", requests=asked(size=1.0), unit="1")
+    made = replay(log, SERVO, speed=4.0)
+    assert made.requests.min() >= 0.0
+    assert made.requests.max() <= 1.0
+
+
+def test_jitter_and_gaps_are_bridged_on_even_requests():
+    times = OWN * np.arange(COUNT) + np.random.default_rng(1).uniform(0.0, 2e-4, COUNT)
+    times[100:] += 0.5
+    made = replay(recorded(times=times), SERVO)
+    assert made.period == pytest.approx(OWN, rel=1e-3)
+    assert len(made.requests) == pytest.approx(COUNT + 25, abs=1)
+    assert any("gap of 0.5" in remark for remark in made.path.remarks)
+
+
+def test_the_rate_may_be_any_number():
+    made = replay(recorded(), SERVO, rate=49.85)
+    assert made.period == pytest.approx(1.0 / 49.85)
+    assert made.planned[0].inversion.model.hold == SERVO.hold
+
+
+def test_joints_that_begin_later_keep_their_time():
+    first, late = recorded("a"), recorded("b")
+    late = replace(late, times=late.times + 0.1)
+    made = replay([first, late], SERVO)
+    desired = {each.name: each.desired for each in made.joints}
+    assert desired["a"][0] == pytest.approx(np.interp(0.1, first.times, first.angles))
+    assert desired["b"][0] == pytest.approx(late.angles[0])
+
+
+def test_parts_faster_than_the_joint_are_named():
+    (joint,) = replay(recorded(requests=asked(size=3.0)), SERVO, speed=3.0).joints
+    assert joint.too_fast
+    steps = np.abs(np.diff(joint.desired)) / OWN
+    inside = {
+        k for span in joint.too_fast for k in range(round(span.first / OWN), round(span.last / OWN))
+    }
+    assert inside == set(np.flatnonzero(steps > SERVO.v_max).tolist())
+
+
+def test_the_expected_error_holds_that_of_the_model():
+    seen = Evidence(0.01, speed=0.2)
+    (joint,) = replay(recorded(), SERVO.with_evidence(seen)).joints
+    assert joint.expected == pytest.approx(np.hypot(joint.inversion.rms, 0.01))
+    assert joint.untested == ("speed",)
+
+
+def test_a_replay_can_be_sent_to_another_process():
+    made = replay([recorded("elbow"), recorded("gripper")], SERVO)
+    again = pickle.loads(pickle.dumps(made))
+    assert np.array_equal(again.requests, made.requests)
+    assert again.summary() == made.summary()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"speed": 0.0}, "speed: got 0.0, expected a factor above 0"),
+        ({"speed": 1e4}, "1 request remains"),
+        ({"speed": 1e-9}, "requests, expected at most 1000000; choose a shorter part"),
+        ({"rate": 1e-9}, "1e-09 requests a second 1 request remains"),
+        ({"rate": 1e9}, "requests, expected at most 1000000; choose a shorter part"),
+        ({"track": "both"}, "expected 'state' or 'action'"),
+        ({"begin": 9.0}, "begin: got 9.0 s, expected a moment of the recording, 0 to 2.98 s"),
+        ({"begin": 2.0, "end": 1.0}, "expected an end after the begin"),
+        ({"joints": ["elbov"]}, "no joint 'elbov' (did you mean 'elbow'?)"),
+        ({"rate": -1.0}, "expected more than 0 requests a second"),
+        ({"limits": {"knee": (0.0, 1.0)}}, "no joint 'knee'"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused(arguments, message):
+    with pytest.raises(InvalidInput) as refusal:
+        replay(recorded(), SERVO, **arguments)
+    assert message in str(refusal.value)
+
+
+def test_two_logs_of_one_joint_are_two_recordings():
+    with pytest.raises(InvalidInput, match="2 logs of joint 'elbow'"):
+        replay([recorded(), recorded()], SERVO)
+
+
+def test_models_of_other_joints_are_refused():
+    with pytest.raises(InvalidInput, match="the joints of the recording are elbow"):
+        replay(recorded(), {"knee": SERVO})
+
+
+def test_limits_that_exclude_the_path_are_refused():
+    with pytest.raises(Infeasible):
+        replay(recorded(), SERVO, limits=(-0.1, 0.1))
+
+
+def test_under_a_load_of_the_pose_no_plan_made_before_is_kept():
+    loaded = replace(SERVO, compliance=0.05)
+    path = recorded_path([recorded("elbow"), recorded("wrist")], loaded)
+    moments = path.moments(1.0)
+    before = replay_at(path, moments)
+    known = {"elbow": before.joints[0].inversion}
+    assert replay_at(path, moments, known=known).joints[0].inversion is known["elbow"]
+    made, anew = (
+        replay_at(path, moments, load=lambda angles: np.cos(angles[:, ::-1]), known=each)
+        for each in (known, None)
+    )
+    assert np.array_equal(made.requests, anew.requests)
+    assert not np.allclose(made.requests, before.requests)
+
+
+def test_steps_by_joint_may_name_joints_that_are_not_planned():
+    path = recorded_path([recorded("elbow"), recorded("wrist")], SERVO)
+    steps = {"elbow": 0.03, "wrist": 0.02}
+    known = {"elbow": replay_at(path, path.moments(1.0)).joints[0].inversion}
+    made = replay_at(path, path.moments(1.0), known=known, max_step=steps)
+    assert made.joints[0].inversion is known["elbow"]
+    assert made.joints[1].inversion.largest_step <= 0.02 * (1.0 + 1e-12)
+
+
+def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
+    for count in range(20, 150):
+        path = recorded_path([recorded(requests=asked()[:count])], SERVO)
+        assert len(path.moments(1.0)) == count
