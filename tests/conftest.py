@@ -10,6 +10,7 @@ import os
 import pickle
 import shutil
 from collections import Counter, defaultdict
+from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -25,6 +26,12 @@ from tests.snapshots import Snapshot
 
 settings.register_profile("suite", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("suite")
+# Hypothesis also draws numbers that it reads in the imported modules of a project, and offers no
+# setting against it: examples would differ with the files that are tested in one process.
+with suppress(ImportError):  # versions without such numbers
+    from hypothesis.internal.conjecture import providers
+
+    providers.is_local_module_file = lambda _: False
 
 
 SLOWEST = (

@@ -37,8 +37,8 @@ MOST_CYCLES = 200
 DIFFERENCE = 1e-7
 """Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
 
-SETTLING_CYCLES = 8
-"""Cycles that a joint with inertia goes through before it is moved in the direction it drifts."""
+CLOSER = 0.01
+"""How much closer, beside the speeds, bisection brings the angles at a cycle's ends."""
 
 SINGULAR = 1e-6
 """Share of its largest singular value below which one of the matrix of these counts as 0."""
@@ -147,10 +147,12 @@ def motion_under(
 
 
 def _ends(model: JointModel, requests: Array, load: Array) -> tuple[float, float]:
-    """Angles between which some steady cycle begins [rad], where the joint has no inertia."""
-    beyond = max(model.v_max_per_tick - model.theta_0, 0.0)
-    if beyond:  # the joint overshoots a request by as much as their difference
-        beyond *= float(np.max(np.abs(model.speed_limits(load)))) / model.v_max
+    """Angles between which some steady cycle begins [rad]; with inertia, one of any speed."""
+    law, top = model.law, float(np.max(np.abs(model.speed_limits(load)))) * model.tick
+    # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
+    beyond = max(model.v_max_per_tick - model.theta_0, 0.0) * top / model.v_max_per_tick
+    if model.has_inertia:
+        beyond += 2.0 * top / law.share + top**2 / law.acceleration
     low, high = (
         float(end(requests) + model.offset + model.compliance * end(load))
         for end in (np.min, np.max)
@@ -278,20 +280,25 @@ def _steady_motion(
 ) -> None:
     """Run the cycle of a joint with inertia that repeats itself, from rest near an angle.
 
-    Newton's method on angle and speed, between two corners of the law exact; where a step of it
-    does not halve how far the ends of a cycle are apart, the next cycle begins where the last one
-    ended. A joint that saturates drifts in one direction from cycle to cycle: now and then a cycle
-    begins half way to the farthest angle in that direction. With a dead band the cycles that repeat
-    themselves are not isolated: the step is the shortest one.
+    Newton's method on angle and speed, between two corners of the law exact. Where a step of it
+    does not halve how far the ends of a cycle are apart, bisection finds the angle at which a cycle
+    of a given speed closes, and that speed is the mean of those tried and where they led (Mann's
+    iteration). With a dead band the cycles that repeat themselves are not isolated: the step is the
+    shortest one.
+
+    Args:
+        run: Last angle [rad] and speed [rad/tick] of a cycle, given those before it.
+        ends: Angles between which a cycle of any speed that the joint reaches closes [rad].
+        rest: Angle near which the ends of the cycle are sought [rad].
 
     Raises:
-        NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES`.
+        NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES` steps.
     """
-    low, high = ends
-    largest = max(1.0, abs(low), abs(high))
+    largest = max(1.0, *np.abs(ends))
     start = np.array([rest, 0.0])
     end = np.array(run(rest, 0.0))
-    for cycle in range(1, MOST_CYCLES):
+    bisected = 0
+    for _ in range(MOST_CYCLES):
         apart = end - start
         mismatch = float(np.max(np.abs(apart)))
         if mismatch <= CYCLE_TOLERANCE * largest:
@@ -303,13 +310,36 @@ def _steady_motion(
         trial = start + np.linalg.lstsq(closing, apart, rcond=SINGULAR)[0]
         reached = np.array(run(*trial.tolist()))
         if not np.max(np.abs(reached - trial)) < mismatch / 2.0:
-            trial = end.copy()
-            if cycle % SETTLING_CYCLES == 0:
-                low, high = (start[0], high) if apart[0] > 0.0 else (low, start[0])
-                trial[0] = (low + high) / 2.0
+            bisected += 1
+            speed = float(start[1] + 2.0 / (1.0 + bisected) * apart[1])
+            close = max(CYCLE_TOLERANCE * largest, CLOSER * abs(float(apart[1])))
+            trial = np.array([_closing_angle(run, speed, float(start[0]), ends, close), speed])
             reached = np.array(run(*trial.tolist()))
         start, end = trial, reached
     raise NoSteadyCycle(mismatch, MOST_CYCLES)
+
+
+def _closing_angle(
+    run: Callable[[float, float], tuple[float, float]],
+    speed: float,
+    near: float,
+    ends: tuple[float, float],
+    close: float,
+) -> float:
+    """Angle at which a cycle that starts with a speed closes, to ``close`` [rad], by bisection.
+
+    Of several, the one nearest to ``near`` in the direction in which a cycle from there moves.
+    """
+    angle, sign = near, 0.0
+    for _ in range(MOST_CYCLES):
+        ahead = run(angle, speed)[0] - angle
+        if not sign:
+            sign, far = (1.0, ends[1]) if ahead > 0.0 else (-1.0, ends[0])
+        near, far = (angle, far) if sign * ahead > close else (near, angle)
+        if abs(far - near) <= close:
+            break
+        angle = (near + far) / 2.0
+    return angle
 
 
 def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
