@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from planner import JointModel
-from planner.gait import shortest_cycle
 from planner.files.paths import read_foot_path
+from planner.gait import shortest_cycle
 from planner.model.evidence import Evidence
 
 TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
