@@ -81,9 +81,11 @@ ADVICE = {
 ARGUMENTS = {
     "amplitudes": "--amplitude-deg",
     "base": "--base",
+    "begin": "--start",
     "centre": "--centre-deg",
     "cycles": "--cycles",
     "duration": "--duration-s",
+    "end": "--end",
     "ends": "--start-deg, --end-deg",
     "exact": "--exact",
     "foot": "--foot",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
@@ -59,6 +59,8 @@ class RetimingOptions:
         most_change: Largest change of a factor in a round.
         margin: Share of the tolerance that rounds aim at, so that the last of them keeps it.
         highest: A varying factor is at most this multiple of the constant one.
+        begins: Moments at most at which a recording that begins in motion is tried to begin.
+        beginning: What follows within this time [s] is looked at first.
     """
 
     resolution: float = 0.01
@@ -75,6 +77,8 @@ class RetimingOptions:
     most_change: float = 1.25
     margin: float = 0.97
     highest: float = 6.0
+    begins: int = 100
+    beginning: float = 2.0
 
 
 OPTIONS = RetimingOptions()
@@ -319,8 +323,8 @@ def fastest_at(
 ) -> Fastest:
     """The fastest replay of a path; see :func:`fastest`."""
     search = _Search(path, measure, progress, options)
+    contradicted = search.contradicted()
     constant = search.largest_factor()
-    contradicted = search.contradicted(constant.speed)
     impossible = None if contradicted else search.first_impossible(constant.speed)
     made = constant if retime == "constant" else search.varying(constant)
     return Fastest(
@@ -390,15 +394,37 @@ class _Search:
             low, found = (low, lower) if lower else (middle, found)
         return found
 
-    def contradicted(self, speed: float) -> tuple[str, ...]:
+    def contradicted(self) -> tuple[str, ...]:
         """Joints that did at the recorded speed what no requests do by their models.
 
-        Args:
-            speed: The largest factor found: a recording that can be repeated contradicts nothing.
+        Raises:
+            Infeasible: They do it where the replay begins at a later row.
         """
-        if not self.bounded or self.path.track != "state" or speed >= 1.0:
+        if not self.bounded or self.path.track != "state" or self.keeps(1.0):
             return ()
-        return tuple(joint for joint, ratio in self.bounds(1.0) if ratio > 1.0)
+        first = self.path.first
+        late = tuple(name for name, ratio in self.bounds(1.0, first) if ratio > 1.0)
+        if late and (later := self.first_at_rest()) is not None:
+            raise Infeasible(
+                f"begin: got {first:.4g} s, where the recording is in motion: from rest no "
+                f"requests keep {', '.join(late)} within the tolerance at its own speed, though "
+                f"the robot did; expected a moment without such motion, as {later:.4g} s"
+            )
+        return late
+
+    def first_at_rest(self) -> float | None:
+        """The first moment from which requests may keep the tolerance at the recorded speed [s].
+
+        None where there is none in the first half of the recording.
+        """
+        path = self.path
+        step = max(path.period, path.duration / (2.0 * OPTIONS.begins))
+        step = path.period * math.ceil(step / path.period - 1e-6)
+        for moment in np.arange(path.first + step, path.first + path.duration / 2.0, step):
+            parts = (min(moment + OPTIONS.beginning, path.last), path.last)
+            if all(ratio <= 1.0 for last in parts for _, ratio in self.bounds(1.0, moment, last)):
+                return float(moment)
+        return None
 
     def curve(self, speed: float, impossible: Impossible | None) -> tuple[SpeedErrors, ...]:
         """Errors from well below the factor found to beyond the one that is impossible."""
@@ -419,7 +445,7 @@ class _Search:
             )
             bound = math.nan
             if self.bounded:
-                bound = max(ratio for _, ratio in self.bounds(factor))
+                bound = max(ratio for _, ratio in self.bounds(factor, self.path.first))
             found.append(SpeedErrors(factor, direct, shifted, planned, bound))
         return tuple(found)
 
@@ -499,17 +525,25 @@ class _Search:
     def refuted(self, speed: float) -> Impossible | None:
         """The proof that a factor is too high, where there is one."""
         self.progress(f"the lower bound at {speed:.3g} times the speed")
-        for joint, ratio in self.bounds(speed):
+        for joint, ratio in self.bounds(speed, self.path.first):
             if ratio > 1.0:
                 return Impossible(speed, joint, ratio, joint in self.path.open_top_speeds)
         return None
 
-    def bounds(self, speed: float) -> Iterator[tuple[str, float]]:
+    def bounds(
+        self, speed: float, first: float, last: float = math.inf
+    ) -> Iterator[tuple[str, float]]:
         """Each planned joint's lower bound on its largest error over what is allowed.
 
         Those whose top speed is known come first: theirs hold for the joints, not for models only.
+
+        Args:
+            speed: The factor.
+            first: Where the replay begins, from rest [s of the recording].
+            last: Where it ends at the latest [s of the recording].
         """
-        moments, unknown = self.path.moments(speed), self.path.open_top_speeds
+        part = replace(self.path, first=first, last=min(last, self.path.last))
+        moments, unknown = part.moments(speed), self.path.open_top_speeds
         for path in sorted(self.path.planned, key=lambda each: each.name in unknown):
             assert path.model is not None, "planned joints have models"
             desired = path.at(moments, path.followed)

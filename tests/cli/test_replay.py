@@ -492,6 +492,25 @@ def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
     assert page.count(f"The lower bound holds for the model only of elbow: {words}.") == said
 
 
+def test_a_recording_that_begins_in_motion_is_answered_with_where_to_begin_it(run, demo, model):
+    names, *rows = demo.read_text().splitlines()
+    table = np.loadtxt(rows, delimiter=",")
+    table[:5, 2] += 30.0 * np.array([1.0, 0.8, 0.6, 0.4, 0.2])  # the arm had been elsewhere
+    np.savetxt(demo, table, delimiter=",", header=names, comments="", fmt="%.9g")
+    ask = ("replay", demo, "--model", model, "-o", "out.csv", "--fastest", "--tolerance-deg", 2)
+    refused = run(*ask)
+    assert refused.exit_code == 2
+    assert (
+        "--start: got 0 s, where the recording is in motion: from rest no requests keep elbow"
+        in (refused.stderr)
+    )
+    begin = refused.stderr.split("expected a moment without such motion, as ")[1].split(" s")[0]
+    assert 0.1 <= float(begin) < 0.3
+    answered = run(*ask, "--start", begin)
+    assert answered.exit_code == 0, answered.stderr
+    assert "the recording contradicts" not in answered.stderr
+
+
 def test_steps_of_requests_are_limited_in_the_unit_of_the_joint(run, demo, model):
     result = run(
         *("replay", demo, "--model", model, "--joint", "elbow", "--joint", "jaw"),

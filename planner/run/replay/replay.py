@@ -247,13 +247,15 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
 
 
 def refuted_joints(replay: Replay) -> list[str]:
-    """The joints that moved faster in the recording than their models can."""
-    return [
-        each.name
-        for each in replay.planned
-        if each.path.model is not None
-        and measured_speed(each.path.log) > FASTER * max(np.abs(each.path.model.speed_limits(0.0)))
-    ]
+    """The joints that moved faster in the replayed part of the recording than their models can."""
+    names = []
+    for each in replay.planned:
+        assert each.path.model is not None, "planned joints have models"
+        inside = (each.path.times >= replay.path.first) & (each.path.times <= replay.path.last)
+        part = replace(each.path.log, torque_on=each.path.log.torque_on & inside)
+        if measured_speed(part) > FASTER * max(np.abs(each.path.model.speed_limits(0.0))):
+            names.append(each.name)
+    return names
 
 
 def known(value: float) -> float | None:
