@@ -182,7 +182,8 @@ def compare_joint(
         kept = kept_within(plan, limits)
         if kept is not None:
             others[METHODS[method]] = math.hypot(kept.error, known)
-    shown = 0.0 if optimal.error <= ENCODER_STEP else math.hypot(optimal.error, _known(optimal))
+    rests = optimal.model.dead_band > 0.0 and optimal.error <= ENCODER_STEP
+    shown = 0.0 if rests else math.hypot(optimal.error, _known(optimal))
     checks += no_worse_checks(name, METHODS["optimal"], shown, others, NO_WORSE)
     errors = {METHODS[method]: plan.error for method, plan in plans.items()}
     checks += bound_checks(name, bounds, errors)

@@ -221,6 +221,20 @@ def test_requests_sent_at_another_time_make_the_optimised_plan_the_worse():
     }
 
 
+@pytest.mark.parametrize(("dead_band", "fails"), [(0.0, True), (0.02, False)])
+def test_an_error_below_an_encoders_step_counts_as_none_within_a_dead_band_only(dead_band, fails):
+    joint, desired = replace(JOINT, dead_band=dead_band), 0.02 * np.sin(PHASE)
+    closed = {
+        f"closed_form_{rule}": invert_closed_form(joint, desired, rule=rule)
+        for rule in ("paper", "exact")
+    }
+    plan = invert_optimal(joint, desired)
+    late = replace(plan, requests=np.roll(plan.requests, 1))
+    assert plan.error < 0.5 * late.error < 0.7e-3, "far worse, but below the 1.5e-3 of an encoder"
+    broken = _broken(compare_joint("hip", {**closed, "optimal": late}, levels=LEVELS[:1]))
+    assert ((OPTIMAL, f"no worse than {EXACT}") in broken) == fails
+
+
 KNOWN = {
     "one error": Evidence(0.02),
     "by acceleration": Evidence(0.006, by_acceleration=((0.0, 0.001), (10.0, 0.006), (40.0, 0.05))),
