@@ -109,6 +109,29 @@ def test_a_row_with_one_unknown_request_is_not_sent_and_one_held_joint_counts():
     assert (report.sent, report.held) == (2, 2)
 
 
+class Slow(TwoJoints):
+    """A stream whose ticks take a time on the robot's clock."""
+
+    def __init__(self, robot, seconds):
+        self.robot, self.seconds, self.status = robot, seconds, ()
+
+    def step(self, desired, measured=None, *, missed=0):  # noqa: ARG002
+        self.robot.time += self.seconds
+        return np.zeros(2)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_stream_that_cannot_keep_its_period_is_warned_of_once_and_another_is_not():
+    robot = Following()
+    robot.stream = Slow(robot, 1.5 * TICK)
+    with pytest.warns(UserWarning, match=r"planning a tick takes .* ms here, and the") as told:
+        report = robot.follow(np.zeros((60, 2)))
+    assert len(told) == 1
+    assert report.skipped > 10
+    robot.stream = Slow(robot, 0.9 * TICK)
+    assert robot.follow(np.zeros((60, 2))).skipped == 0
+
+
 def test_ctrl_c_and_errors_end_it_as_they_end_the_player():
     robot, reports = Following(), []
     robot.fail_at, robot.failure = 5, KeyboardInterrupt()

@@ -5,59 +5,16 @@ a run, a run's response to second order with rounded corners, and a run along a 
 derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``, and these
 two files are all that changes with it. Units: radians and ticks.
 
-Compiled code is cached beside this file, or in the user's cache folder; it is compiled once after
-installation and whenever this file changes. Import this module where it is used, inside functions:
-Numba takes a third of a second.
+Import this module where it is used, inside functions: Numba takes a quarter of a second.
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
-
-import numba
 import numpy as np
-from numba.core import event
 
+from planner.compilation import compiled
 from planner.model.joint import Law
 from planner.trajectory import Array, Indices
-
-COMPILING = "request-planner: compiling the joint model, once after installation ..."
-
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-class _Announcement(event.Listener):
-    """Tells a person at a terminal, once a process, that compilation takes a moment."""
-
-    def __init__(self) -> None:
-        self._announced = False
-
-    def on_start(self, event: Any) -> None:
-        own = event.data["dispatcher"].py_func.__module__ == __name__
-        if own and not self._announced:
-            self._announced = True
-            if sys.stderr is not None and sys.stderr.isatty():
-                print(COMPILING, file=sys.stderr, flush=True)
-
-    def on_end(self, event: Any) -> None:
-        pass
-
-
-event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]
-
-
-def compiled(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, compiled at its first call; cached where a folder can be written to."""
-    options: Any = {"error_model": "numpy"}
-    try:
-        made: Callable[P, T] = numba.njit(function, cache=True, **options)
-    except RuntimeError:  # no folder for a cache
-        made = numba.njit(function, **options)
-    return made
 
 
 @compiled
@@ -102,6 +59,47 @@ def moved(law: Law, called: float, speed: float) -> float:
 
 
 @compiled
+def run_period(
+    law: Law,
+    weights: Array,
+    history: Array,
+    first: int,
+    sag: float,
+    faster: float,
+    angle: float,
+    speed: float,
+    skipped: int,
+) -> tuple[float, float]:
+    """One request period.
+
+    Args:
+        law: The joint.
+        weights: Weight of each request at each tick of the period, youngest first, (hold, width).
+        history: Requests, oldest first [rad].
+        first: Number of the oldest one that acts.
+        sag: Angle at rest less request [rad].
+        faster: How much faster the joint is in the positive direction [rad/tick].
+        angle: Angle before the period [rad].
+        speed: Speed in the tick before it [rad/tick].
+        skipped: Ticks that are left out.
+
+    Returns:
+        Angle [rad] and speed [rad/tick] after it.
+    """
+    hold, width = weights.shape
+    youngest = first + width - 1
+    for tick in range(skipped, hold):
+        called = 0.0
+        for j in range(width):
+            weight = weights[tick, j]
+            if weight != 0.0:
+                called += weight * drive(law, history[youngest - j] + sag - angle, faster)[0]
+        speed = moved(law, called, speed)
+        angle += speed
+    return angle, speed
+
+
+@compiled
 def run(
     law: Law,
     weights: Array,
@@ -132,17 +130,11 @@ def run(
     Returns:
         The last angle [rad] and the last speed [rad/tick].
     """
-    hold, width = weights.shape
     for k in range(len(angles)):
-        for tick in range(skipped if k == 0 else 0, hold):
-            called = 0.0
-            for j in range(width):
-                weight = weights[tick, j]
-                if weight != 0.0:
-                    error = history[k + width - 1 - j] + sags[k] - angle
-                    called += weight * drive(law, error, faster[k])[0]
-            speed = moved(law, called, speed)
-            angle += speed
+        left_out = skipped if k == 0 else 0
+        angle, speed = run_period(
+            law, weights, history, k, sags[k], faster[k], angle, speed, left_out
+        )
         angles[k], speeds[k] = angle, speed
     return angle, speed
 
@@ -250,7 +242,7 @@ def period(
             speed and each request before it, (2, 2 + width).
         bends: Filled with the second derivatives of both by each request's distance from the
             angle, (2, width); where requests are held for several ticks, or several saturate
-            together, an estimate.
+            together, an estimate. Left out where it is (2, 0).
 
     Returns:
         Angle [rad] and speed [rad/tick] after it.
@@ -259,23 +251,20 @@ def period(
     slopes[:] = 0.0
     bends[:] = 0.0
     slopes[0, 0] = slopes[1, 1] = 1.0
-    own, bent = np.empty(width), np.empty(width)
+    low, high = faster - law.top, faster + law.top
+    values, own, bent = np.empty(width), np.empty(width), np.empty(width)
     for tick in range(hold):
+        for j in range(width):  # a loop without sums, which processors do several turns of at once
+            value, slope, bend = rounded_clip(
+                law.gain * (window[j] + sag - angle), low, high, rounded
+            )
+            values[j] = weights[tick, j] * value
+            own[j] = weights[tick, j] * law.gain * slope
+            bent[j] = weights[tick, j] * law.gain * law.gain * bend
         called, total = 0.0, 0.0
         for j in range(width):
-            weight = weights[tick, j]
-            own[j] = bent[j] = 0.0
-            if weight != 0.0:
-                value, slope, bend = rounded_clip(
-                    law.gain * (window[j] + sag - angle),
-                    faster - law.top,
-                    faster + law.top,
-                    rounded,
-                )
-                called += weight * value
-                own[j] = weight * law.gain * slope
-                bent[j] = weight * law.gain * law.gain * bend
-                total += own[j]
+            called += values[j]
+            total += own[j]
         speed, by_called, by_speed, bend = rounded_moved(law, called, speed, rounded)
         angle += speed
         by_angle = -by_called * total
@@ -283,6 +272,7 @@ def period(
             slopes[1, c] = by_speed * slopes[1, c] + by_angle * slopes[0, c]
         for j in range(width):
             slopes[1, 2 + j] += by_called * own[j]
+        for j in range(bends.shape[1]):
             bends[1, j] = by_speed * bends[1, j] + by_angle * bends[0, j]
             bends[1, j] += by_called * bent[j] + bend * own[j] * total
             bends[0, j] += bends[1, j]
@@ -363,55 +353,6 @@ def respond(
             for j in range(width):
                 by_request[first + j, k, speed_at] = unit * slopes[1, 2 + j]
                 bending[first + j, k, speed_at] = unit * bends[1, j]
-
-
-@compiled
-def linearise(
-    law: Law,
-    weights: Array,
-    history: Array,
-    sags: Array,
-    faster: Array,
-    radii: Array,
-    angle: float,
-    speed: float,
-    angles: Array,
-    slopes: Array,
-) -> None:
-    """Run a joint through request periods, with their derivatives, whose corners are rounded.
-
-    Args:
-        law: Of :func:`run`.
-        weights: Of the same.
-        history: Of the same.
-        sags: Of the same.
-        faster: Of the same.
-        radii: Radius of the corners in each period [rad], (n,).
-        angle: Of :func:`run`.
-        speed: Of the same.
-        angles: Filled with the exact angle after each period [rad], (n,).
-        slopes: Filled with the derivatives of angle and speed after each period by angle, speed
-            and each request before it, youngest first, (n, 2, 2 + width).
-    """
-    width = weights.shape[1]
-    bends, window, speeds = np.empty((2, width)), np.empty(width), np.empty(1)
-    for k in range(len(angles)):
-        for j in range(width):
-            window[j] = history[k + width - 1 - j]
-        rounded = (law.gain * radii[k]) ** 2
-        period(law, weights, window, sags[k], faster[k], rounded, angle, speed, slopes[k], bends)
-        angle, speed = run(
-            law,
-            weights,
-            history[k : k + width],
-            sags[k : k + 1],
-            faster[k : k + 1],
-            angle,
-            speed,
-            0,
-            angles[k : k + 1],
-            speeds,
-        )
 
 
 @compiled

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
+from statistics import median
 from typing import Any, Protocol
 
 import numpy.typing as npt
@@ -16,6 +18,9 @@ from planner.validation import shown
 
 Desired = Callable[[int], "npt.ArrayLike | None"]
 """The next stretch of the desired path at a tick [rad], shape (m, k), or None at the end."""
+
+JUDGED = 10
+"""Ticks after which it is known whether the stream keeps its period."""
 
 
 class Planning(Protocol):
@@ -69,6 +74,9 @@ def follow(
         What was sent, and how late, the planning included; also where Ctrl-C was the end. Any other
         error passes through after ``on_stop`` and ``report``.
 
+    Warns:
+        UserWarning: Once, after ten ticks: planning alone takes longer than a period.
+
     Raises:
         InvalidInput: Before anything is sent: something that cannot be called, or is no stream.
         InvalidTrajectory: A path that is not a finite array of that shape.
@@ -87,13 +95,19 @@ def follow(
         raise InvalidInput(f"stream: got {shown(stream)}, expected a planner.Stream")
     check_period(stream.period)
     at = desired if callable(desired) else _stretches(as_rows(desired, name="desired"))
+    times: list[float] = []
 
     def answer(tick: int, missed: int) -> Answer | None:
         stretch = at(tick)
         if stretch is None:
             return None
         measured = None if measure is None else measure()
+        begun = now()
         requests = stream.step(stretch, measured, missed=missed)
+        if len(times) < JUDGED:
+            times.append(now() - begun)
+            if len(times) == JUDGED:
+                _check_times(median(times), stream.period)
         return Answer(requests, "held" in stream.status)
 
     player = Player(send, now, sleep, stream.period)
@@ -103,3 +117,15 @@ def follow(
 def _stretches(rows: Array) -> Desired:
     """What is left of a path at each tick."""
     return lambda tick: rows[tick:] if tick < len(rows) else None
+
+
+def _check_times(used: float, period: float) -> None:
+    """Warn where a tick, which took so long [s], does not fit into a period [s]."""
+    if used >= period:
+        warnings.warn(
+            f"stream: planning a tick takes {1e3 * used:.3g} ms here, and the period is "
+            f"{1e3 * period:g} ms: requests are late, and ticks are skipped; expected a longer "
+            "period, a shorter preview, or no cycle",
+            UserWarning,
+            stacklevel=2,
+        )

@@ -1,10 +1,8 @@
-"""The compiled law: without friction and inertia the paper's, its derivatives, its announcement."""
+"""The compiled law: without friction and inertia the paper's, and its derivatives."""
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -107,14 +105,3 @@ def test_the_derivative_by_the_acceleration_limit_is_a_slope():
         slopes[:, 10], (ahead - behind)[1:] / (2.0 * step), rtol=0.0, atol=1e-4
     )
     assert np.max(np.abs(slopes[:, 10])) > 1.0
-
-
-@pytest.mark.parametrize("terminal", [True, False])
-def test_compilation_is_announced_once_and_to_a_terminal_only(terminal, monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr(stream, "isatty", lambda: terminal, raising=False)
-    monkeypatch.setattr("sys.stderr", stream)
-    listener = kernel._Announcement()
-    for function in (kernel.run, kernel.follow):
-        listener.on_start(SimpleNamespace(data={"dispatcher": function}))
-    assert stream.getvalue() == (kernel.COMPILING + "\n" if terminal else "")

@@ -1,16 +1,6 @@
 """Requests while the robot moves: a receding horizon on the exact model.
 
-At every tick the next stretch of the desired path is known, and so are the requests that were
-already sent and still act. The plan of the tick before, shifted by one request, is improved by
-damped Gauss-Newton steps of the optimised inversion, on the model with rounded corners; the exact
-models, run, judge steps of several lengths, so a plan never becomes worse by a step. Then the first
-request of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
-iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J. Control Optim. 43,
-2005).
-
-Corners are rounded more the later a sample is: as time passes, each sample goes through what the
-offline search goes through in stages, from wide corners to sharp ones.
-
+A stream checks what it is given and keeps what it has sent; what it does at a tick is ``tick``.
 What a joint at top speed should do now depends on the next half second of its path. Where the path
 repeats, what follows the known stretch is taken from the cycle before (``repeating_path``).
 """
@@ -20,117 +10,54 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
-from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, angle_text
+from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.model.sensitivity import request_ages_of_all
 from planner.planning.arguments import checked_limits, range_of_each, steps_of_each
 from planner.planning.closed_form import switching_time
-from planner.planning.streaming.arguments import (
-    StepArguments,
-    StepInput,
-    checked_cycle,
-    checked_preview,
-    models_by_name,
-    warn_of_short_preview,
-)
-from planner.planning.streaming.repeating_path import RepeatingPath
-from planner.planning.streaming.riccati_step import Plans, Runs, Terms
-from planner.trajectory import TURN, Array, Indices, Mask
-from planner.validation import is_one_of, shown
+from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
+from planner.validation import as_reals, as_whole, is_one_of, shown
 
 OnBad = Literal["hold", "raise"]
 
 Status = Literal["planned", "unreachable", "held"]
 
+NEAR, FAR = 0.02, 0.5
+"""Radius of the corners at the first and the last sample [theta_0]."""
 
-@dataclass(frozen=True, kw_only=True)
-class StreamOptions:
-    """What steers the search and the observer.
+SMOOTHING = 1e-3
+"""Weight of the squared changes of the requests, relative to that of the errors."""
 
-    Attributes:
-        near, far: Radius of the corners at the first and the last sample [theta_0].
-        steps: Gauss-Newton steps of a joint at a tick, at most. With one, errors on recordings of
-            an SO-101 are up to four times as large.
-        first_steps: The same at the first tick, from requests that hold the desired angles.
-        lengths: Shares of a step that are tried [-].
-        smoothing: Weight of the squared changes of the requests, relative to that of the errors.
-        crossing: What is added to it for each theta_0 of dead band: requests jump by two dead bands
-            to turn back. With a fifth of it they travel ten times as far along a held angle with
-            noise.
-        resting: Weight of the squared distances from the requests that hold the desired angles: it
-            brings saturated requests back.
-        exceeding: Weight of the squares by which planned changes exceed ``max_step``; what is sent
-            keeps it exactly.
-        damping: Least and largest weight of the Levenberg-Marquardt term, relative to the errors.
-        factor: By this the weight falls after a full step, and grows where no step is better.
-        observer_time: Time constant with which the predicted angle approaches the measured one [s].
-            On servos that are not the model a shorter one lowers the error, but at 0.02 the
-            requests begin to oscillate.
-        believed: Top speeds of the model at which a measured angle may have moved since the last
-            one that counts ...
-        noise: ... and how far beyond it may be [rad]. Half and twice change nothing where encoders
-            are sound; a jump below it moves the requests by less than its size.
-        most_missed: Missed ticks that are simulated; after more of them the requests before are
-            taken to have been the last one.
-        worth: Share of a joint's cost by which a step must lower it for another step to follow.
-            Along walks it takes 1.2 steps a tick. With half of it they are 1.3 and the errors the
-            same, with twice of it 1.15, and the errors are up to a third further from the least.
-        horizon: Time ahead that is planned where the path repeats [s]. Over the benchmark's walks
-            errors are 1.4 % above those of whole plans, with half of it 4.1 %, with twice of it
-            2.2 %, and over those whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too.
-        varies: Share of a cycle by which the last one may have been shorter or longer [-]. Over
-            walks whose speed changes errors are 6.0 % above those of whole plans, with half of it
-            9.1 %, with twice of it 5.9 %.
-    """
+CROSSING = 0.03
+"""What is added to it for each theta_0 of dead band: requests jump by two dead bands to turn back.
+With a fifth of it they travel ten times as far along a held angle with noise."""
 
-    near: float = 0.02
-    far: float = 0.5
-    steps: int = 2
-    first_steps: int = 12
-    lengths: tuple[float, ...] = (1.0, 0.4, 0.15)
-    smoothing: float = 1e-3
-    crossing: float = 0.03
-    resting: float = 1e-7
-    exceeding: float = 10.0
-    damping: tuple[float, float] = (3e-4, 1.0)
-    factor: float = 3.0
-    observer_time: float = 0.07
-    believed: float = 2.0
-    noise: float = 0.1
-    most_missed: int = 1000
-    worth: float = 0.2
-    horizon: float = 0.5
-    varies: float = 0.25
+OBSERVER_TIME = 0.07
+"""Time constant with which the predicted angle approaches the measured one [s]. On servos that are
+not the model a shorter one lowers the error, but at 0.02 the requests begin to oscillate."""
 
+HORIZON = 0.5
+"""Time ahead that is planned where the path repeats [s]. Over the benchmark's walks errors are
+1.4 % above those of whole plans, with half of it 4.1 %, with twice of it 2.2 %, and over those
+whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too."""
 
-OPTIONS = StreamOptions()
+STATUS: tuple[Status, ...] = ("planned", "held", "held", "unreachable", "planned")
+"""What is said of a joint with each of the faults of a tick."""
 
+FORGOTTEN = 10 * 1000
+"""Missed ticks after which nothing that was known before matters."""
 
-LEAST_COST = 1e-12
-"""Cost below which nothing is left to gain [rad^2]."""
+MOST_PREVIEW = 1000
+"""Longest preview [rows]: the time of a tick grows with it."""
 
-
-_STATE = (
-    "_angles",
-    "_speeds",
-    "_sent",
-    "_read",
-    "_believed",
-    "_unread",
-    "_plan",
-    "_damping",
-    "_status",
-    "_problem",
-)
-"""What of a stream changes from tick to tick."""
+SAME_PERIOD = 1e-3
+"""Relative difference of two periods that are one: logs of one robot differ by so much."""
 
 
 class Stream:
@@ -213,52 +140,56 @@ class Stream:
         for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
         self._step = steps_of_each(max_step, joints, joints="joints")
-        limited = self._lower, self._upper
-        self._arguments = StepArguments(self.names, self.models, self.preview, limited)
+        self._feels_load = any(model.feels_load for model in self.models)
         self._lay_out()
+        self.reset()
+        self._plan(0)  # loads, or compiles, what a tick calls: the first one takes no longer
         self.reset()
 
     def _lay_out(self) -> None:
-        """Allocate and compute what every tick uses."""
-        models, joints, preview = self.models, len(self.models), self.preview
+        """Allocate, and compute what every tick uses."""
+        from planner.planning.streaming import tick
+        from planner.planning.streaming.repeating_path import repeating_path
+
+        models, count, preview = self.models, len(self.models), self.preview
         ages = request_ages_of_all(models)
-        self._repeating, rows = None, preview
-        ahead = round(OPTIONS.horizon / self.period) - preview
-        if self.cycle is not None and ahead > 0:
-            self._repeating = RepeatingPath(
-                joints, preview, self.cycle, varies=OPTIONS.varies, ahead=ahead
-            )
-            rows += self._repeating.ahead
-        # What happens before the first request acts is decided; beyond the last row the path stops.
-        self._waiting = np.minimum(np.arange(1, ages.youngest), preview - 1)
-        n = self._samples = max(rows - ages.youngest, ages.width)
-        self._rows = np.minimum(np.arange(ages.youngest, ages.youngest + n), rows - 1)
-        self._loaded = np.minimum(self._rows, preview - 1)
-        self._sent = np.zeros((joints, ages.oldest))  # the last one at the end
-        self._acting = slice(0, ages.width)  # those that act until now
-        self._runs = Runs(models, ages)
-        radii = tuple(np.geomspace(OPTIONS.near, OPTIONS.far, n).tolist())
-        terms = Terms(OPTIONS.exceeding, OPTIONS.resting, radii)
-        self._plans = Plans(models, ages, terms, trials=len(OPTIONS.lengths) + 1)
-        self._joints = np.arange(joints)
-        self._least, self._most = self._lower[:, np.newaxis], self._upper[:, np.newaxis]
+        ahead = 0 if self.cycle is None else round(HORIZON / self.period) - preview
+        self._path = repeating_path(count, preview, self.cycle or 2, ahead=ahead)
+        samples = max(preview + self._path.ahead - ages.youngest, ages.width)
+        weights = np.zeros((count, max(model.hold for model in models), ages.width))
+        for j, model in enumerate(models):
+            first = request_ages(model).youngest - ages.youngest
+            own = weights_by_tick(model)
+            weights[j, : model.hold, first : first + own.shape[1]] = own
 
-        def each(name: str) -> Array:
-            return np.array([[getattr(model, name)] for model in models], dtype=np.float64)
-
-        self._band = each("dead_band")
-        smoothing = OPTIONS.smoothing + OPTIONS.crossing * self._band / each("theta_0")
-        settings = smoothing, self._step[:, np.newaxis], self._least, self._most
-        self._plans.settings[:] = np.concatenate(settings, axis=1)
-        self._fastest = each("v_max_per_period")
-        self._per_slope = each("theta_0") / self._fastest
-        self._observer = 1.0 - math.exp(-self.period / OPTIONS.observer_time)
-        # Where on the horizon each request takes effect on average, for the inverses of lines.
-        effect = [[switching_time(model) / self.period - ages.youngest] for model in models]
-        at = np.clip(np.array(effect) + np.arange(n), 0.0, max(n - 1.0, 0.0))
-        self._at = self._joints[:, np.newaxis], np.clip(at.astype(np.intp), 0, max(n - 2, 0))
-        self._share = at - self._at[1]
+        joints = np.zeros(count, dtype=tick.JOINT)
+        for name in ("offset", "compliance", "theta_0", "dead_band", "hold"):
+            joints[name] = [getattr(model, name) for model in models]
+        for j, model in enumerate(models):
+            for name, number in zip(model.law._fields, model.law, strict=True):
+                joints[name][j] = number
+        ticks = np.array([model.tick for model in models])
+        joints["faster"] = ticks * [model.v_offset for model in models]
+        joints["faster_by_load"] = ticks * [model.speed_per_torque for model in models]
+        joints["v_max"] = [model.v_max_per_tick for model in models]
+        joints["travel"] = [model.v_max_per_period for model in models]
+        joints["lower"], joints["upper"], joints["max_step"] = self._lower, self._upper, self._step
+        joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
+        effects = np.array([switching_time(model) for model in models]) / self.period
+        joints["effect"] = effects - ages.youngest
+        joints["observer"] = 1.0 - math.exp(-self.period / OBSERVER_TIME)
+        self._data = tick.Data(
+            joints=joints,
+            states=np.zeros(count, dtype=tick.STATE),
+            weights=weights,
+            radii=np.geomspace(NEAR, FAR, samples),
+            sent=np.zeros((count, ages.oldest)),
+            plan=np.zeros((count, samples)),
+            desired=np.zeros((preview, count)),
+            load=np.zeros((preview, count)),
+        )
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
+        self._status, self._problem = self._all_planned, ""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle: what it was made from and what it has learnt, not compiled buffers."""
@@ -270,28 +201,27 @@ class Stream:
             "on_bad": "raise" if self._raises else "hold",
         }
         known = dict(zip(self.names, self.models, strict=True))
-        state = {name: getattr(self, name) for name in _STATE}
-        state["memory"] = () if self._repeating is None else self._repeating.memory
-        return _made_again, (known, options), state
+        return _made_again, (known, options), (self._memory(), self._status, self._problem)
 
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
         """Take a copy of another stream's state."""
-        self.__dict__.update(deepcopy({name: state[name] for name in _STATE}))
-        if self._repeating is not None:
-            for mine, others in zip(self._repeating.memory, state["memory"], strict=True):
-                mine[:] = others
+        memory, self._status, self._problem = state
+        for mine, others in zip(self._memory(), memory, strict=True):
+            mine[:] = others
+
+    def _memory(self) -> tuple[Any, ...]:
+        """What of a stream changes from tick to tick."""
+        return self._data.states, self._data.sent, self._data.plan, *self._path[:4]
 
     def reset(self) -> None:
         """Forget everything: the next step is a first one, with the joints at rest."""
-        self._angles: Array | None = None  # at the last tick
-        self._speeds = np.zeros(len(self.models))  # in the tick before it [rad/tick]
-        if self._repeating is not None:
-            self._repeating.reset()
-        nothing = np.full(len(self.models), math.nan)
-        self._read, self._believed = nothing, nothing.copy()  # last measured; those that counted
-        self._unread = np.zeros(len(self.models))  # ticks since then
-        self._plan = np.zeros((len(self.models), self._samples))
-        self._damping = np.full(len(self.models), OPTIONS.damping[0])
+        states, path = self._data.states, self._path
+        for array in (states["angle"], states["read"], states["believed"], *path[:3]):
+            array[:] = math.nan
+        states["unread"] = 0.0
+        states["damping"] = 3e-4  # the least of ``tick``
+        self._data.plan[:] = 0.0
+        path.errors[:] = 0.0
         self._status = self._all_planned
         self._problem = ""
 
@@ -320,7 +250,7 @@ class Stream:
 
         NaN before the first tick.
         """
-        return np.full(len(self.models), math.nan) if self._angles is None else self._angles.copy()
+        return np.array(self._data.states["angle"])
 
     def step(
         self,
@@ -355,189 +285,192 @@ class Stream:
             InvalidInput, Infeasible: With ``on_bad="raise"``: what cannot be
                 used, or a desired angle is beyond what the limits allow.
         """
-        given = self._arguments.checked(desired, measured, load, missed, near=self._angles)
-        bad, sags = given.bad, given.sags
-        if self._raises and given.error:
-            raise given.error
-        self._problem = str(given.error or "")
-        begins = self._angles is None
-        angles = given.rows[:, 0] if self._angles is None else self._angles
-        start = np.where(np.isnan(given.measured), angles, given.measured) if begins else angles
-        if begins and not np.isfinite(start).all():
-            self._set_status(np.ones_like(bad), bad)
-            requests = np.full(len(self.models), math.nan)
-            requests.setflags(write=False)
-            return requests
-        rows = np.where(bad[:, np.newaxis], start[:, np.newaxis], given.rows)
-        if begins:
-            held = _clipped(start - sags[:, 0], self._lower, self._upper)
-            self._angles, self._sent[:] = start, held[:, np.newaxis]
-            self._read, self._believed = given.measured.copy(), given.measured.copy()
-            self._speeds[:] = 0.0
-        else:
-            self._elapse(given)
-        goal = self._goal(rows, bad, 1 + given.missed)
-        sag = sags[:, self._loaded]
-        plan = self._planned(goal, sag, given.torques, begins=begins)
-        last = self._sent[:, -1].copy()
-        requests = np.where(bad | begins, last, self._within(plan[:, 0], last))
-        plan[:, 0] = requests
-        self._plan = plan
-        self._record(requests)
-        self._set_status(bad, given.beyond)
+        problems = self._take(desired, measured, load)
+        periods = as_whole(missed)
+        if periods is None or periods < 0:
+            problems.append(f"missed: got {shown(missed)}, expected a number of ticks")
+            periods = 0
+        if self._raises and problems:
+            raise InvalidInput(problems[0])
+        planned = self._plan(periods)
+        states = self._data.states
+        faults: list[int] = states["fault"].tolist()
+        found = self._error(faults) if any(faults) else None
+        if self._raises and found and not planned:
+            raise found
+        self._problem = problems[0] if problems else str(found or "")
+        self._status = self._all_planned
+        if found or not planned:
+            self._status = tuple(STATUS[fault] if planned else "held" for fault in faults)
+        requests = np.array(states["request"])
         requests.setflags(write=False)
         return requests
 
-    def _elapse(self, given: StepInput) -> None:
-        """Move on by the periods since the last step, and correct the angles by measured ones."""
-        angles = self._angles
-        assert angles is not None, "a first step has nothing to move on from"
-        if given.missed > OPTIONS.most_missed:
-            self._sent[:] = self._sent[:, -1:]
-        for period in range(min(given.missed, OPTIONS.most_missed) + 1):
-            if period:
-                self._record(self._sent[:, -1].copy())
-            acting, torques = self._sent[:, self._acting], given.torques[:, :1]
-            angles = self._runs.run(angles, self._speeds, acting, torques)[:, 0]
-            self._plan[:, :-1] = self._plan[:, 1:]
-        error, fastest = self._measured(given, angles) - angles, self._fastest[:, 0]
-        error[np.isnan(error)] = 0.0
-        self._angles = angles + _clipped(self._observer * error, -fastest, fastest)
+    def _plan(self, missed: int) -> bool:
+        """Whether the tick has planned what is asked; it has not where something is wrong."""
+        from planner.planning.streaming.tick import tick
 
-    def _measured(self, given: StepInput, predicted: Array) -> Array:
-        """The measured angles on the turn of the predicted ones, NaN where no joint can be [rad].
+        periods = min(missed, FORGOTTEN)
+        return tick(self._data, self._path, periods, self._raises)
 
-        A jump counts once a second angle in a row is there: something has moved the joint.
-        """
-        measured = given.measured - TURN * np.round((given.measured - predicted) / TURN)
-        elapsed = 1 + min(given.missed, OPTIONS.most_missed)
-        self._unread += elapsed
-        reach = OPTIONS.believed * self._fastest[:, 0]
-        off = np.abs(measured - self._believed)
-        jumped = off > reach * self._unread + OPTIONS.noise
-        jumped &= ~(np.abs(measured - self._read) <= reach * elapsed + OPTIONS.noise)
-        self._read = measured
-        if jumped.any():
-            k = int(np.argmax(jumped))
-            self._problem = self._problem or (
-                f"measured: {self.names[k]} is {angle_text(float(off[k]))} from where it was "
-                f"{1e3 * self.period * self._unread[k]:.3g} ms before, which no joint can be: "
-                "taken as missing"
+    def _take(self, desired: Any, measured: Any, load: Any) -> list[str]:
+        """Lay the arguments of a step out for the tick; return what is wrong with them."""
+        asked, states, problems = self._data, self._data.states, list[str]()
+        preview, joints = asked.desired.shape
+        if not _fill(asked.desired, desired):
+            problems.append(
+                f"desired: got {shown(desired)}, expected angles [rad] of shape "
+                f"({preview}, {joints})"
             )
-            measured = np.where(jumped, math.nan, measured)
-        counts = ~np.isnan(measured)
-        self._believed = np.where(counts, measured, self._believed)
-        self._unread[counts] = 0.0
-        return measured
+        asked.load[:] = 0.0
+        if load is not None and self._feels_load and not _fill(asked.load, load, constant=True):
+            problems.append(f"load: got {shown(load)}, expected torques [N m], {joints} or rows")
+        states["measured"] = math.nan
+        if measured is not None:
+            try:
+                states["measured"] = as_reals(measured)
+            except (TypeError, ValueError, OverflowError):
+                problems.append(
+                    f"measured: got {shown(measured)}, expected {joints} angles [rad], or NaN"
+                )
+        here = np.where(np.isnan(states["angle"]), states["measured"], states["angle"])
+        here[np.isnan(here)] = 0.0
+        away = asked.desired - here
+        if (np.abs(away) > MOST_TURNS * TURN).any():
+            problems += self._not_radians(away, here)
+        return problems
 
-    def _goal(self, rows: Array, bad: Mask, periods: int) -> Array:
-        """Desired angles at the samples [rad], (k, samples), those of the cycle before weighted."""
-        if self._repeating is not None:
-            self._repeating.move_on(periods)
-            follow, weights = self._repeating.continued(rows, bad)
-            rows = np.concatenate([rows, follow], axis=1)
-            self._plans.weights[:, self._rows >= self.preview] = weights
-        return rows[:, self._rows]
+    def _not_radians(self, away: Array, here: Array) -> list[str]:
+        """Leave out the desired angles that are degrees, and say so."""
+        rows, problems = self._data.desired, []
+        for j, name in enumerate(self.names):
+            if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(away[:, j]):
+                k = int(np.argmax(np.abs(away[:, j])))
+                problems.append(
+                    f"desired: {name} {turns_words(rows[k, j])}, where it is at {here[j]:.3g} rad; "
+                    "if these are degrees, convert them with numpy.radians"
+                )
+                rows[:, j] = math.nan
+        return problems
 
-    def _planned(self, goal: Array, sag: Array, torques: Array, *, begins: bool) -> Array:
-        """The plan for this tick, shape (k, samples)."""
-        plans, start = self._plans, self._angles
-        assert start is not None, "a step begins with an angle"
-        plans.speeds[:] = self._speeds
-        if len(self._waiting):
-            waiting = torques[:, self._waiting]
-            start = self._runs.run(start, plans.speeds, self._sent[:, 1:], waiting)[:, -1]
-        plans.starts[:] = start
-        plans.loads[:] = torques[:, self._loaded]
-        plans.goal[:], plans.resting[:] = goal, goal - sag
-        plans.damping[:, 1] = begins
-        past = self._sent[:, -plans.past :]
-        plans.plan[:, : plans.past], plans.trials[:, :, : plans.past] = past, past[:, np.newaxis]
-        if begins:
-            plan = self._admissible(plans.resting)
-            plan[:, 0] = self._sent[:, -1]
-        else:
-            plan = self._plan
-            plan[:, -1] += goal[:, -1] - goal[:, -2] if goal.shape[1] > 1 else 0.0
-            plan = self._admissible(plan)
-        lines = self._admissible(self._line_inverses(goal, sag))
-        if begins:
-            lines[:, 0] = plan[:, 0]
-        searched = self._joints
-        for _ in range(OPTIONS.first_steps if begins else OPTIONS.steps):
-            gains = self._improve(plan, lines, searched)
-            if not begins:
-                searched = searched[gains >= OPTIONS.worth]
-        return plan
+    def _error(self, faults: Sequence[int]) -> InvalidInput:
+        """What is wrong with a joint's arguments; a desired angle comes before a measured one."""
+        from planner.planning.streaming import tick
 
-    def _improve(self, plan: Array, lines: Array, searched: Indices) -> Array:
-        """Put the best of plan, shares of its Gauss-Newton step and inverted lines in its place.
-
-        For the joints that are searched. Returns by which share their costs have fallen.
-        """
-        plans = self._plans
-        plans.plan[:, plans.past :], plans.damping[:, 0] = plan, self._damping
-        plans.step(searched)
-        trials = plans.trials[:, :, plans.past :]
-        trials[:, 0] = lines
-        for number, share in enumerate(OPTIONS.lengths, 1):
-            trials[:, number] = plan - share * plans.steps
-        np.maximum(trials, self._least[:, np.newaxis], out=trials)
-        np.minimum(trials, self._most[:, np.newaxis], out=trials)
-        plans.judge(searched)
-        costs = plans.costs[searched]
-        best = costs.argmin(axis=1)
-        better = best > 0
-        plan[searched[better]] = trials[searched[better], best[better] - 1]
-        grown = np.where(best == 0, OPTIONS.factor, np.where(best == 2, 1.0 / OPTIONS.factor, 1.0))
-        self._damping[searched] = _clipped(self._damping[searched] * grown, *OPTIONS.damping)
-        return np.asarray(1.0 - costs.min(axis=1) / np.maximum(costs[:, 0], LEAST_COST))
-
-    def _line_inverses(self, goal: Array, sag: Array) -> Array:
-        """Each sample's line inverted: angle and slope when a request takes effect, raised by C_m.
-
-        C_m as from rest: the error that calls for the slope, and the dead band.
-        """
-        if goal.shape[1] < 2:
-            return goal - sag
-        here = goal[self._at]
-        slopes = goal[self._at[0], self._at[1] + 1] - here
-        slopes = _clipped(slopes, -self._fastest, self._fastest)
-        raised = slopes * self._per_slope + np.sign(slopes) * self._band
-        lines: Array = here + self._share * slopes + raised - sag
-        return lines
-
-    def _within(self, planned: Array, last: Array) -> Array:
-        """The nearest requests within the limits and ``max_step`` of the last ones, exactly."""
-        admissible = self._admissible(planned[:, np.newaxis])[:, 0]
-        change = _clipped(admissible - last, -self._step, self._step)
-        requests = last + change
-        rounded = np.abs(requests - last) > self._step  # by the last bit
-        requests = np.where(rounded, np.nextafter(requests, last), requests)
-        return _clipped(requests, self._lower, self._upper)
-
-    def _admissible(self, plan: Array) -> Array:
-        return _clipped(plan, self._least, self._most)
-
-    def _record(self, requests: Array) -> None:
-        self._sent[:, :-1] = self._sent[:, 1:]
-        self._sent[:, -1] = requests
-
-    def _set_status(self, bad: Mask, beyond: Mask) -> None:
-        if bad.any() or beyond.any():
-            words: list[Status] = [
-                "held" if held else "unreachable" if far else "planned"
-                for held, far in zip(bad.tolist(), beyond.tolist(), strict=True)
-            ]
-            self._status = tuple(words)
-        else:
-            self._status = self._all_planned
+        fault = min(each for each in faults if each)
+        amounts = np.where(np.equal(faults, fault), self._data.states["amount"], -1.0)
+        j = int(np.argmax(amounts))
+        name, amount = self.names[j], angle_text(float(amounts[j]))
+        if fault == tick.NOT_FINITE:
+            return InvalidInput(f"desired: {name} has angles that are not finite")
+        if fault == tick.BLOCKED:
+            return InvalidInput(f"load: {name} cannot move against it; is it in N m?")
+        if fault == tick.BEYOND:
+            return Infeasible(
+                f"desired: {name} should go {amount} beyond the angles where the limits on its "
+                "requests let it rest"
+            )
+        before = 1e3 * self.period * self._data.states["unread"][j]
+        return InvalidInput(
+            f"measured: {name} is {amount} from where it was {before:.3g} ms before, which no "
+            "joint can be: taken as missing"
+        )
 
 
-def _clipped(values: Array, least: npt.ArrayLike, most: npt.ArrayLike) -> Array:
-    """np.clip, whose checks take longer than the work at this size."""
-    clipped: Array = np.minimum(np.maximum(values, least), most)
-    return clipped
+def _fill(rows: Array, values: Any, *, constant: bool = False) -> bool:
+    """Lay values of every joint out over the preview, the last row held; NaN where they are none.
+
+    Args:
+        rows: Filled, (preview, k).
+        values: What was given.
+        constant: Whether a number, or one for each joint, does not change.
+    """
+    rows[:] = math.nan
+    count = rows.shape[1]
+    try:
+        given: Any = np.asarray(values)
+    except (ValueError, OverflowError):  # such as rows of different lengths
+        return False
+    if given.dtype.kind not in "iuf" or given.size == 0:
+        return False
+    if constant and given.shape in ((), (count,)):
+        rows[:] = given
+        return True
+    if given.ndim == 1 and count == 1:
+        given = given[:, np.newaxis]
+    if given.ndim != 2 or given.shape[1] != count:
+        return False
+    known = min(len(given), len(rows))
+    rows[:known] = given[:known]
+    rows[known:] = rows[known - 1]
+    return True
+
+
+def models_by_name(
+    models: JointModel | Sequence[JointModel] | Mapping[str, JointModel],
+) -> tuple[tuple[str, ...], tuple[JointModel, ...]]:
+    """Names and models of the joints."""
+    names: list[str] = []
+    each: Any = models
+    if isinstance(models, Mapping):
+        names = [name for name in models if name]
+        each = [models[name] for name in names]
+    elif isinstance(models, JointModel):
+        each = [models]
+    try:
+        count = len(each)
+    except TypeError:
+        count = 0
+    if not count:
+        raise InvalidInput(
+            f"models: got {shown(models)}, expected a JointModel, several, or a dict by joint"
+        )
+    for each_model in each:
+        checked_model(each_model)
+    periods = [model.period for model in each]
+    if max(periods) > (1.0 + SAME_PERIOD) * min(periods):
+        raise InvalidInput(
+            f"models: their periods are from {min(periods):g} to {max(periods):g} s, expected one "
+            "period: JointModel.requested_every gives a model another one"
+        )
+    return tuple(names) or tuple(f"joint_{j + 1}" for j in range(count)), tuple(each)
+
+
+def checked_preview(preview: object, period: float) -> int:
+    """The rows of a stretch; the period [s] is for the message."""
+    rows = as_whole(preview)
+    if rows is None or not 1 <= rows <= MOST_PREVIEW:
+        raise InvalidInput(
+            f"preview: got {shown(preview)}, expected a number of rows from 1 to {MOST_PREVIEW}; "
+            f"200 ms are {max(round(0.2 / period), 1)} rows of {1e3 * period:g} ms"
+        )
+    return rows
+
+
+def warn_of_short_preview(preview: int, names: Sequence[str], models: Sequence[JointModel]) -> None:
+    """Warn where a request acts on rows beyond the preview, so that it is planned for none."""
+    times = [model.lag + model.acceleration_time for model in models]
+    j = int(np.argmax(times))
+    needed = times[j] / models[j].period
+    if preview <= needed:
+        warnings.warn(
+            f"preview: got {preview} rows, but lag and acceleration time of {names[j]} take "
+            f"{needed:.3g} rows of {1e3 * models[j].period:g} ms: the errors may be several times "
+            f"as large; expected more rows, 200 ms are {max(round(0.2 / models[j].period), 1)}",
+            UserWarning,
+            stacklevel=3,
+        )
+
+
+def checked_cycle(cycle: object) -> int | None:
+    """The rows after which a path repeats, or None."""
+    rows = as_whole(cycle)
+    if cycle is not None and (rows is None or not 2 <= rows <= MOST_PREVIEW):
+        raise InvalidInput(
+            f"cycle: got {shown(cycle)}, expected the number of rows after which the path repeats, "
+            f"from 2 to {MOST_PREVIEW}, or None"
+        )
+    return rows
 
 
 def _made_again(models: Mapping[str, JointModel], options: Mapping[str, Any]) -> Stream:

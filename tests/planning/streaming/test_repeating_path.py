@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner.planning.streaming.repeating_path import RepeatingPath
+from planner.planning.streaming.repeating_path import continue_path, repeating_path
 
 KNOWN, CYCLE, AHEAD = 10, 40, 15
-FINE = np.zeros(2, dtype=np.bool_)
 
 
 def wave(phase):
@@ -19,14 +18,16 @@ def wave(phase):
 
 def fed(path, last, *, missed=(), unknown=()):
     """The path's continuation at a tick, after all before it, some with the second joint bad."""
-    repeating = RepeatingPath(2, KNOWN, CYCLE, varies=0.25, ahead=AHEAD)
+    repeating, periods = repeating_path(2, KNOWN, CYCLE, ahead=AHEAD), 0
     for k in range(last + 1):
-        repeating.move_on(1)
+        periods += 1
         if k not in missed:
             bad = np.array([False, k in unknown])
-            known = np.where(bad[:, np.newaxis], 0.0, path[:, k : k + KNOWN])
-            answer = repeating.continued(known, bad)
-    return answer
+            stretch, weights = np.zeros((2, KNOWN + AHEAD)), np.zeros(2)
+            stretch[~bad, :KNOWN] = path[~bad, k : k + KNOWN]
+            continue_path(repeating, stretch, bad, periods, weights)
+            periods = 0
+    return stretch[:, KNOWN:], weights
 
 
 def test_a_path_that_repeats_is_continued_exactly_once_a_cycle_is_known():
@@ -102,21 +103,11 @@ def test_a_joint_of_which_nothing_is_known_leaves_the_others_alone():
     path = wave(np.arange(200) / CYCLE)
     follow, weights = fed(path, 90, unknown=range(91))
     assert np.allclose(follow[0], path[0, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
-    assert weights[:, 0] == pytest.approx([1.0, 0.0])
+    assert weights == pytest.approx([1.0, 0.0])
     follow, weights = fed(path, 90, unknown=(50, 70))
     assert np.allclose(follow, path[:, 90 + KNOWN : 90 + KNOWN + AHEAD], atol=1e-12)
 
 
-def test_nothing_is_remembered_after_a_reset():
-    repeating = RepeatingPath(2, KNOWN, CYCLE, varies=0.25, ahead=AHEAD)
-    path = wave(np.arange(200) / CYCLE)
-    for k in range(100):
-        repeating.move_on(1)
-        repeating.continued(path[:, k : k + KNOWN], FINE)
-    repeating.reset()
-    assert np.all(repeating.continued(path[:, :KNOWN], FINE)[1] == 0.0)
-
-
 def test_no_more_is_continued_than_the_shortest_cycle_has():
-    assert RepeatingPath(1, KNOWN, 12, varies=0.25, ahead=AHEAD).ahead == 9
-    assert RepeatingPath(1, KNOWN, 2, varies=0.25, ahead=AHEAD).ahead == 2
+    assert repeating_path(1, KNOWN, 12, ahead=AHEAD).ahead == 9
+    assert repeating_path(1, KNOWN, 2, ahead=AHEAD).ahead == 2

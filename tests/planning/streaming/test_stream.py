@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from planner.planning.streaming.stream import OPTIONS
+from planner.planning.streaming.stream import HORIZON
+from planner.planning.streaming.tick import MOST_MISSED
 from tests.instances import attainable, random_model, saturating
 from tests.pid_servo import PidServo
 
@@ -198,7 +199,7 @@ def test_ticks_that_are_missed_or_bad_do_not_end_what_is_known_of_a_cycle():
 
 def test_a_cycle_makes_no_difference_to_a_preview_that_is_as_long_as_the_horizon():
     model, path = planner.JointModel.ers210a(), smooth_path(40)
-    rows = round(OPTIONS.horizon / model.period)
+    rows = round(HORIZON / model.period)
     one, two = (streamed(model, path, preview=rows, cycle=each) for each in (None, 20))
     assert np.array_equal(one, two)
 
@@ -556,15 +557,10 @@ def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
     slow = planner.JointModel(v_max=0.05, theta_0=1.0, lag=0.02, acceleration_time=0.04, tick=0.01)
     stream = planner.Stream(slow, preview=2)
     sent = [stream.step([[angle]])[0] for angle in (0.0, 0.5, 0.5)]
-    sent += [sent[-1]] * OPTIONS.most_missed
-    sent.append(stream.step([[0.5]], missed=OPTIONS.most_missed)[0])
+    sent += [sent[-1]] * MOST_MISSED
+    sent.append(stream.step([[0.5]], missed=MOST_MISSED)[0])
     exact = planner.simulate(slow, sent, cyclic=False)
     assert stream.angles[0] == pytest.approx(exact[-1], abs=1e-9)
-
-
-def test_options_are_constant():
-    with pytest.raises(AttributeError):
-        OPTIONS.steps = 3
 
 
 def measuring(path, readings):

@@ -1,0 +1,559 @@
+"""One tick of a stream, compiled: what is asked, where the joints are, a better plan, requests.
+
+A plan R of one joint, with the angles M of the exact model under it, costs
+
+    sum_k  w_k (M_k - D_k)^2 + sigma (R_k - R_{k-1})^2 + xi excess_k^2 + rho (R_k - R*_k)^2
+
+where excess_k is what the change R_k - R_{k-1} exceeds ``max_step`` by, and R* would hold the
+desired angles D. The plan of the tick before, shifted by one request, is improved by damped
+Gauss-Newton steps on the model with rounded corners; the exact model, run, judges steps of several
+lengths and the inverses of lines, so a plan never becomes worse by a step. Then the first request
+of the plan is sent (real-time iteration: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time
+iteration scheme for nonlinear optimization in optimal feedback control*, SIAM J. Control Optim. 43,
+2005).
+
+Corners are rounded more the later a sample is: as time passes, each sample goes through what the
+offline search goes through in stages, from wide corners to sharp ones. On them, angle and speed
+after a period are to first order linear in those before it and in the requests that act, so that
+the step solves a linear-quadratic problem by one Riccati recursion, at a cost in proportion to the
+length (C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point methods to model
+predictive control*, J. Optim. Theory Appl. 99, 1998).
+
+The law of the joint is ``planner/model/kernel.py`` alone. Import this module where it is used,
+inside functions. Below, k joints have W requests that act between two samples of any of them, and n
+samples are planned.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from planner.compilation import compiled
+from planner.model.joint import Law
+from planner.model.kernel import period, run_period
+from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
+from planner.planning.streaming.repeating_path import Repeating, continue_path
+from planner.trajectory import LARGEST, TURN, Array
+
+STEPS, FIRST_STEPS = 2, 12
+"""Gauss-Newton steps of a joint at a tick, at most, and at the first one, from requests that hold
+the desired angles. With one, errors on recordings of an SO-101 are up to four times as large."""
+
+WORTH = 0.2
+"""Share of a joint's cost by which a step must lower it for another step to follow. Along walks it
+takes 1.2 steps a tick; with twice of it 1.15, and errors are up to a third further from the least.
+"""
+
+SHARES = (1.0, 0.4, 0.15)
+"""Shares of a step that are tried."""
+
+EXCEEDING = 10.0
+"""Weight xi of the squares by which planned changes exceed ``max_step``, which is kept exactly."""
+
+RESTING = 1e-7
+"""Weight rho of the squared distances from the requests that hold the desired angles: it brings
+saturated requests back."""
+
+LEAST_DAMPING, MOST_DAMPING = 3e-4, 1.0
+"""Weight of the Levenberg-Marquardt term, relative to the errors: a third after a full step, three
+times as large where no step is better."""
+
+LEAST_COST = 1e-12
+"""Cost below which nothing is left to gain [rad^2]."""
+
+MOST_MISSED = 1000
+"""Missed ticks that are simulated; after more of them the last request is taken to have acted."""
+
+PLANNED, NOT_FINITE, BLOCKED, BEYOND, JUMPED = range(5)
+"""What is wrong with a joint's arguments: nothing, its desired angles, its load, a desired angle
+where the limits do not let it rest, or its measured angle. A joint with one of the first two is
+held."""
+
+Record = Any
+"""An entry of an array with named fields."""
+
+
+def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
+    kinds = [(name, np.float64) for name in numbers.split()]
+    return np.dtype(kinds + [(name, np.int64) for name in counts.split()])
+
+
+JOINT = _fields(
+    "gain top friction share acceleration "  # of its law
+    "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
+    "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
+    "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
+    "lower upper max_step "  # of its requests [rad]
+    "smoothing "  # sigma
+    "effect "  # samples from a request of the plan to its effect
+    "observer",  # share of a measured error that counts at a tick
+    "hold",  # ticks of a period
+)
+"""What of a joint never changes."""
+
+STATE = _fields(
+    "angle speed "  # now, predicted and corrected, NaN before the first tick [rad], [rad/tick]
+    "damping "
+    "read believed unread "  # the last measured angle, the one that counted, ticks since then
+    "measured "  # asked: the angle, NaN where there is none [rad]
+    "request amount",  # answer: to send now; how far an angle is beyond what is possible [rad]
+    "fault",  # answer
+)
+"""What of a joint changes from tick to tick, with a tick's arguments and answer."""
+
+SAMPLE = _fields("sag faster goal count rounded", "")
+"""What one joint's plan is to do in a period: its sag [rad], how much faster it is [rad/tick], the
+desired angle D [rad], the weight w, and the squared radius of the corners [rad^2/tick^2]."""
+
+
+class Data(NamedTuple):
+    """The arrays of a stream, which it keeps."""
+
+    joints: Any  # JOINT, (k,)
+    states: Any  # STATE, (k,)
+    weights: Array  # of each request at each tick, youngest first, (k, most ticks of a period, W)
+    radii: Array  # of the corners at each sample [theta_0], (n,)
+    sent: Array  # requests that still act or will, oldest first [rad], (k, youngest + W - 1)
+    plan: Array  # [rad], (k, n)
+    desired: Array  # asked [rad], (preview, k)
+    load: Array  # asked [N m], (preview, k)
+
+
+@compiled
+def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
+    """Plan the requests of all joints for now.
+
+    Args:
+        data: What is asked, the joints, taken on to now, and the answer.
+        path: What is known of a path that repeats; with no rows ahead where it does not.
+        missed: Ticks without a step since the last one: the last requests were held.
+        strict: Whether to leave everything as it is where something cannot be used.
+
+    Returns:
+        Whether something was planned. Nothing is with faults where ``strict``, or if the first
+        tick has no angle of a joint; the requests are then NaN.
+    """
+    joints, states, weights, radii, sent, plan, desired, load = data
+    preview, count = desired.shape
+    samples, begins = plan.shape[1], np.isnan(states[0].angle)
+    youngest = sent.shape[1] - weights.shape[2] + 1  # age of the youngest request that acts
+    rows, rested = np.empty((count, preview + path.ahead)), np.empty(count, dtype=np.bool_)
+    unknown = False
+    for j in range(count):
+        state = states[j]
+        check(joints[j], state, desired, load, j)
+        state.request = np.nan
+        rested[j] = state.fault == NOT_FINITE or state.fault == BLOCKED
+        now = state.angle
+        if begins:
+            now = np.nan if state.fault == NOT_FINITE else desired[0, j]
+            if not np.isnan(state.measured):
+                now = state.measured
+        unknown |= np.isnan(now) or (strict and state.fault != PLANNED)
+        for row in range(preview):  # a joint that is held is planned to stay where it was
+            rows[j, row] = now if rested[j] else desired[row, j]
+    if unknown:
+        return False
+    shares = np.ones(count)
+    if path.ahead > 0:
+        continue_path(path, rows, rested, 1 + missed, shares)
+    period_samples = np.empty(samples, dtype=SAMPLE)
+    for j in range(count):
+        joint, state, its_plan, its_sent = joints[j], states[j], plan[j], sent[j]
+        law = Law(joint.gain, joint.top, joint.friction, joint.share, joint.acceleration)
+        own = weights[j, : joint.hold]
+        if begins:
+            state.angle = desired[0, j] if np.isnan(state.measured) else state.measured
+            state.speed, state.read, state.believed = 0.0, state.measured, state.measured
+            sag = joint.offset + joint.compliance * load[0, j]
+            for i in range(len(its_sent)):
+                its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
+        else:
+            elapse(joint, state, law, own, its_sent, its_plan, load[0, j], missed)
+        # What happens before the first request acts is decided
+        angle, speed = state.angle, state.speed
+        for row in range(1, youngest + samples):
+            torque = load[min(row, preview - 1), j]
+            sag = joint.offset + joint.compliance * torque
+            faster = joint.faster + joint.faster_by_load * torque
+            if row < youngest:
+                angle, speed = run_period(law, own, its_sent, row, sag, faster, angle, speed, 0)
+            else:
+                sample, k = min(row, rows.shape[1] - 1), row - youngest
+                asked = period_samples[k]
+                asked.sag, asked.faster, asked.goal = sag, faster, rows[j, sample]
+                asked.count = 1.0 if sample < preview else shares[j]
+                asked.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
+        improve(joint, state, law, own, period_samples, angle, speed, its_sent, its_plan, begins)
+        last = its_sent[-1]
+        its_plan[0] = last if rested[j] or begins else within(joint, its_plan[0], last)
+        state.request = its_plan[0]
+        append(its_sent, state.request)
+    return True
+
+
+@compiled
+def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> None:
+    """Find what cannot be used; a load that blocks the joint is taken for none."""
+    finite, blocked, far = True, False, 0.0
+    for row in range(len(desired)):
+        faster = joint.faster + joint.faster_by_load * load[row, j]
+        if not (abs(faster) < joint.v_max and abs(load[row, j]) < np.inf):
+            blocked = True
+        if not abs(desired[row, j]) <= LARGEST:
+            finite = False
+    for row in range(len(desired)):
+        if blocked:
+            load[row, j] = 0.0
+        sag = joint.offset + joint.compliance * load[row, j]
+        room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
+        held = desired[row, j] - sag
+        far = max(far, max(held - joint.upper, joint.lower - held) - room)
+    state.amount = far
+    state.fault = BEYOND if far > 0.0 else PLANNED
+    if blocked:
+        state.fault = BLOCKED
+    if not finite:
+        state.fault = NOT_FINITE
+    if not abs(state.measured) <= LARGEST:
+        state.measured = np.nan
+
+
+@compiled
+def elapse(
+    joint: Record,
+    state: Record,
+    law: Law,
+    weights: Array,
+    sent: Array,
+    plan: Array,
+    load: float,
+    missed: int,
+) -> None:
+    """Move on by the periods since the last step, and correct the angle by a measured one.
+
+    A measured angle counts on the turn of the predicted one. One that is farther from the last that
+    counted than twice the way of the model, and 0.1 rad, is missing, until a second in a row is
+    there: something has moved the joint.
+    """
+    sag, faster = joint.offset + joint.compliance * load, joint.faster + joint.faster_by_load * load
+    angle, speed, periods = state.angle, state.speed, 1 + min(missed, MOST_MISSED)
+    if missed > MOST_MISSED:
+        for i in range(len(sent)):
+            sent[i] = sent[-1]
+    for number in range(periods):
+        if number:
+            append(sent, sent[-1])
+        angle, speed = run_period(law, weights, sent, 0, sag, faster, angle, speed, 0)
+        append(plan, plan[-1])
+    measured = state.measured - TURN * round((state.measured - angle) / TURN)
+    state.unread += periods
+    off, reach = abs(measured - state.believed), 2.0 * joint.travel
+    again = abs(measured - state.read) <= reach * periods + 0.1
+    state.read = measured
+    if off > reach * state.unread + 0.1 and not again:
+        measured = np.nan
+        if state.fault == PLANNED:
+            state.fault, state.amount = JUMPED, off
+    if not np.isnan(measured):
+        state.believed, state.unread = measured, 0.0
+        angle += min(max(joint.observer * (measured - angle), -joint.travel), joint.travel)
+    state.angle, state.speed = angle, speed
+
+
+@compiled
+def append(values: Array, last: float) -> None:
+    """Move values on by one, and put another at the end."""
+    for i in range(len(values) - 1):
+        values[i] = values[i + 1]
+    values[-1] = last
+
+
+@compiled
+def within(joint: Record, request: float, last: float) -> float:
+    """The nearest request within the limits and ``max_step`` of the last one, exactly."""
+    request = min(max(request, joint.lower), joint.upper)
+    request = last + min(max(request - last, -joint.max_step), joint.max_step)
+    if abs(request - last) > joint.max_step:  # by the last bit
+        request = np.nextafter(request, last)
+    return float(min(max(request, joint.lower), joint.upper))
+
+
+@compiled
+def improve(
+    joint: Record,
+    state: Record,
+    law: Law,
+    weights: Array,
+    samples: Any,
+    angle: float,
+    speed: float,
+    sent: Array,
+    plan: Array,
+    begins: bool,
+) -> None:
+    """Put the best of plan, shares of its Gauss-Newton steps and inverted lines in its place.
+
+    Args:
+        joint: The joint.
+        state: Its damping changes.
+        law: Of the joint.
+        weights: Of its requests, (hold, W).
+        samples: What the plan is to do, (n,).
+        angle: Before the first sample [rad].
+        speed: Before it [rad/tick].
+        sent: Requests that still act or will, oldest first [rad].
+        plan: The plan of the tick before, shifted [rad], (n,).
+        begins: Whether this is the first tick, whose request stays.
+    """
+    count, past = len(plan), max(weights.shape[1] - 1, 1)
+    best, now = np.empty(past + count), np.empty(past + count)
+    lines, trial = np.empty(past + count), np.empty(past + count)
+    step = np.empty(count)
+    for i in range(past):
+        now[i] = lines[i] = trial[i] = best[i] = sent[len(sent) - past + i]
+    for k in range(count):
+        now[past + k] = samples[k].goal - samples[k].sag if begins else plan[k]
+        lines[past + k] = inverse_of_line(joint, samples, k)
+    if begins:
+        now[past] = lines[past] = sent[-1]
+    elif count > 1:
+        now[-1] += samples[count - 1].goal - samples[count - 2].goal
+    for k in range(past, past + count):
+        now[k] = min(max(now[k], joint.lower), joint.upper)
+        lines[k] = min(max(lines[k], joint.lower), joint.upper)
+    for _ in range(FIRST_STEPS if begins else STEPS):
+        before = gauss_newton_step(
+            joint, law, weights, samples, angle, speed, now, state.damping, begins, step
+        )
+        least, found = before, -1
+        for number in range(1 + len(SHARES)):
+            for k in range(count):
+                request = lines[past + k]
+                if number:
+                    request = now[past + k] - SHARES[number - 1] * step[k]
+                trial[past + k] = min(max(request, joint.lower), joint.upper)
+            costs = cost(joint, law, weights, samples, angle, speed, trial, least)
+            if costs < least:
+                least, found, best, trial = costs, number, trial, best
+        if found >= 0:
+            now, best = best, now
+        else:
+            state.damping = min(3.0 * state.damping, MOST_DAMPING)
+        if found == 1:
+            state.damping = max(state.damping / 3.0, LEAST_DAMPING)
+        if not begins and 1.0 - least / max(before, LEAST_COST) < WORTH:
+            break
+    for k in range(count):
+        plan[k] = now[past + k]
+
+
+@compiled
+def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
+    """A sample's line inverted: angle and slope when its request takes effect, raised by C_m.
+
+    C_m as from rest: the error that calls for the slope, and the dead band.
+    """
+    last = len(samples) - 1
+    at = min(max(k + joint.effect, 0.0), float(last))
+    number = max(min(int(at), last - 1), 0)
+    slope = samples[min(number + 1, last)].goal - samples[number].goal
+    slope = min(max(slope, -joint.travel), joint.travel)
+    raised = slope * (joint.theta_0 / joint.travel) + np.sign(slope) * joint.dead_band
+    return float(samples[number].goal + (at - number) * slope + raised - samples[k].sag)
+
+
+@compiled
+def cost_of_request(joint: Record, change: float, away: float) -> float:
+    """What a request costs beside the error [rad^2]."""
+    excess = change - min(max(change, -joint.max_step), joint.max_step)
+    return float(joint.smoothing * change**2 + EXCEEDING * excess**2 + RESTING * away**2)
+
+
+@compiled
+def cost(
+    joint: Record,
+    law: Law,
+    weights: Array,
+    samples: Any,
+    angle: float,
+    speed: float,
+    requests: Array,
+    enough: float,
+) -> float:
+    """The cost of a plan by the exact model [rad^2]; beyond ``enough`` it does not matter."""
+    past, first = len(requests) - len(samples), len(requests) - len(samples) + 1 - weights.shape[1]
+    of_errors, of_requests = 0.0, 0.0
+    for k in range(len(samples)):
+        asked, request = samples[k], requests[past + k]
+        angle, speed = run_period(
+            law, weights, requests, first + k, asked.sag, asked.faster, angle, speed, 0
+        )
+        away, change = request - (asked.goal - asked.sag), request - requests[past + k - 1]
+        of_errors += asked.count * (angle - asked.goal) ** 2
+        of_requests += cost_of_request(joint, change, away)
+        if of_errors + of_requests > enough:
+            break
+    return of_errors + of_requests
+
+
+@compiled
+def gauss_newton_step(
+    joint: Record,
+    law: Law,
+    weights: Array,
+    samples: Any,
+    angle: float,
+    speed: float,
+    requests: Array,
+    damping: float,
+    begins: bool,
+    step: Array,
+) -> float:
+    """Fill ``step`` with minus the Gauss-Newton step of a plan; return what the plan costs [rad^2].
+
+    Requests on a limit that the gradient would move beyond it stay, and so does the first one where
+    the stream begins.
+
+    The recursion goes backward. With a = dM and b = dw, angle and speed before period k, and r the
+    changes dR of the requests before it, half the cost of what follows is, but for a constant,
+
+        p_aa a^2/2 + p_ab a b + p_bb b^2/2 + (c_a a + c_b b)'r + r'Qr/2 - p_a a - p_b b - q'r.
+
+    It is first written in those before period k and dR_k, then minimised over dR_k. A request keeps
+    its row of Q from the last period in which it acts to the one in which it is eliminated, so that
+    all but a band of Q is zero.
+
+    Args:
+        joint: The joint.
+        law: Of :func:`improve`.
+        weights: Of the same.
+        samples: Of the same.
+        angle: Of the same.
+        speed: Of the same.
+        requests: Those before the plan that act, then the plan [rad].
+        damping: Levenberg-Marquardt term.
+        begins: Whether the first request stays.
+        step: Filled, (n,).
+    """
+    count, width = len(step), weights.shape[1]
+    past, band = len(requests) - count, max(width, 2)  # requests of a period, or of a change
+    inert = law.share < 1.0 or law.acceleration < np.inf
+    # Forward: errors by the exact model, derivatives with rounded corners, costs
+    errors, slopes = np.empty(count), np.empty((count, 2, 2 + width))
+    window, bends = np.empty(width), np.empty((2, 0))
+    q, per_change, of_errors, of_requests = np.zeros(count), np.empty(count), 0.0, 0.0
+    for k in range(count):
+        asked, first, request = samples[k], past + k + 1 - width, requests[past + k]
+        for age in range(width):
+            window[age] = requests[past + k - age]
+        sag, faster = asked.sag, asked.faster
+        period(law, weights, window, sag, faster, asked.rounded, angle, speed, slopes[k], bends)
+        angle, speed = run_period(law, weights, requests, first, sag, faster, angle, speed, 0)
+        errors[k] = angle - asked.goal
+        of_errors += asked.count * errors[k] ** 2
+        away, change = request - (asked.goal - sag), request - requests[past + k - 1]
+        of_requests += cost_of_request(joint, change, away)
+        excess = change - min(max(change, -joint.max_step), joint.max_step)
+        per_change[k] = joint.smoothing + (EXCEEDING if excess != 0.0 else 0.0)
+        force = joint.smoothing * change + EXCEEDING * excess
+        q[k] += force + RESTING * away
+        if k:
+            q[k - 1] -= force
+    # Backward
+    gradient, by_angle, by_speed = q.copy(), 0.0, 0.0
+    p_aa, p_ab, p_bb, p_a, p_b = 0.0, 0.0, 0.0, 0.0, 0.0
+    c_a, c_b = np.zeros(count), np.zeros(count)
+    matrix = np.zeros((count, band))  # Q: row i, column l at l - i + band - 1
+    lead_a, half_a, own = np.zeros(band), np.zeros(band), np.zeros(band)
+    lead_b, half_b = np.zeros(band), np.zeros(band)
+    feedback, constant = np.zeros((count, band + 1)), np.zeros(count)
+    for k in range(count - 1, -1, -1):
+        low = max(k - band + 1, 0)
+        last, error = k - low, samples[k].count * errors[k]
+        a_by_a, a_by_b = slopes[k, 0, 0], slopes[k, 0, 1]
+        b_by_a, b_by_b = slopes[k, 1, 0], slopes[k, 1, 1]
+        by_angle += error
+        p_a += error
+        p_aa += samples[k].count
+        # The requests low to k, of which the youngest is the last
+        older, older_a, older_b, rest = gradient[low:], c_a[low:], c_b[low:], q[low:]
+        for t in range(last + 1):
+            age = last - t
+            lead_a[t] = slopes[k, 0, 2 + age] if age < width else 0.0
+            lead_b[t] = slopes[k, 1, 2 + age] if age < width and inert else 0.0
+        for t in range(last + 1):
+            older[t] += lead_a[t] * by_angle + lead_b[t] * by_speed
+            rest[t] += lead_a[t] * p_a + lead_b[t] * p_b
+            to_a = p_aa * lead_a[t] + p_ab * lead_b[t]
+            to_b = p_ab * lead_a[t] + p_bb * lead_b[t]
+            half_a[t] = to_a / 2.0 + older_a[t]
+            half_b[t] = to_b / 2.0 + older_b[t]
+            to_a += older_a[t]
+            to_b += older_b[t]
+            older_a[t] = a_by_a * to_a + b_by_a * to_b
+            older_b[t] = a_by_b * to_a + b_by_b * to_b
+        by_angle, by_speed = (
+            a_by_a * by_angle + b_by_a * by_speed,
+            a_by_b * by_angle + b_by_b * by_speed,
+        )
+        p_a, p_b = a_by_a * p_a + b_by_a * p_b, a_by_b * p_a + b_by_b * p_b
+        p_aa, p_ab, p_bb = (
+            p_aa * a_by_a * a_by_a + 2.0 * p_ab * a_by_a * b_by_a + p_bb * b_by_a * b_by_a,
+            p_aa * a_by_a * a_by_b
+            + p_ab * (a_by_a * b_by_b + a_by_b * b_by_a)
+            + p_bb * b_by_a * b_by_b,
+            p_aa * a_by_b * a_by_b + 2.0 * p_ab * a_by_b * b_by_b + p_bb * b_by_b * b_by_b,
+        )
+        # The row of dR_k, which is eliminated where it is free
+        row = matrix[k, band - 1 - last :]
+        for t in range(last + 1):
+            own[t] = row[t] + lead_a[last] * half_a[t] + half_a[last] * lead_a[t]
+            own[t] += lead_b[last] * half_b[t] + half_b[last] * lead_b[t]
+        own[last] += per_change[k] + RESTING + damping
+        if k:
+            own[last - 1] -= per_change[k]
+            matrix[k - 1, band - 1] += per_change[k]
+        stays = requests[past + k] <= joint.lower and gradient[k] > 0.0
+        stays |= requests[past + k] >= joint.upper and gradient[k] < 0.0
+        share = 0.0 if stays or (begins and k == 0) else 1.0 / own[last]
+        taken, constant[k] = feedback[k], share * q[k]
+        for t in range(last):
+            taken[t] = share * own[t]
+            rest[t] -= taken[t] * q[k]
+            older_a[t] -= taken[t] * c_a[k]
+            older_b[t] -= taken[t] * c_b[k]
+        by_a, by_b = share * c_a[k], share * c_b[k]
+        taken[band - 1], taken[band] = by_a, by_b
+        p_a -= by_a * q[k]
+        p_b -= by_b * q[k]
+        p_aa -= by_a * c_a[k]
+        p_ab -= by_a * c_b[k]
+        p_bb -= by_b * c_b[k]
+        for i in range(last):
+            row, lead, half, part = matrix[low + i, band - 1 - i :], lead_a[i], half_a[i], taken[i]
+            for t in range(i + 1):
+                row[t] += lead * half_a[t] + half * lead_a[t] - part * own[t]
+            if inert:
+                lead, half = lead_b[i], half_b[i]
+                for t in range(i + 1):
+                    row[t] += lead * half_b[t] + half * lead_b[t]
+    # Forward again
+    angle, speed = 0.0, 0.0
+    for k in range(count):
+        low, move = max(k - band + 1, 0), constant[k]
+        move -= feedback[k, band - 1] * angle + feedback[k, band] * speed
+        for t in range(k - low):
+            move -= feedback[k, t] * step[low + t]
+        step[k] = move
+        now, changed = slopes[k, 0], slopes[k, 1]
+        next_angle, next_speed = now[0] * angle + now[1] * speed, 0.0
+        if inert:
+            next_speed = changed[0] * angle + changed[1] * speed
+        for age in range(min(width, k + 1)):
+            next_angle += now[2 + age] * step[k - age]
+            next_speed += changed[2 + age] * step[k - age]
+        angle, speed = next_angle, next_speed
+    return of_errors + of_requests
