@@ -36,12 +36,10 @@ if TYPE_CHECKING:
     from planner.model.step_test import step_test
     from planner.planning.bounds.certify import Certificate, certify, lower_bound
     from planner.planning.closed_form import closed_form_requests, invert_closed_form
-    from planner.planning.foot.invert import invert_foot
-    from planner.planning.foot.result import FootInversion
+    from planner.planning.inversion import invert_foot, invert_optimal, plan
     from planner.planning.line_inverse import line_offset
-    from planner.planning.optimal import invert_optimal
-    from planner.planning.plan import Plan, plan
-    from planner.planning.result import Inversion
+    from planner.planning.plan import Plan
+    from planner.planning.result import FootInversion, Inversion
     from planner.planning.streaming.stream import Stream
     from planner.planning.trials import Learning, SensorDelay, Trial
     from planner.recording.replaying import Replay, replay
@@ -132,11 +130,10 @@ _HOMES = {
     "planner.identification.log": ("Log",),
     "planner.planning.bounds.certify": ("Certificate", "certify", "lower_bound"),
     "planner.planning.closed_form": ("closed_form_requests", "invert_closed_form"),
-    "planner.planning.foot.invert": ("invert_foot",),
-    "planner.planning.foot.result": ("FootInversion",),
+    "planner.planning.inversion": ("invert_foot", "invert_optimal", "plan"),
     "planner.planning.line_inverse": ("line_offset",),
-    "planner.planning.optimal": ("invert_optimal",),
-    "planner.planning.result": ("Inversion",),
+    "planner.planning.plan": ("Plan",),
+    "planner.planning.result": ("FootInversion", "Inversion"),
     "planner.planning.streaming.stream": ("Stream",),
     "planner.planning.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
@@ -144,7 +141,6 @@ _HOMES = {
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),
     "planner.model.step_test": ("step_test",),
-    "planner.planning.plan": ("Plan", "plan"),
     "planner.recording.replaying": ("Replay", "replay"),
     "planner.recording.retiming": ("Fastest", "fastest"),
     "planner.robot.follow": ("follow",),

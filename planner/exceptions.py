@@ -21,12 +21,19 @@ Errors of the leg are in :mod:`kinematics.exceptions`.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Literal
 
-ANGLE_UNIT: ContextVar[Literal["rad", "deg", "percent"]] = ContextVar("ANGLE_UNIT", default="rad")
+AngleUnit = Literal["rad", "deg", "percent"]
+
+ANGLE_UNIT: ContextVar[AngleUnit] = ContextVar("ANGLE_UNIT", default="rad")
 """Unit of the angles in messages: radians, as in Python; degrees on the command line."""
+
+JOINT_UNITS: ContextVar[Mapping[str, AngleUnit] | None] = ContextVar("JOINT_UNITS", default=None)
+"""The same of single joints, by name, where units differ from joint to joint."""
 
 LONGEST = 1500
 """Characters of a message; of a longer one the middle is left out."""
@@ -133,6 +140,36 @@ def angle_text(*radians: float) -> str:
     unit = ANGLE_UNIT.get()
     numbers = (each if unit == "rad" else math.degrees(each) for each in radians)
     return f"{' to '.join(f'{each:.6g}' for each in numbers)} {unit}"
+
+
+def nearest(name: str, names: Sequence[str]) -> str:
+    """A hint for a misspelt name: ``(did you mean 'knee'?)``, or nothing."""
+    import difflib
+
+    close = difflib.get_close_matches(name, names, n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+@contextmanager
+def in_unit_of(joint: str) -> Iterator[None]:
+    """Let messages inside the block use the unit of a joint; that of all for ""."""
+    token = ANGLE_UNIT.set((JOINT_UNITS.get() or {}).get(joint, ANGLE_UNIT.get()))
+    try:
+        yield
+    finally:
+        ANGLE_UNIT.reset(token)
+
+
+@contextmanager
+def about(joint: str) -> Iterator[None]:
+    """Let errors inside the block name a joint, as a note, and use its unit; "" is no joint."""
+    with in_unit_of(joint):
+        try:
+            yield
+        except PlannerError as error:
+            if joint:
+                error.add_note(joint)
+            raise
 
 
 def printable(text: str) -> str:

@@ -13,9 +13,9 @@ import numpy as np
 from planner.evaluation.independent import independent_angles, last_speed, next_cycle
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
-from planner.planning.arguments import SMOOTHNESS
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.result import Inversion
+from planner.planning.task import SMOOTHNESS
 from planner.trajectory import Array
 
 
@@ -210,12 +210,13 @@ def kept_within(plan: Inversion, limits: tuple[float, float] | None) -> Inversio
     """
     if limits is None or beyond_limits(plan.requests, limits) <= WITHIN_LIMITS.value:
         return plan
-    clipped = replace(plan, requests=np.clip(plan.requests, *limits))
+    one = plan.plan.joint(plan.column)
+    clipped = replace(one, requests=np.clip(one.requests, *limits))
     try:
         _ = clipped.predicted
     except NoSteadyCycle:
         return None
-    return clipped
+    return Inversion(clipped)
 
 
 def no_worse_checks(

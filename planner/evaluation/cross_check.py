@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,23 +14,29 @@ from kinematics.leg import Leg
 from planner.evaluation.checks import Check
 from planner.evaluation.differences import REASONS
 from planner.evaluation.foot_comparison import FootComparison, compare_foot
-from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned
+from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned_methods
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel
-from planner.planning.arguments import Norm, check_norm, load_of_each, model_of_each, range_of_each
+from planner.planning.arguments import Norm, check_norm
 from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
 from planner.planning.closed_form import closed_forms
-from planner.planning.foot.arguments import checked_leg
+from planner.planning.inversion import planned
 from planner.planning.line_inverse import RULES, check_rule
-from planner.planning.optimal import invert_optimal
 from planner.planning.result import Inversion
+from planner.planning.task import (
+    COLUMNS,
+    Task,
+    checked_leg,
+    joint_names,
+    limits_of_each,
+    loads_of_each,
+    model_of_each,
+    one_path,
+)
 from planner.trajectory import Array
 from planner.validation import as_flag, shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
-
-COLUMNS = "columns of desired"
-"""What messages call the entries of an argument that has one for each joint."""
 
 SECOND = "optimal_ipopt"
 """The plan of CasADi's solver, a second opinion on the optimised one."""
@@ -55,7 +61,7 @@ class CrossCheck:
     @property
     def methods(self) -> list[str]:
         """The methods by which every joint is planned."""
-        return planned(self.joints)
+        return planned_methods(self.joints)
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -160,30 +166,31 @@ def cross_check(
     if leg is not None:
         _check_columns(checked_leg(leg), count)
     models = model_of_each(model, count, given_as="model", joints=COLUMNS)
-    joint_names = _checked_names(names, leg, count)
+    names = _names(names, leg, count)
     given = leg.limits if limits is None and leg is not None else limits
-    loads = load_of_each(load, models, len(columns[0]), joints=COLUMNS)
-    ranges = None if given is None else range_of_each(given, count, joints=COLUMNS)
+    shape = len(columns[0]), count
+    loads = loads_of_each(load, names, shape)
+    lower, upper = limits_of_each(given, names)
     joints = []
-    for j, name in enumerate(joint_names):
+    for j, name in enumerate(names):
         progress(name)
-        within = None if ranges is None else (float(ranges[0][j]), float(ranges[1][j]))
         with _about(name if count > 1 else None):
-            plans = _plans(
-                models[j],
-                columns[j],
-                within,
+            task = Task.of(
+                [models[j]],
+                one_path(columns[j]),
+                names=("",),
                 cyclic=cyclic,
-                segments=segments,
                 norm=norm,
+                limits=None if given is None else (lower[j], upper[j]),
                 load=loads[j],
             )
+            plans = _plans(task, segments)
             failed = () if SECOND in plans else (SECOND,)
         joints.append(compare_joint(name, plans, levels=levels, failed=failed))
     foot = None
-    if leg is not None and ranges is not None:
+    if leg is not None:
         progress("foot")
-        foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=ranges)
+        foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=(lower, upper))
     return CrossCheck(joints=tuple(joints), foot=foot, cyclic=cyclic, norm=norm)
 
 
@@ -204,17 +211,13 @@ def _columns_of(desired: npt.ArrayLike) -> list[Array]:
     return list(angles.T)
 
 
-def _checked_names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
+def _names(names: Sequence[str] | None, leg: Leg | None, count: int) -> tuple[str, ...]:
     """What to call the joints; by default what the leg calls them."""
+    if names is None and leg is not None:
+        return leg.joint_names
     if names is None:
-        if leg is not None:
-            return leg.joint_names
         return tuple(f"joint {j}" for j in range(count)) if count > 1 else ("joint",)
-    listed = names if isinstance(names, Sequence) and not isinstance(names, str) else ()
-    texts = {name for name in listed if isinstance(name, str)}
-    if len(listed) != count or len(texts) != count:
-        raise InvalidInput(f"names: got {shown(names)}, expected {count} different ones")
-    return tuple(names)
+    return joint_names(names, None, count)
 
 
 def _check_columns(leg: Leg, count: int) -> None:
@@ -237,32 +240,17 @@ def _about(name: str | None) -> Iterator[None]:
         raise type(error)(f"{name}: {error}") from error
 
 
-def _plans(
-    model: JointModel,
-    desired: Array,
-    limits: tuple[float, float] | None,
-    *,
-    cyclic: bool,
-    segments: int | None,
-    norm: Norm,
-    load: Array | None,
-) -> dict[str, Inversion]:
+def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:
+    """The plans for a joint by all methods."""
     for rule in RULES:
-        check_rule(rule, model)
-    by_rule = closed_forms(model, desired, RULES, cyclic=cyclic, segments=segments, load=load)
-    plans = {
-        f"closed_form_{rule}": replace(plan, norm=norm)
-        for rule, plan in zip(RULES, by_rule, strict=True)
-    }
-    plans["optimal"] = invert_optimal(
-        model, desired, cyclic=cyclic, limits=limits, norm=norm, load=load
-    )
+        check_rule(rule, task.nominal[0])
+    by_rule = closed_forms(task, RULES, segments=segments)
+    plans = {f"closed_form_{rule}": plan for rule, plan in zip(RULES, by_rule, strict=True)}
+    plans["optimal"] = planned(task)
     # A solver that fails costs its plan and a check, not the comparison of the others.
     with suppress(SolverFailed):
-        plans[SECOND] = invert_optimal(
-            model, desired, cyclic=cyclic, limits=limits, norm=norm, solver="ipopt", load=load
-        )
-    return plans
+        plans[SECOND] = planned(task, solver="ipopt")
+    return {method: Inversion(plan) for method, plan in plans.items()}
 
 
 def _levels_up_to(level: Level) -> tuple[Level, ...]:

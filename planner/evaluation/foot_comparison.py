@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,17 +25,21 @@ from planner.evaluation.checks import (
     no_worse_checks,
     second_answer,
 )
-from planner.evaluation.joint_comparison import METHODS, JointComparison, depend_on_motion, planned
+from planner.evaluation.joint_comparison import (
+    METHODS,
+    JointComparison,
+    depend_on_motion,
+    planned_methods,
+)
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
 from planner.evaluation.outcome import FootOutcome
 from planner.planning.arguments import Norm
 from planner.planning.error_norm import relative_gap
-from planner.planning.foot.arguments import axis_scales
 from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.planning.foot.invert import invert_foot
-from planner.planning.foot.result import FootInversion
-from planner.planning.result import Inversion
+from planner.planning.inversion import invert_foot, planned
+from planner.planning.result import FootInversion, Inversion
 from planner.planning.smoothing import ENCODER_STEP, known_errors
+from planner.planning.task import axis_scales
 from planner.trajectory import Array
 
 FOOT = "foot"
@@ -163,7 +167,7 @@ def judge_foot(
     desired = together.desired_foot
     plans = {
         method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
-        for method in planned(joints)
+        for method in planned_methods(joints)
     }
     best = FootPlan(
         together.requests, together.predicted, _outcome(leg, desired, together.predicted)
@@ -209,7 +213,7 @@ def _checks(
     if bound is not None:
         found.append(check(FOOT, label, ABOVE, bound - best.error(norm), FOOT_ABOVE_BOUND))
     others, known = {}, _known(together, _unsmoothed(together).predicted)
-    for method in planned(joints):
+    for method in planned_methods(joints):
         kept = [
             kept_within(joint.plans[method], (low, high))
             for joint, low, high in zip(joints, *together.limits, strict=True)
@@ -231,21 +235,7 @@ def _unsmoothed(together: FootInversion) -> FootInversion:
     """
     if together.smoothness == 0.0 or not depend_on_motion(together.models):
         return together
-    torques = [
-        np.zeros(len(together.requests)) if load is None else load for load in together.loads
-    ]
-    return invert_foot(
-        together.models,
-        together.leg,
-        together.desired_foot,
-        cyclic=together.cyclic,
-        limits=together.limits,
-        norm=together.norm,
-        weights=tuple(together.weights),
-        load=np.column_stack(torques) if torques else None,
-        max_step=together.max_step,
-        smoothness=0.0,
-    )
+    return FootInversion(planned(replace(together.plan.task, smoothness=0.0)))
 
 
 def _known(together: FootInversion, angles: Array) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from planner.planning.bounds.certify import Certificate, certify
 from planner.planning.bounds.cvxpy_statement import stated_bound
 from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.error_norm import relative_gap
-from planner.planning.optimal import invert_optimal
+from planner.planning.inversion import planned
 from planner.planning.result import Inversion
 from planner.planning.smoothing import ENCODER_STEP, known_errors
 from planner.trajectory import Array
@@ -212,7 +212,7 @@ def compare_joint(
     )
 
 
-def planned(joints: Sequence[JointComparison]) -> list[str]:
+def planned_methods(joints: Sequence[JointComparison]) -> list[str]:
     """The methods by which every joint is planned."""
     return [method for method in METHODS if all(method in joint.plans for joint in joints)]
 
@@ -229,17 +229,8 @@ def _unsmoothed(plan: Inversion) -> Inversion:
     """
     if plan.smoothness == 0.0 or not depend_on_motion([plan.model]):
         return plan
-    return invert_optimal(
-        plan.model,
-        plan.desired,
-        cyclic=plan.cyclic,
-        limits=plan.limits,
-        norm=plan.norm,
-        start=plan.start,
-        load=plan.load,
-        max_step=plan.max_step,
-        smoothness=0.0,
-    )
+    task = replace(plan.plan.joint(plan.column).task, smoothness=0.0)
+    return Inversion(planned(task))
 
 
 def _known(plan: Inversion) -> float:

@@ -15,8 +15,7 @@ from planner.evaluation.paper import deviations
 from planner.evaluation.step_response import StepResponse
 from planner.gait.half_ellipse import ReferenceWalk
 from planner.model.joint import JointModel
-from planner.planning.foot.result import FootInversion
-from planner.planning.result import Inversion
+from planner.planning.result import FootInversion, Inversion
 from planner.trajectory import Array
 
 

@@ -14,7 +14,7 @@ from planner.evaluation.metrics import RequestMotion, request_motion
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
 from planner.model.response import PathSpeeds, path_speeds, simulate_joints
-from planner.planning.result import ErrorsOfModels
+from planner.planning.plan import ErrorsOfModels
 from planner.trajectory import Array
 
 

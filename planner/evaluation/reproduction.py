@@ -17,11 +17,9 @@ from planner.evaluation.step_response import measure_step_response
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form
-from planner.planning.foot.invert import invert_foot
-from planner.planning.foot.result import FootInversion
+from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import Rule
-from planner.planning.optimal import invert_optimal
-from planner.planning.result import Inversion
+from planner.planning.result import FootInversion, Inversion
 from planner.trajectory import Array
 
 RULE: Rule = "paper"

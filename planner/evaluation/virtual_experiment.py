@@ -22,8 +22,7 @@ from planner.identification.log import Log
 from planner.identification.result import Identification
 from planner.learning.refine import refine
 from planner.model.step_test import step_test
-from planner.planning.foot.result import FootInversion
-from planner.planning.result import Inversion
+from planner.planning.result import FootInversion, Inversion
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
 from planner.virtual.robot import VirtualRobot

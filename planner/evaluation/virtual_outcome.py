@@ -13,7 +13,7 @@ import numpy as np
 from planner.evaluation.metrics import Distance, angle_distance, foot_distance
 from planner.evaluation.outcome import PlannedWalk, approximation
 from planner.identification.result import Identification
-from planner.planning.foot.result import FootInversion
+from planner.planning.result import FootInversion
 from planner.trajectory import Array
 from planner.virtual.constants import Constants
 

@@ -12,8 +12,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, InvalidInput, InvalidModel
-from planner.files.table import nearest
+from planner.exceptions import InvalidFile, InvalidInput, InvalidModel, nearest
 from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused

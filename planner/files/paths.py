@@ -19,11 +19,11 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from planner.approximation.curve import PiecewiseLinear
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.clock import TIME, read_clock, time_column, time_columns
 from planner.files.limits import MOST_JOINTS
 from planner.files.logs.column_names import pairs
-from planner.files.table import Table, nearest, read_table, write_table
+from planner.files.table import Table, read_table, write_table
 from planner.files.text import write_text
 from planner.files.units import (
     ANGLES,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 import math
 import re
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, nearest
 from planner.files.limits import MOST_CELLS, MOST_COLUMNS
 from planner.files.text import read_text, write_text
 from planner.trajectory import Array
@@ -230,12 +229,6 @@ def _title(cell: str) -> str:
     """The title that :func:`csv_text` wrote as this."""
     cell = cell.strip()
     return cell[1:] if cell.startswith("'") and _is_formula(cell) else cell
-
-
-def nearest(name: str, names: Sequence[str]) -> str:
-    """A hint for a misspelt name: ``(did you mean 'knee'?)``, or nothing."""
-    close = difflib.get_close_matches(name, names, n=1)
-    return f" (did you mean '{close[0]}'?)" if close else ""
 
 
 def _is_row(cells: Sequence[str]) -> bool:

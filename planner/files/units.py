@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidFile
-from planner.files.table import Table, nearest
+from planner.exceptions import InvalidFile, nearest
+from planner.files.table import Table
 from planner.trajectory import Array
 
 ANGLES: Mapping[str, float] = {"deg": math.pi / 180.0, "rad": 1.0}

@@ -10,13 +10,13 @@ import numpy as np
 
 from planner.exceptions import Infeasible
 from planner.model.joint import JointModel
-from planner.planning.foot.invert import invert_foot
+from planner.planning.inversion import invert_foot
 from planner.trajectory import Array
 from planner.validation import as_positive
 
 if TYPE_CHECKING:
     from kinematics import Leg
-    from planner.planning.foot.result import FootInversion
+    from planner.planning.result import FootInversion
 
 
 @dataclass(frozen=True, kw_only=True)

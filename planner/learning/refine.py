@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, PlannerError
+from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, about
 from planner.learning.disturbance import Noise, learnt, noise_of
 from planner.learning.measurements import (
     check_motion,
@@ -25,7 +25,6 @@ from planner.learning.measurements import (
     check_not_desired,
     check_same_motion,
 )
-from planner.learning.planned_joints import PlannedJoints
 from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
     delays_of,
@@ -34,9 +33,10 @@ from planner.learning.sensor_delay import (
     remarks_on_delays,
 )
 from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.planning.foot.result import FootInversion
-from planner.planning.plan import Plan
-from planner.planning.result import Inversion
+from planner.planning.inversion import planned
+from planner.planning.plan import Plan, joined
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.task import Task, axis_scales
 from planner.planning.trials import Learning, Trial
 from planner.trajectory import LARGEST, Array, rms, steps
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
@@ -90,7 +90,6 @@ OTHER_LIMITS = (
 )
 """Why learning goes on where it would have ended."""
 
-Planned = TypeVar("Planned", Inversion, FootInversion)
 AnyPlan = TypeVar("AnyPlan", Inversion, FootInversion, Plan)
 
 
@@ -161,26 +160,23 @@ def refine(
             f"sensor_delay: got {shown(sensor_delay)}, expected a time of at most "
             f"{LONGEST_DELAY:g} s either way"
         )
-    if isinstance(plan, Plan):
-        cycles = checked_cycles(measured, plan.requests.shape)
-        inversions = []
-        for name, each, angles in zip(
-            plan.names, plan.inversions, np.moveaxis(cycles, 2, 0), strict=True
-        ):
-            try:
-                made = _refined(each, angles[:, :, np.newaxis], sensor_delay, reidentify)
-            except PlannerError as error:
-                error.add_note(name)
-                raise
-            inversions.append(made)
-        return replace(plan, inversions=tuple(inversions))
-    if isinstance(plan, FootInversion):
-        return _refined(
-            plan, checked_cycles(measured, plan.requests.shape), sensor_delay, reidentify
-        )
     if isinstance(plan, Inversion):
         cycles = checked_cycles(measured, (len(plan.requests),))[:, :, np.newaxis]
-        return _refined(plan, cycles, sensor_delay, reidentify)
+        one = plan.plan.joint(plan.column)
+        return Inversion(_refined(one, cycles, sensor_delay, reidentify))
+    if isinstance(plan, FootInversion | Plan):
+        cycles = checked_cycles(measured, plan.requests.shape)
+        if isinstance(plan, FootInversion):
+            return FootInversion(_refined(plan.plan, cycles, sensor_delay, reidentify))
+        if plan.task.goal == "foot":
+            return _refined(plan, cycles, sensor_delay, reidentify)
+        made = []
+        for j, name in enumerate(plan.names):
+            with about(name):
+                made.append(
+                    _refined(plan.joint(j), cycles[:, :, j : j + 1], sensor_delay, reidentify)
+                )
+        return joined(made)
     raise InvalidInput(
         f"plan: got {shown(plan)}, expected what planner.plan, invert_optimal, invert_foot or "
         "refine returned"
@@ -220,15 +216,15 @@ def checked_cycles(measured: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     return rows
 
 
-def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentify: bool) -> Planned:
+def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify: bool) -> Plan:
     """The next plan for one joint or one foot; ``cycles`` has shape (cycles, n, k)."""
-    joints, remarks = PlannedJoints.of(plan), list[str]()
-    if plan.robust is not None:
+    remarks = list[str]()
+    if joints.task.robust is not None:
         remarks.append(AFTER_ROBUST_PLAN)
-    requests = plan.requests.reshape(cycles.shape[1:])
-    modelled = joints.respond(requests)
-    before = plan.learning
-    old = [joints.respond(trial.requests) for trial in before.trials] if before else []
+    requests = joints.requests
+    modelled = joints.task.response(requests)
+    before = joints.learning[0] if joints.learning else None
+    old = [joints.task.response(trial.requests) for trial in before.trials] if before else []
     missed = before.trials[-1].mean - old[-1] if before else 0.0
     check_motion(cycles, requests, modelled)
     check_not_desired(cycles, joints.desired, modelled + missed)
@@ -250,16 +246,16 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         else:
             models = models.kept() if tried else models
             models, said = reidentified(models, joints, trials, noise)
-        joints = joints.with_models(models.now)
+        joints = replace(joints, task=joints.task.with_models(models.now))
         remarks += said
-        noise = _noise(joints, trials, trials[now].mean - joints.respond(requests))
-    delays = delays_of(joints, cycles, joints.respond(requests), removed)
+        noise = _noise(joints, trials, trials[now].mean - joints.task.response(requests))
+    delays = delays_of(joints, cycles, joints.task.response(requests), removed)
     remarks += remarks_on_delays(joints, delays, noise.deviation)
     found = _estimated(joints, trials, max(models.since), noise)
-    made = joints.planned(found.disturbance)
+    made = _next(joints, found.disturbance)
     base = trials[found.base]
-    answer = joints.respond(made.requests.reshape(requests.shape))
-    next_error = joints.error(answer + found.measured)
+    answer = joints.task.response(made.requests)
+    next_error = _error(joints, answer + found.measured)
     saved = base.error - next_error
     stopped = ""
     if found.gain < OPTIONS.least_gain:
@@ -269,14 +265,12 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
             f"by the model the next requests would lower the error by less than "
             f"{100.0 * OPTIONS.worthwhile:g} %"
         )
-    if stopped and not _keeps_limits(made, base.requests):
+    if stopped and not _keeps_limits(made.task, base.requests):
         stopped = ""
         remarks.append(OTHER_LIMITS)
     floor = _floor(joints, made, noise, before, ended=bool(stopped))
     if stopped:
-        sent = base.requests.reshape(plan.requests.shape).copy()
-        freeze(sent)
-        made, next_error = replace(made, requests=sent), base.error
+        made, next_error = replace(made, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
     spread = noise.deviation
     freeze(spread)
@@ -293,16 +287,38 @@ def _refined(plan: Planned, cycles: Array, sensor_delay: float | None, reidentif
         stopped=stopped,
         remarks=tuple(remarks),
     )
-    return replace(made, learning=learning)  # type: ignore[return-value]  # of the plan's type
+    return replace(made, learning=(learning,))
 
 
-def _keeps_limits(plan: Inversion | FootInversion, requests: Array) -> bool:
-    """Whether requests, shape (n, k), keep the limits and the largest step of a plan."""
-    lower, upper = (-math.inf, math.inf) if plan.limits is None else plan.limits
-    most = math.inf if plan.max_step is None else plan.max_step
-    changes = np.abs(steps(requests, cyclic=plan.cyclic))
-    within = (requests >= lower - SAME_REQUESTS) & (requests <= upper + SAME_REQUESTS)
-    return bool(np.all(within) and np.all(changes <= most + SAME_REQUESTS))
+def _next(joints: Plan, disturbance: Array) -> Plan:
+    """The requests for which the nominal models and the disturbance (n, k) make the least error."""
+    freeze(disturbance)
+    task = replace(joints.task.with_models(joints.models), disturbance=disturbance)
+    return planned(task, solver=joints.solver or "gauss-newton")
+
+
+def _error(joints: Plan, angles: Array) -> float:
+    """Error of angles (n, k) in the plan's norm: [rad], or [m] for a foot."""
+    return float(joints.task.errors_of(angles)[0])
+
+
+def _size(joints: Plan, deviations: Array) -> float:
+    """Error that independent deviations of the joints (k,) [rad] make, rms."""
+    task = joints.task
+    if task.goal == "angles":
+        return float(deviations[0])
+    assert task.leg is not None, "a foot belongs to a leg"
+    assert task.weights is not None, "the axes of a foot have weights"
+    jacobians = task.leg.jacobians(joints.predicted) * axis_scales(task.weights)[:, np.newaxis]
+    return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
+
+
+def _keeps_limits(task: Task, requests: Array) -> bool:
+    """Whether requests, shape (n, k), keep the limits and the largest step of a task."""
+    lower, upper = task.lower - SAME_REQUESTS, task.upper + SAME_REQUESTS
+    changes = np.abs(steps(requests, cyclic=task.cyclic))
+    within = np.all((requests >= lower) & (requests <= upper))
+    return bool(within and np.all(changes <= task.max_step + SAME_REQUESTS))
 
 
 class Estimate(NamedTuple):
@@ -321,9 +337,7 @@ class Estimate(NamedTuple):
     gain: float
 
 
-def _estimated(
-    joints: PlannedJoints, trials: Sequence[Trial], since: int, noise: Noise
-) -> Estimate:
+def _estimated(joints: Plan, trials: Sequence[Trial], since: int, noise: Noise) -> Estimate:
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d).
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
@@ -335,7 +349,7 @@ def _estimated(
         if not _worse(joints, trial, least, noise):
             gain = 1.0 if number <= since else min(gain * OPTIONS.growth, 1.0)
             base, before = number, used
-            seen = trial.mean - joints.respond(trial.requests)
+            seen = trial.mean - joints.task.response(trial.requests)
             least = min(least, trial.error)
         elif number >= since:
             gain *= OPTIONS.shrink
@@ -345,9 +359,9 @@ def _estimated(
     return Estimate(used, seen, base, gain)
 
 
-def _worse(joints: PlannedJoints, trial: Trial, error: float, noise: Noise) -> bool:
+def _worse(joints: Plan, trial: Trial, error: float, noise: Noise) -> bool:
     """Whether a trial is worse than an error, by more than noise explains."""
-    size = joints.size(noise.deviation) / math.sqrt(trial.cycles)
+    size = _size(joints, noise.deviation) / math.sqrt(trial.cycles)
     return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
 
 
@@ -355,12 +369,12 @@ def _same(requests: Array, others: Array) -> bool:
     return bool(np.max(np.abs(requests - others)) <= SAME_REQUESTS)
 
 
-def _noise(joints: PlannedJoints, trials: Sequence[Trial], error: Array) -> Noise:
+def _noise(joints: Plan, trials: Sequence[Trial], error: Array) -> Noise:
     return noise_of([trial.measured for trial in trials], error, cyclic=joints.cyclic)
 
 
 def _with_trial(
-    before: Learning | None, joints: PlannedJoints, requests: Array, cycles: Array
+    before: Learning | None, joints: Plan, requests: Array, cycles: Array
 ) -> tuple[tuple[Trial, ...], int]:
     """The trials with a new one, or with more cycles of one of the same requests; its number."""
     trials = list(before.trials if before else ())
@@ -371,34 +385,35 @@ def _with_trial(
     elif len(trials) == OPTIONS.trials:
         del trials[int(np.argmax([trial.error for trial in trials]))]
         now -= 1
-    error = joints.error(cycles.mean(axis=0))
+    error = _error(joints, cycles.mean(axis=0))
     trials[now : now + 1] = [Trial(requests=requests.copy(), measured=cycles.copy(), error=error)]
     return tuple(trials), now
 
 
 def _floor(
-    joints: PlannedJoints,
-    made: Inversion | FootInversion,
+    joints: Plan,
+    made: Plan,
     noise: Noise,
     before: Learning | None,
     *,
     ended: bool,
 ) -> tuple[float, float]:
     """What cannot be learnt: the lower bound of the model, and the noise of a cycle."""
-    size = joints.size(noise.deviation)
-    if isinstance(made, Inversion):
-        return made.lower_bound, size
+    size = _size(joints, noise.deviation)
+    if made.task.goal == "angles":
+        return float(made.lower_bounds[0]), size
     known = math.nan if before is None else before.floor[0]
     if not math.isnan(known) or not ended or len(made.requests) > MOST_SAMPLES_BOUNDED:
         return known, size  # a foot's bound takes seconds
-    return replace(made, disturbance=None, learning=None).lower_bound, size
+    without = replace(made, task=replace(made.task, disturbance=None))
+    return float(without.lower_bounds[0]), size
 
 
-def _remaining(joints: PlannedJoints, base: Trial, floor: tuple[float, float]) -> str:
+def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:
     """Where the remaining error comes from, in words."""
 
     def text(error: float) -> str:
-        if isinstance(joints.plan, FootInversion):
+        if joints.task.goal == "foot":
             return f"{100.0 * error:.3f} cm"
         unit = ANGLE_UNIT.get()
         return f"{error:.5f} rad" if unit == "rad" else f"{math.degrees(error):.3f} {unit}"

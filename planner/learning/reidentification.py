@@ -12,9 +12,9 @@ from planner.exceptions import PlannerError
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.learning.disturbance import Noise
-from planner.learning.planned_joints import PlannedJoints
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.plan import Plan
 from planner.planning.trials import Learning, Trial
 from planner.trajectory import Array, rms
 
@@ -57,7 +57,7 @@ class Models(NamedTuple):
     replaced: tuple[JointModel | None, ...]
 
     @classmethod
-    def of(cls, joints: PlannedJoints, before: Learning | None) -> Models:
+    def of(cls, joints: Plan, before: Learning | None) -> Models:
         """Those of a plan that has learnt, or has not."""
         count = len(joints.models)
         since = (0,) * count if before is None else before.reidentified
@@ -90,7 +90,7 @@ class Models(NamedTuple):
 
 
 def reidentified(
-    models: Models, joints: PlannedJoints, trials: Sequence[Trial], noise: Noise
+    models: Models, joints: Plan, trials: Sequence[Trial], noise: Noise
 ) -> tuple[Models, list[str]]:
     """The models that the trials identify anew, where these predict better; and what to say."""
     now, since, replaced = list(models.now), list(models.since), list(models.replaced)
@@ -102,8 +102,8 @@ def reidentified(
             j,
             float(noise.deviation[j]),
             cyclic=joints.cyclic,
-            start=joints.starts[j],
-            load=joints.loads[j],
+            start=joints.task.starts[j],
+            load=joints.task.loads[j],
         )
         if found is not None:
             now[j], since[j], replaced[j] = found, len(trials) - 1, models.replaced[j] or model

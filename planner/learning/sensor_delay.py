@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.learning.disturbance import latency
-from planner.learning.planned_joints import PlannedJoints
+from planner.planning.plan import Plan
 from planner.planning.trials import Learning, SensorDelay
 from planner.trajectory import Array
 
@@ -41,7 +41,7 @@ OPTIONS = DelayOptions()
 
 
 def delays_to_remove(
-    joints: PlannedJoints,
+    joints: Plan,
     cycles: Array,
     modelled: Array,
     *,
@@ -51,7 +51,7 @@ def delays_to_remove(
     """The delay to take off each joint's measured angles [s].
 
     Args:
-        joints: The joints of the plan.
+        joints: The plan.
         cycles: Measured angles [rad], (cycles, n, k).
         modelled: Those of the models [rad], (n, k).
         given: The delay that the user gave [s]; None to look for one.
@@ -73,7 +73,7 @@ def delays_to_remove(
 
 
 def delays_of(
-    joints: PlannedJoints, cycles: Array, modelled: Array, removed: Sequence[float]
+    joints: Plan, cycles: Array, modelled: Array, removed: Sequence[float]
 ) -> tuple[SensorDelay, ...]:
     """What a delay beside the one that was removed would explain, for each joint."""
     columns = zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True)
@@ -84,7 +84,7 @@ def delays_of(
     return tuple(found)
 
 
-def earlier(cycles: Array, removed: Sequence[float], joints: PlannedJoints) -> Array:
+def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
     """The cycles with the sensors' delays taken off [rad], (cycles, n, k)."""
     if not any(removed):
         return cycles
@@ -95,12 +95,10 @@ def earlier(cycles: Array, removed: Sequence[float], joints: PlannedJoints) -> A
     return np.stack(columns, axis=-1)
 
 
-def remarks_on_delays(
-    joints: PlannedJoints, delays: Sequence[SensorDelay], noise: Array
-) -> list[str]:
+def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
     """Remarks on delays that were taken off, and on those that might be a sensor's."""
     said = []
-    requests = joints.plan.requests.reshape(-1, len(delays))
+    requests = joints.requests
     speeds = np.sqrt(np.mean(np.diff(requests, axis=0) ** 2, axis=0)) / joints.period
     for j, delay in enumerate(delays):
         of = "" if len(delays) == 1 else f" of joint {j + 1}"

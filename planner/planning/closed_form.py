@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,11 @@ from planner.planning.line_inverse import (
     slope_limits,
 )
 from planner.planning.pattern_search import refined_curve
+from planner.planning.plan import Plan
 from planner.planning.result import Inversion
+from planner.planning.task import Task, one_path
 from planner.planning.tracking_problem import TrackingProblem, track
-from planner.trajectory import Array, as_trajectory, check_radians
+from planner.trajectory import Array
 from planner.validation import as_flag
 
 
@@ -110,54 +112,37 @@ def invert_closed_form(
     """
     model = checked_model(model)
     check_rule(rule, model)
-    (made,) = closed_forms(
-        model,
-        desired,
-        (rule,),
-        cyclic=cyclic,
-        segments=segments,
-        refine=refine,
-        load=load,
-    )
-    return made
+    task = Task.of([model], one_path(desired), names=("",), cyclic=cyclic, load=load)
+    (plan,) = closed_forms(task, (rule,), segments=segments, refine=refine)
+    return Inversion(plan)
 
 
 def closed_forms(
-    model: JointModel,
-    desired: npt.ArrayLike,
-    rules: Sequence[Rule],
-    *,
-    cyclic: bool = True,
-    segments: int | None = None,
-    refine: bool = True,
-    load: npt.ArrayLike | None = None,
-) -> list[Inversion]:
+    task: Task, rules: Sequence[Rule], *, segments: int | None = None, refine: bool = True
+) -> list[Plan]:
     """The plans of :func:`invert_closed_form` by several rules, from the same approximations.
 
-    The callers have checked the model and the rules.
+    Args:
+        task: One joint; from rest it rests at the first desired angle.
+        rules: How to invert lines; the callers have checked them.
+        segments: Number of lines, as there.
+        refine: As there.
     """
-    desired = as_trajectory(desired, name="desired", minimum=3)
-    check_radians(desired, name="desired")
-    cyclic, refine = as_flag("cyclic", cyclic), as_flag("refine", refine)
-    torques = checked_load(load, model, len(desired))
-    start = None if cyclic else float(desired[0])
-    problem = track(model, desired, cyclic=cyclic, start=start, load=torques)
+    (model,), (torques,) = task.nominal, task.loads
+    refine = as_flag("refine", refine)
+    desired = np.ascontiguousarray(task.desired[:, 0])
+    start = None if task.cyclic else float(desired[0])
+    problem = track(model, desired, cyclic=task.cyclic, start=start, load=torques)
     curves = approximations(problem, segments=segments, refine=refine)
     plans = []
     for rule in rules:
-        curve, column = inverted(problem, curves, rule=rule, refine=refine)
-        requests = column[:, 0].copy()
-        requests.setflags(write=False)
+        curve, requests = inverted(problem, curves, rule=rule, refine=refine)
         plans.append(
-            Inversion(
-                model=model,
-                desired=desired,
+            Plan(
+                task=replace(task, smoothness=0.0),
                 requests=requests,
                 method="closed_form",
-                cyclic=cyclic,
-                start=start,
-                approximation=curve,
-                load=torques,
+                approximations=(curve,),
             )
         )
     return plans

@@ -5,45 +5,24 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 
 import numpy as np
-import numpy.typing as npt
 
 from planner.approximation.ideal import slope_bounded
 from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import JointModel, request_ages
-from planner.model.load import checked_load, felt
-from planner.model.response import checked_start
-from planner.planning.arguments import (
-    Norm,
-    Solver,
-    check_norm,
-    check_solver,
-    check_within,
-    checked_limits,
-    checked_max_step,
-    checked_smoothness,
-    checked_tolerance,
-)
+from planner.planning.arguments import Solver
 from planner.planning.closed_form import SAME_TIME, best_closed_form, switching_time
 from planner.planning.direct_transcription import transcribed_requests
 from planner.planning.gauss_newton import OPTIONS as SEARCH
 from planner.planning.gauss_newton import State, minimise
 from planner.planning.line_inverse import interpolated_offset
-from planner.planning.result import Inversion
-from planner.planning.reversals import LEAST_REVERSAL, without_small_reversals
-from planner.planning.robust import (
-    ModelOrModels,
-    Robust,
-    checked_models,
-    robust_requests,
-)
-from planner.planning.smoothing import allowed_beside, smoothed
-from planner.planning.tracking_problem import TrackingProblem, track
-from planner.trajectory import Array, as_trajectory, check_radians
+from planner.planning.smoothing import allowed_beside
+from planner.planning.tracking_problem import TrackingProblem
+from planner.trajectory import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,167 +60,7 @@ BARELY_SLOWER = 1e-3
 """By what share a speed may be below the top speed and count as it: the ideal is iterative."""
 
 
-@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
-def invert_optimal(
-    model: ModelOrModels,
-    desired: npt.ArrayLike,
-    *,
-    cyclic: bool = True,
-    limits: tuple[float, float] | None = None,
-    norm: Norm = "rms",
-    start: float | None = None,
-    tolerance: float | None = None,
-    solver: Solver = "gauss-newton",
-    load: npt.ArrayLike | None = None,
-    max_step: float | None = None,
-    smoothness: float | None = None,
-    robust: Robust | None = None,
-) -> Inversion:
-    """Requests of least tracking error, by a local search over requests and angles.
-
-    Angles and requests are the unknowns. Damped Gauss-Newton steps, each at a cost in proportion to
-    the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
-    from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
-    the last stages, and the best requests are kept, so that they are never worse than that form
-    before they are smoothed. Where next to no sample can be reached below the top speeds, the
-    search also starts from the answers of :func:`planner.invert_closed_form`.
-
-    At the end requests are smoothed: their sum of squared second differences is lowered as far as
-    ``smoothness`` allows (``docs/math.md``, section 6). With 0 the error was at most that of
-    :func:`planner.invert_closed_form` on every joint that was tried; by default it may be above it
-    by what the smoothing allows.
-
-    From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
-
-    Args:
-        model: The joint. Or several models that it may have, the nominal one first, or the answer
-            of :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
-            the same ones: the requests are then good for all of them. With a sequence of one the
-            joint has that model in any case.
-        desired: Desired angles [rad], shape (n,), one every ``model.period``.
-        cyclic: Whether the trajectory repeats for ever.
-        limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
-        norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
-        start: From rest: where the joint rests before [rad]; by default at the first desired angle.
-        tolerance: Error that the plan should keep [rad]; the plan says whether it does.
-        solver: "gauss-newton", the search above; "ipopt" for the same problem as a nonlinear
-            programme, through CasADi (``docs/math.md``, section 6), judged as exactly.
-        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
-            entry k acts in the request period that ends in sample k.
-        max_step: Largest change from one request to the next [rad], in a cycle also from the last
-            to the first, from rest also from the request that holds the start. Each is kept
-            exactly.
-        smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
-            for none. It is the error that a robot would show, to which the error of the model adds
-            in quadrature: that known of an identified one, and at least an encoder's step of 0.088
-            degrees. With dry friction an error up to that step is allowed in any case.
-        robust: "mean" to minimise the root mean square of the errors of several models, the default
-            for them, "worst" for the largest of them. With a model by itself eight others are
-            drawn from the intervals that its file has.
-
-    Returns:
-        The plan; its bound and gap say how much better any other could be. The bound does not know
-        of ``limits`` and ``max_step``: it holds with them, but the gap then includes their cost.
-        Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors,
-        ``nominal`` the plan for the nominal model alone.
-
-    Raises:
-        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
-        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle is
-            given a ``start``, the load does not fit the samples or the joint, ``max_step`` is not
-            above 0, ``smoothness`` below it, or a model without intervals, or one in any
-            case, is to be planned for robustly.
-        Infeasible: The limits exclude each other, the start or a desired angle.
-        SolverFailed: No requests were found that lead to a steady cycle, or IPOPT stopped without
-            an answer.
-
-    Example:
-        >>> import numpy as np
-        >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
-        >>> made = invert_optimal(JointModel.ers210a(), desired, limits=(-1.5, 1.5))
-        >>> f"{np.degrees(made.rms):.1f} deg rms, {np.degrees(made.lower_bound):.1f} at best"
-        '10.4 deg rms, 10.2 at best'
-    """
-    models = checked_models(model, robust)
-    model = models[0]
-    check_norm(norm)
-    check_solver(solver)
-    tolerance = checked_tolerance(tolerance)
-    desired = as_trajectory(desired, name="desired", minimum=3)
-    check_radians(desired, name="desired")
-    start = checked_start(start, cyclic=cyclic)
-    loads = [checked_load(load, each, len(desired)) for each in models]
-    torques = loads[0]
-    if not cyclic and start is None:
-        start = float(desired[0])
-    checked = None if limits is None else checked_limits(limits)
-    step = checked_max_step(max_step)
-    share = checked_smoothness(smoothness)
-    if checked is not None:
-        check_within(checked, desired=desired, start=start, model=model, load=torques)
-    follow: Callable[..., TrackingProblem] = partial(
-        track,
-        model,
-        cyclic=cyclic,
-        norm=norm,
-        limits=checked,
-        max_step=step,
-        start=start,
-        load=torques,
-    )
-    problem = follow(desired)
-    column = _best_requests(problem, solver)
-    if start is not None and model.dead_band and len(models) == 1:
-        follow, problem, column = _first_request_freed(follow, problem, column, solver, share)
-    others = []
-    if model.dead_band and share:
-        least = LEAST_REVERSAL * model.dead_band
-        filtered = without_small_reversals(desired, least, cyclic=cyclic)
-        others = [_best_requests(follow(filtered), solver)]
-    column = smoothed(problem, column, smoothness=share, others=others)
-    alone = Inversion(
-        model=model,
-        desired=desired,
-        requests=_only(column),
-        method="optimal",
-        solver=solver,
-        cyclic=cyclic,
-        norm=norm,
-        limits=checked,
-        start=start,
-        max_step=None if math.isinf(step) else step,
-        smoothness=share,
-        tolerance=tolerance,
-        load=felt(loads),
-    )
-    if len(models) == 1:
-        return alone
-    robust = robust or "mean"
-    column = robust_requests(
-        problem,
-        tuple((each,) for each in models),
-        [(each,) for each in loads],
-        column,
-        robust=robust,
-        smoothness=share,
-    )
-    return replace(
-        alone,
-        requests=_only(column),
-        models=models,
-        robust=robust,
-        nominal=replace(alone, models=models),
-    )
-
-
-def _only(column: Array) -> Array:
-    """The requests of one joint, (n,), from those of shape (n, 1)."""
-    requests: Array = column[:, 0].copy()
-    requests.setflags(write=False)
-    return requests
-
-
-def _first_request_freed(
+def first_request_freed(
     follow: Callable[..., TrackingProblem],
     problem: TrackingProblem,
     column: Array,
@@ -259,7 +78,7 @@ def _first_request_freed(
     for edge in (-WITHIN_BAND, WITHIN_BAND):
         held = partial(follow, first=float(middle) + edge * model.dead_band)
         other = held(problem.desired[:, 0])
-        requests = _best_requests(other, solver)
+        requests = best_requests(other, solver)
         answers.append((other.exact_error(requests), held, other, requests))
     error, held, other, requests = min(answers, key=itemgetter(0))
     angles, best = problem.exact_angles(column), other.exact_angles(requests)
@@ -270,7 +89,7 @@ def _first_request_freed(
     return held, other, requests
 
 
-def _best_requests(problem: TrackingProblem, solver: Solver) -> Array:
+def best_requests(problem: TrackingProblem, solver: Solver) -> Array:
     """Requests of least error by a solver [rad], (n, 1)."""
     guess = initial_guess(problem)
     if solver == "gauss-newton":

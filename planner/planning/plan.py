@@ -1,108 +1,420 @@
-"""Plans for several joints: the inversion of each, joined, and written for robots."""
+"""A plan: requests for a task, and all that follows from the two."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Self, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from planner.exceptions import InvalidInput, PlannerError
-from planner.files.paths import write_joint_path
+from planner.approximation.curve import PiecewiseLinear
+from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
-from planner.model.load import checked_load, felt
-from planner.planning.arguments import model_of_each, range_of_each
-from planner.planning.closed_form import invert_closed_form
-from planner.planning.load_of_pose import LoadOfPose, settled
-from planner.planning.optimal import invert_optimal
-from planner.planning.result import Inversion, Method
-from planner.planning.robust import ModelOrModels, Robust, models_of_joints
-from planner.robot.schedule import as_rows
-from planner.trajectory import Array
-from planner.validation import as_reals, is_one_of, shown
+from planner.model.response import PathSpeeds, path_speeds, simulate_joints
+from planner.planning.arguments import Solver
+from planner.planning.bounds.multipliers import linear_bound
+from planner.planning.bounds.reachable_set import BoundProblem
+from planner.planning.error_norm import error_norm, relative_gap
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.task import Task
+from planner.planning.trials import Learning
+from planner.trajectory import Array, steps
+from planner.validation import freeze
 
-Value = TypeVar("Value")
+Method = Literal["closed_form", "optimal", "foot_optimal"]
 
-Models = ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]
-"""One model for all joints, one for each, or models by joint; "" is that of every other joint.
+LEAST_MOTION = 1e-9
+"""Change of a request that is no motion [rad]: rounding."""
 
-In the place of a model there may be several that the joint may have, or an identification.
-"""
 
-Limits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
-"""Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
+class ErrorsOfModels(NamedTuple):
+    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
+
+    Attributes:
+        nominal: That of the nominal model.
+        mean: Root mean square over all models.
+        worst: The largest.
+    """
+
+    nominal: float
+    mean: float
+    worst: float
+
+    @classmethod
+    def of(cls, errors: Array) -> ErrorsOfModels:
+        """Those of the errors of each model, the nominal one first, shape (models,)."""
+        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
+
+
+class RequestMotion(NamedTuple):
+    """How a joint's requests move, beside the desired angles.
+
+    Attributes:
+        largest_step: Largest change from one request to the next [rad].
+        reversals_per_s: How often the requests change direction [1/s].
+        path_length: Sum of the changes of the requests [rad].
+        desired_length: Sum of the changes of the desired angles [rad].
+        beyond: How far the requests go beyond the range of the desired angles [rad].
+    """
+
+    largest_step: float
+    reversals_per_s: float
+    path_length: float
+    desired_length: float
+    beyond: float
+
+
+def request_motion(
+    requests: Array, desired: Array, *, period: float, cyclic: bool
+) -> RequestMotion:
+    """How one joint's requests move: steps, reversals, length and range.
+
+    A cycle counts the change from the last request to the first. Requests that stay where they are
+    do not change direction.
+
+    Args:
+        requests: Requests [rad], shape (n,).
+        desired: Desired angles [rad], shape (n,).
+        period: Time from one request to the next [s].
+        cyclic: Whether they repeat for ever.
+    """
+    changes, others = (steps(each, cyclic=cyclic) for each in (requests, desired))
+    directions = np.sign(changes[np.abs(changes) > LEAST_MOTION])
+    if cyclic:
+        directions = np.append(directions, directions[:1])
+    beyond = max(desired.min() - requests.min(), requests.max() - desired.max(), 0.0)
+    return RequestMotion(
+        largest_step=float(np.max(np.abs(changes), initial=0.0)),
+        reversals_per_s=np.count_nonzero(np.diff(directions)) / (len(requests) * period),
+        path_length=float(np.sum(np.abs(changes))),
+        desired_length=float(np.sum(np.abs(others))),
+        beyond=float(beyond),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Requests for several joints, each planned by itself.
+    """Requests for a task, and what the exact models make of them.
+
+    Every figure is computed from task and requests by simulation, whatever found them, and when it
+    is first asked for. What is judged are the k joints, each by itself, or the foot: ``rms``,
+    ``max_error``, ``error``, ``lower_bounds`` and the like have an entry for each of these m.
 
     Attributes:
-        names: The joints.
-        inversions: The plan of each joint, with its error, its lower bound and its gap.
+        task: What was asked.
+        requests: What to send to the joints [rad], shape (n, k).
+        method: How they were found.
+        solver: What solved the problem of an optimised plan for joints; else None.
+        approximations: The piecewise linear trajectories behind a closed form, one a joint.
+        nominal_requests: With several models: requests for the nominal ones alone [rad], (n, k).
+        learning: The executed cycles that the plan has learnt from, of each that is judged; () for
+            none.
     """
 
-    names: tuple[str, ...]
-    inversions: tuple[Inversion, ...]
+    task: Task
+    requests: Array
+    method: Method = "optimal"
+    solver: Solver | None = None
+    approximations: tuple[PiecewiseLinear, ...] = ()
+    nominal_requests: Array | None = None
+    learning: tuple[Learning, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Let nobody write to the arrays."""
+        freeze(self.requests, self.nominal_requests)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is copied: nothing that can be computed again."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze what was copied or read from a pickle."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The joints."""
+        return self.task.names
 
     @property
     def models(self) -> tuple[JointModel, ...]:
-        """The model of each joint."""
-        return tuple(each.model for each in self.inversions)
+        """The nominal model of each joint."""
+        return self.task.nominal
 
     @property
     def period(self) -> float:
         """Time between requests [s]."""
-        return self.inversions[0].model.period
+        return self.task.period
 
     @property
     def cyclic(self) -> bool:
         """Whether the requests repeat for ever."""
-        return self.inversions[0].cyclic
+        return self.task.cyclic
 
-    @cached_property
+    @property
     def desired(self) -> Array:
-        """Desired angles [rad], shape (n, k)."""
-        return _columns([each.desired for each in self.inversions])
+        """Desired angles [rad], shape (n, k); for a foot those that bring it nearest."""
+        return self.task.desired
 
     @cached_property
-    def requests(self) -> Array:
-        """What to send to the joints [rad], shape (n, k)."""
-        return _columns([each.requests for each in self.inversions])
+    def inversions(self) -> tuple[Inversion, ...]:
+        """The plan of each joint, with its error, its bound and its gap; () of one for a foot."""
+        each = () if self.task.goal == "foot" else range(len(self.names))
+        return tuple(Inversion(self, j) for j in each)
+
+    @cached_property
+    def of_foot(self) -> FootInversion | None:
+        """The plan as one for a foot; None of one for joints."""
+        return FootInversion(self) if self.task.goal == "foot" else None
+
+    @cached_property
+    def nominal(self) -> Plan | None:
+        """With several models: the plan for the nominal ones alone, to compare with."""
+        if self.nominal_requests is None:
+            return None
+        task = replace(self.task, robust=None)
+        return replace(self, task=task, requests=self.nominal_requests, nominal_requests=None)
 
     @cached_property
     def predicted(self) -> Array:
-        """Angles of the exact models under the requests [rad], shape (n, k)."""
-        return _columns([each.predicted for each in self.inversions])
+        """Angles of the exact models under the requests, plus the disturbance [rad], (n, k)."""
+        return self._under_models(self.task.nominal)
+
+    def _under_models(self, models: Sequence[JointModel]) -> Array:
+        """The same of other models of the joints."""
+        angles = self.task.response(self.requests, models)
+        if self.task.disturbance is not None:
+            angles += self.task.disturbance
+        freeze(angles)
+        return angles
+
+    @cached_property
+    def direct(self) -> Array:
+        """Angles of the models when the desired angles are requested as they are [rad], (n, k)."""
+        task = self.task
+        return simulate_joints(task.nominal, task.desired, cyclic=task.cyclic, loads=task.loads)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Predicted minus desired angles [rad], shape (n, k)."""
+        errors = self.predicted - self.desired
+        freeze(errors)
+        return errors
+
+    @cached_property
+    def foot(self) -> Array:
+        """Where the foot then is [m], shape (n, 3)."""
+        assert self.task.leg is not None, "a foot belongs to a leg"
+        return self.task.leg.foot_positions(self.predicted)
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        distances: Array = np.linalg.norm(self.foot - self.task.desired_foot, axis=1)
+        return distances
+
+    @cached_property
+    def _judged(self) -> list[Array]:
+        """Errors that are judged, each of shape (n,)."""
+        if self.task.goal == "foot":
+            return [self.distances]
+        return [np.ascontiguousarray(column) for column in self.errors.T]
 
     @property
     def rms(self) -> Array:
-        """Root mean square of the errors of each joint [rad], shape (k,)."""
-        return np.array([each.rms for each in self.inversions])
+        """Root mean square of the errors [rad], shape (k,); of the foot's distances [m], (1,)."""
+        return np.array([error_norm(each, "rms") for each in self._judged])
+
+    @property
+    def max_error(self) -> Array:
+        """Largest errors [rad], shape (k,); distance [m], (1,)."""
+        return np.array([error_norm(each, "max") for each in self._judged])
+
+    @cached_property
+    def error(self) -> Array:
+        """The errors in the norm that counts [rad], shape (k,); of a foot as weighted [m], (1,)."""
+        return self.task.errors_of(self.predicted)
+
+    @cached_property
+    def expected(self) -> tuple[Expectation, ...]:
+        """What to expect of each joint on the robot, and in what it is outside of what was tested.
+
+        The error is NaN where nothing is known: see :attr:`planner.JointModel.evidence`. That is
+        about the model alone, so that it says nothing of a plan that has learnt from cycles.
+        """
+        task, learnt = self.task, self.task.disturbance is not None
+        columns = zip(task.nominal, task.desired.T, self.predicted.T, task.loads, strict=True)
+        return tuple(
+            expectation(
+                None if learnt else model.evidence,
+                np.ascontiguousarray(desired),
+                np.ascontiguousarray(predicted),
+                period=task.period,
+                cyclic=task.cyclic,
+                load=load,
+            )
+            for model, desired, predicted, load in columns
+        )
 
     @property
     def expected_rms(self) -> Array:
         """Errors to expect on the robot [rad], shape (k,); NaN where a model was not tested.
 
         The plan's own error and that of the model, by what it was tested on. A joint whose
-        ``inversions[j].expected.untested`` is not empty moves in another way than that.
+        ``expected[j].untested`` is not empty moves in another way than that.
         """
-        return np.array([each.expected.error for each in self.inversions])
+        return np.array([each.error for each in self.expected])
+
+    @cached_property
+    def expected_foot(self) -> float | None:
+        """Root mean square distance of the foot to expect on the robot [m]; None where unknown.
+
+        The models' errors, as independent ones, move the foot from where the plan has it.
+        """
+        leg = self.task.leg
+        if leg is None or not all(math.isfinite(each.error) for each in self.expected):
+            return None
+        squares = float(np.mean(np.sum((self.foot - self.task.desired_foot) ** 2, axis=1)))
+        own = np.mean(self.errors**2, axis=0)
+        for j, each in enumerate(self.expected):
+            moved = self.predicted.copy()
+            moved[:, j] += math.sqrt(max(each.error**2 - own[j], 0.0))
+            away = leg.foot_positions(moved) - self.foot
+            squares += float(np.mean(np.sum(away**2, axis=1)))
+        return math.sqrt(squares)
+
+    @cached_property
+    def errors_of_models(self) -> tuple[Array, ...]:
+        """The error with each model, the nominal one first, of each that is judged, (models,)."""
+        task = self.task
+        others = [task.errors_of(self._under_models(models)) for models in task.scenarios[1:]]
+        errors = np.array([self.error, *others])
+        many = [len(task.scenarios)] if task.goal == "foot" else map(len, task.models)
+        each = [errors[:count, j].copy() for j, count in enumerate(many)]
+        freeze(*each)
+        return tuple(each)
+
+    @property
+    def over_models(self) -> tuple[ErrorsOfModels, ...]:
+        """The nominal, the mean and the worst of them."""
+        return tuple(map(ErrorsOfModels.of, self.errors_of_models))
+
+    @cached_property
+    def lower_bounds(self) -> Array:
+        """Lower bounds on the error of any requests, in the norm that counts: [rad], of a foot [m].
+
+        Of a joint level "envelope", with inertia "slope". Limits and ``max_step`` are ignored; the
+        bound stays valid, and part of the gap may be due to them. That of a foot is about requests
+        within the limits, from rest of plans that begin at ``start``; it takes some 30 ms a sample,
+        up to ten seconds where a path is short. There is none, and it is 0, where the load depends
+        on the pose, or for a foot with a disturbance.
+        """
+        task = self.task
+        felt = [task.load_of_pose and model.feels_load for model in task.nominal]
+        if task.goal == "foot":
+            if any(felt) or task.disturbance is not None:
+                return np.zeros(1)
+            from planner.planning.foot.bound import foot_bound
+
+            assert task.leg is not None, "a foot belongs to a leg"
+            assert task.weights is not None, "the axes of a foot have weights"
+            bound = foot_bound(
+                task.nominal,
+                task.leg,
+                task.desired_foot,
+                self.predicted,
+                cyclic=task.cyclic,
+                norm=task.norm,
+                weights=task.weights,
+                limits=(task.lower, task.upper),
+                start=task.start,
+                loads=task.loads,
+            )
+            return np.array([bound])
+        added = 0.0 if task.disturbance is None else task.disturbance
+        goals = zip(task.nominal, (task.desired - added).T, task.starts, task.loads, strict=True)
+        bounds = [
+            0.0
+            if no_bound
+            else linear_bound(
+                BoundProblem(
+                    model, np.ascontiguousarray(goal), task.cyclic, task.norm, start, load
+                ),
+                "envelope",
+            )
+            for no_bound, (model, goal, start, load) in zip(felt, goals, strict=True)
+        ]
+        return np.array(bounds)
+
+    @property
+    def gaps(self) -> Array:
+        """Relative distances of the errors from the bounds; inf where only the bound is zero."""
+        pairs = zip(self.error.tolist(), self.lower_bounds.tolist(), strict=True)
+        return np.array([relative_gap(error, bound) for error, bound in pairs])
 
     @property
     def stopped(self) -> dict[str, str]:
         """Why learning from executed cycles has ended, by joint: those for which it has."""
-        pairs = zip(self.names, self.inversions, strict=True)
+        pairs = zip(self.names, self.learning, strict=False)
         return {name: each.stopped for name, each in pairs if each.stopped}
+
+    @cached_property
+    def motions(self) -> tuple[RequestMotion, ...]:
+        """How the requests of every joint move."""
+        columns = zip(self.requests.T, self.desired.T, strict=True)
+        return tuple(
+            request_motion(
+                np.ascontiguousarray(sent),
+                np.ascontiguousarray(desired),
+                period=self.period,
+                cyclic=self.cyclic,
+            )
+            for sent, desired in columns
+        )
+
+    @property
+    def largest_steps(self) -> Array:
+        """Largest change from one request of each joint to its next, cycles closed [rad], (k,)."""
+        changes = np.abs(steps(self.requests, cyclic=self.cyclic))
+        return np.asarray(np.max(changes, axis=0, initial=0.0))
+
+    @cached_property
+    def speeds(self) -> tuple[PathSpeeds, ...]:
+        """Speeds of every joint on the desired path, and how fast it can be."""
+        columns = zip(self.models, self.desired.T, self.task.loads, strict=True)
+        return tuple(
+            path_speeds(model, np.ascontiguousarray(desired), cyclic=self.cyclic, load=load)
+            for model, desired, load in columns
+        )
+
+    @property
+    def too_fast(self) -> Array:
+        """Share of the desired path that is faster than the joint can be, shape (k,)."""
+        return np.array([float(np.mean(each.too_fast)) for each in self.speeds])
 
     def under(self, torques: Array) -> Self:
         """The same requests under the load of a pose [N m], shape (n, k)."""
-        pairs = zip(self.inversions, torques.T, strict=True)
-        return replace(self, inversions=tuple(_under(each, column) for each, column in pairs))
+        return replace(self, task=self.task.under(torques, of_pose=True))
+
+    def joint(self, j: int) -> Plan:
+        """The plan of one of the joints, which were planned one by one."""
+        nominal = self.nominal_requests if len(self.task.models[j]) > 1 else None
+        return Plan(
+            task=self.task.joint(j),
+            requests=np.ascontiguousarray(self.requests[:, j : j + 1]),
+            method=self.method,
+            solver=self.solver,
+            approximations=self.approximations[j : j + 1],
+            nominal_requests=None
+            if nominal is None
+            else np.ascontiguousarray(nominal[:, j : j + 1]),
+            learning=self.learning[j : j + 1],
+        )
 
     def save(self, path: Path | str) -> None:
         """Write the requests as CSV: ``t_s`` [s] and one ``<joint>_deg`` column per joint.
@@ -115,256 +427,22 @@ class Plan:
         Raises:
             InvalidFile: The file cannot be written.
         """
+        from planner.files.paths import write_joint_path
+
         write_joint_path(path, self.names, self.requests, period=self.period)
 
 
-def plan(
-    models: Models,
-    desired: npt.ArrayLike,
-    *,
-    cyclic: bool = True,
-    limits: Limits | None = None,
-    names: Sequence[str] | None = None,
-    start: npt.ArrayLike | Mapping[str, float] | None = None,
-    load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
-    max_step: npt.ArrayLike | Mapping[str, float] | None = None,
-    smoothness: float | None = None,
-    robust: Robust | None = None,
-    method: Method = "optimal",
-    progress: Callable[[str], None] = lambda _: None,
-    **options: Any,
-) -> Plan:
-    """Requests that make several joints follow desired angles, each joint planned by itself.
-
-    Where the position of a foot counts and not the angles, :func:`planner.invert_foot` plans for
-    all joints of a leg at once.
-
-    Args:
-        models: One model for all joints, one for each, or a dict by joint, as
-            :func:`planner.read_models` returns it; "" in it is the model of every other joint. In
-            the place of a model there may be a sequence of models that the joint may have, the
-            nominal one first, or the answer of :func:`planner.identify`: its requests are then good
-            for all of them, see :func:`planner.invert_optimal`. A joint with a sequence of one has
-            that model in any case. For one joint a flat sequence of more than one is such a
-            sequence. Only with method "optimal".
-        desired: Desired angles [rad], shape (n, k), or (n,) for one joint; a row every period of
-            the models, which must have the same one.
-        cyclic: Whether the path repeats for ever.
-        limits: Smallest and largest request [rad], each a number or an array of shape (k,); or a
-            dict of such pairs by joint. Only with method "optimal".
-        names: The joints, for dicts and files; by default the keys of ``models``, where it is a
-            dict of k joints, else joint_1 to joint_k.
-        start: From rest: where the joints rest before [rad], a number, shape (k,), or a dict by
-            joint; by default at the first row. Only with method "optimal".
-        load: Torque on each joint in the direction of positive angles [N m]: shape (n, k), or (k,)
-            or a number where it does not change, or a dict by joint of numbers or shape (n,). Or a
-            function of the joints' angles [rad], shape (n, k), that returns the torques in that
-            pose, such as :meth:`kinematics.Leg.load_torques`: the plan is then repeated until the
-            load is that of the predicted angles, and has no lower bound.
-        max_step: Largest change from one request to the next [rad], a number, shape (k,), or a dict
-            by joint: see :func:`planner.invert_optimal`. Only with method "optimal".
-        smoothness: Relative rise of the error that a robot would show which smoother requests may
-            cost, as there; by default 0.005. Only with method "optimal".
-        robust: "mean" or "worst": which error over the models that each joint may have counts, as
-            there; a model that is in no such sequence needs intervals, from which others are
-            drawn. Only with method "optimal".
-        method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
-            :func:`planner.invert_closed_form`.
-        progress: Called with the name of each joint before it is planned.
-        **options: What the function of the method takes beyond these: ``norm``, ``tolerance``
-            and ``solver`` of the one, ``segments``, ``rule`` and ``refine`` of the other.
-
-    Returns:
-        The plan.
-
-    Raises:
-        InvalidInput: The arguments do not fit together; an error about one joint has its name as a
-            note.
-        InvalidTrajectory: ``desired`` is not a finite array of shape (n, k) with n >= 3.
-        Infeasible: The limits exclude each other or a desired angle.
-        SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
-            does not settle.
-
-    Example:
-        >>> import numpy as np
-        >>> phase = 2 * np.pi * np.arange(100) / 100
-        >>> desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
-        >>> made = plan(JointModel.ers210a(), desired, names=["hip", "knee"], limits=(-0.6, 0.6))
-        >>> made.requests.shape
-        (100, 2)
-        >>> bool(np.max(np.degrees(made.rms)) < 0.01)
-        True
-    """
-    if not is_one_of(method, get_args(Method)):
-        raise InvalidInput(f"method: got {shown(method)}, expected 'optimal' or 'closed_form'")
-    rows = as_rows(desired, name="desired")
-    count = rows.shape[1]
-    names = _names(names, models, count)
-    several = _of_joints(models, names, robust)
-    first = [each[0] for each in several]
-    each = model_of_each(first, count, given_as="models", joints=_JOINTS)
-    if callable(load):
-        again = partial(
-            plan,
-            dict(zip(names, several, strict=True)),
-            rows,
-            cyclic=cyclic,
-            limits=limits,
-            names=names,
-            start=start,
-            max_step=max_step,
-            smoothness=smoothness,
-            robust=robust,
-            method=method,
-            progress=progress,
-            **options,
-        )
-        return settled(lambda torques: again(load=torques), load, rows)
-    ranges, starts = _ranges(limits, names), _of_each("start", start, names)
-    loads, steps = _loads(load, rows.shape, names), _of_each("max_step", max_step, names)
-    only = {"limits": limits, "start": start, "max_step": max_step}
-    only |= {"smoothness": smoothness, "robust": robust}
-    if method == "closed_form" and (strange := [k for k, v in only.items() if v is not None]):
-        raise InvalidInput(
-            f"{', '.join(strange)}: without effect with method 'closed_form'; leave it out"
-        )
-    if method == "closed_form" and any(len(models_of_joint) > 1 for models_of_joint in several):
-        raise InvalidInput("models: got several of a joint, which need method 'optimal'")
-    inversions = []
-    for j, name in enumerate(names):
-        progress(name)
-        try:
-            if method == "closed_form":
-                made = invert_closed_form(
-                    each[j], rows[:, j], cyclic=cyclic, load=loads.get(name), **options
-                )
-            else:
-                made = invert_optimal(
-                    several[j],
-                    rows[:, j],
-                    cyclic=cyclic,
-                    limits=ranges.get(name),
-                    start=starts.get(name),
-                    load=loads.get(name),
-                    max_step=steps.get(name),
-                    smoothness=smoothness,
-                    robust=robust if len(several[j]) > 1 else None,
-                    **options,
-                )
-        except PlannerError as error:
-            error.add_note(name)
-            raise
-        inversions.append(made)
-    return Plan(names=names, inversions=tuple(inversions))
-
-
-_JOINTS = "columns of desired"
-
-
-def _under(plan: Inversion, torques: Array) -> Inversion:
-    """The same requests under the load of a pose [N m], shape (n,)."""
-    load = felt([checked_load(torques, each, len(torques)) for each in plan.models or [plan.model]])
+def joined(plans: Sequence[Plan]) -> Plan:
+    """The plan of several joints that were planned one by one, all in the same way."""
+    nominal = [
+        each.requests if each.nominal_requests is None else each.nominal_requests for each in plans
+    ]
+    robust = any(each.nominal_requests is not None for each in plans)
     return replace(
-        plan,
-        load=load,
-        load_of_pose=load is not None,
-        nominal=plan.nominal and _under(plan.nominal, torques),
+        plans[0],
+        task=Task.joined([each.task for each in plans]),
+        requests=np.hstack([each.requests for each in plans]),
+        approximations=tuple(curve for each in plans for curve in each.approximations),
+        nominal_requests=np.hstack(nominal) if robust else None,
+        learning=tuple(one for each in plans for one in each.learning),
     )
-
-
-def _columns(arrays: Sequence[Array]) -> Array:
-    columns = np.column_stack(arrays)
-    columns.setflags(write=False)
-    return columns
-
-
-def _names(names: Sequence[str] | None, models: object, count: int) -> tuple[str, ...]:
-    """The names of the joints, as many as there are columns, all different."""
-    if names is not None:
-        given = tuple(names) if isinstance(names, list | tuple) else ()
-        are_texts = all(isinstance(name, str) for name in given)
-        if not are_texts or len(given) != count or len(set(given)) != count:
-            raise InvalidInput(
-                f"names: got {shown(names)}, expected {count} different names, one for each of the "
-                f"{_JOINTS}"
-            )
-        return given
-    if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
-        if len(named) != count:
-            raise InvalidInput(
-                f"desired: got {count} columns for the models of {', '.join(named)}; name the "
-                "joints of the columns with names="
-            )
-        return named
-    return tuple(f"joint_{j + 1}" for j in range(count))
-
-
-def _of_joints(
-    models: Models, names: Sequence[str], robust: Robust | None
-) -> list[tuple[JointModel, ...]]:
-    """The models that each joint may have, in the order of the joints."""
-    if isinstance(models, Mapping):
-        if missing := [name for name in names if name not in models and "" not in models]:
-            raise InvalidInput(
-                f"models: none for joint '{missing[0]}'; got "
-                f"{', '.join(map(str, models)) or 'none'}"
-            )
-        models = [models[name] if name in models else models[""] for name in names]
-    return models_of_joints(models, len(names), robust, joints=_JOINTS)
-
-
-def _ranges(limits: Limits | None, names: Sequence[str]) -> Mapping[str, tuple[float, float]]:
-    """Smallest and largest request by joint [rad], of those that have limits."""
-    if limits is None:
-        return {}
-    if isinstance(limits, Mapping):
-        return _known("limits", limits, names)
-    lower, upper = range_of_each(limits, len(names), joints=_JOINTS)
-    return dict(zip(names, zip(lower.tolist(), upper.tolist(), strict=True), strict=True))
-
-
-def _of_each(
-    what: str, given: npt.ArrayLike | Mapping[str, float] | None, names: Sequence[str]
-) -> Mapping[str, float]:
-    """An angle of each joint, by joint [rad], of those that have one."""
-    if given is None:
-        return {}
-    if isinstance(given, Mapping):
-        return _known(what, given, names)
-    try:
-        angles = np.broadcast_to(as_reals(given), len(names))
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"{what}: got {shown(given)}, expected a number [rad] or one for each of the {_JOINTS}"
-        ) from error
-    return dict(zip(names, angles.tolist(), strict=True))
-
-
-def _loads(
-    load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None,
-    shape: tuple[int, ...],
-    names: Sequence[str],
-) -> Mapping[str, npt.ArrayLike]:
-    """Torque by joint [N m], of those that have one, each a number or of shape (n,)."""
-    if load is None:
-        return {}
-    if isinstance(load, Mapping):
-        return _known("load", load, names)
-    try:
-        torques = as_reals(load)
-        if torques.ndim == 1 and shape[1] == 1:
-            torques = torques[:, np.newaxis]
-        columns = np.broadcast_to(torques, shape).T
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"load: got {shown(load)}, expected torques [N m] of shape {shape} or ({shape[1]},), "
-            "or a number"
-        ) from error
-    return dict(zip(names, columns, strict=True))
-
-
-def _known(what: str, values: Mapping[str, Value], names: Sequence[str]) -> Mapping[str, Value]:
-    """Values by joint, all of joints that are planned."""
-    if strange := [name for name in values if name not in names]:
-        raise InvalidInput(f"{what}: no joint {shown(strange[0])}; joints: {', '.join(names)}")
-    return values

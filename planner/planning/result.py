@@ -1,195 +1,234 @@
-"""The result of an inversion: the requests, with the data from which their errors follow."""
+"""A plan as it is seen by those who plan for one joint, or for a foot."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from planner.approximation.curve import PiecewiseLinear
-from planner.model.evidence import Expectation, expectation
-from planner.model.joint import JointModel
-from planner.model.response import simulate
-from planner.planning.arguments import Norm, Solver
-from planner.planning.bounds.multipliers import linear_bound
-from planner.planning.bounds.reachable_set import BoundProblem
-from planner.planning.error_norm import error_norm, largest_step, relative_gap
-from planner.planning.trials import Learning
-from planner.trajectory import Array
+from planner.model.load import load_columns
+from planner.planning.error_norm import largest_step
 from planner.validation import freeze
 
-Method = Literal["closed_form", "optimal"]
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
+    from planner.approximation.curve import PiecewiseLinear
+    from planner.model.evidence import Expectation
+    from planner.model.joint import JointModel
+    from planner.planning.arguments import Norm, Robust, Solver
+    from planner.planning.plan import ErrorsOfModels, Method, Plan
+    from planner.planning.task import Scenarios
+    from planner.planning.trials import Learning
+    from planner.trajectory import Array, Mask
 
 
-class ErrorsOfModels(NamedTuple):
-    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
+@dataclass(frozen=True, eq=False, init=False)
+class _View:
+    """What is judged as one: a joint of a plan, or its foot; [unit] is rad, or m for a foot.
 
-    Attributes:
-        nominal: That of the nominal model.
-        mean: Root mean square over all models.
-        worst: The largest.
-    """
-
-    nominal: float
-    mean: float
-    worst: float
-
-    @classmethod
-    def of(cls, errors: Array) -> ErrorsOfModels:
-        """Those of the errors of each model, the nominal one first, shape (models,)."""
-        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Inversion:
-    """Requests for a desired trajectory, with what the exact model makes of them.
-
-    Every figure is computed from the requests by simulation, whatever solver found them.
+    ``dataclasses.replace`` takes the names of the view's attributes.
 
     Attributes:
-        model: The joint.
-        desired: Desired angles [rad], shape (n,).
-        requests: What to send to the joint [rad], shape (n,).
-        method: How they were found.
-        solver: What solved the problem of an optimised plan; None for a closed form.
-        cyclic: Whether the trajectory repeats for ever.
-        norm: Error that was minimised, and that the bound and the gap are about.
-        limits: Smallest and largest request allowed [rad]; None where there was no limit.
-        max_step: Largest change allowed from one request to the next [rad]; None for any.
-        smoothness: Relative rise of the error that smoother requests were allowed to cost [-].
-        models: All models that are judged, the nominal one first; () for that alone.
-        robust: Whether the "mean" or the "worst" of their errors was minimised; None where only
-            that of the nominal model was.
-        nominal: With several models: the plan for the nominal one alone, to compare with.
-        start: From rest: angle at which the joint rests before the first request [rad].
-        approximation: The piecewise linear trajectory behind a closed form, else None.
-        tolerance: Error that was asked for, in the plan's norm [rad]; None where none was.
-        load: Torque on the joint in the period that ends in each sample [N m], shape (n,); None
-            where there is none, or none of the models feels it.
-        load_of_pose: Whether that is the load of the predicted angles. Other requests would meet
-            another load, so that there is no lower bound on their error: it is 0, unless the
-            nominal model feels no load.
-        disturbance: What executed cycles add to the model's angles [rad], shape (n,): see
-            :func:`planner.refine`; None before any was measured.
-        learning: The executed cycles that the plan has learnt from; None where there are none.
+        plan: The plan.
+        column: Which of what the plan judges.
     """
 
-    model: JointModel
-    desired: Array
-    requests: Array
-    method: Method
-    solver: Solver | None = None
-    cyclic: bool = True
-    norm: Norm = "rms"
-    limits: tuple[float, float] | None = None
-    max_step: float | None = None
-    smoothness: float = 0.0
-    models: tuple[JointModel, ...] = ()
-    robust: Literal["mean", "worst"] | None = None
-    nominal: Inversion | None = None
-    start: float | None = None
-    approximation: PiecewiseLinear | None = None
-    tolerance: float | None = None
-    load: Array | None = None
-    load_of_pose: bool = False
-    disturbance: Array | None = None
-    learning: Learning | None = None
+    plan: Plan
+    column: int
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Freeze what was copied or read from a pickle."""
-        self.__dict__.update(state)
-        freeze(*(each for each in state.values() if isinstance(each, np.ndarray)))
+    def __init__(self, plan: Plan, column: int = 0, **changes: Any) -> None:
+        """View a plan; ``changes`` are what is replaced of it, by the names of the attributes."""
+        if changes and plan.task.goal == "angles":
+            plan, column = plan.joint(column), 0
+        object.__setattr__(self, "plan", _changed(plan, changes) if changes else plan)
+        object.__setattr__(self, "column", column)
 
-    @cached_property
-    def predicted(self) -> Array:
-        """Angles of the exact model under the requests, plus the disturbance [rad], (n,)."""
-        angles = simulate(
-            self.model, self.requests, cyclic=self.cyclic, start=self.start, load=self.load
-        )
-        if self.disturbance is not None:
-            angles = angles + self.disturbance
-            angles.setflags(write=False)
-        return angles
+    def __getstate__(self) -> dict[str, Any]:
+        """What is copied: nothing that can be computed again."""
+        return {"plan": self.plan, "column": self.column}
 
-    @cached_property
-    def errors(self) -> Array:
-        """Predicted minus desired angles [rad], shape (n,)."""
-        errors = self.predicted - self.desired
-        errors.setflags(write=False)
-        return errors
+    @property
+    def method(self) -> Method:
+        """How the requests were found."""
+        return self.plan.method
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the path repeats for ever."""
+        return self.plan.task.cyclic
+
+    @property
+    def norm(self) -> Norm:
+        """Error that was minimised, and that the bound and the gap are about."""
+        return self.plan.task.norm
+
+    @property
+    def smoothness(self) -> float:
+        """Relative rise of the error that smoother requests were allowed to cost [-]."""
+        return self.plan.task.smoothness
+
+    @property
+    def nominal(self) -> Self | None:
+        """With several models: the plan for the nominal ones alone, to compare with."""
+        task, nominal = self.plan.task, self.plan.nominal
+        several = task.goal == "foot" or len(task.models[self.column]) > 1
+        return type(self)(nominal, self.column) if nominal is not None and several else None
 
     @property
     def rms(self) -> float:
-        """Root mean square of the errors [rad]."""
-        return error_norm(self.errors, "rms")
+        """Root mean square of the errors [unit]."""
+        return float(self.plan.rms[self.column])
 
     @property
     def max_error(self) -> float:
-        """Largest error [rad]."""
-        return error_norm(self.errors, "max")
+        """Largest error [unit]."""
+        return float(self.plan.max_error[self.column])
 
     @property
     def error(self) -> float:
-        """The error in the plan's norm [rad]."""
-        return error_norm(self.errors, self.norm)
+        """The error in the plan's norm [unit]; a foot's axes are weighted, the heaviest by 1."""
+        return float(self.plan.error[self.column])
 
-    @cached_property
-    def expected(self) -> Expectation:
-        """Error to expect on the robot, and in what the plan is outside of what was tested.
-
-        The error is NaN where nothing is known: see :attr:`planner.JointModel.evidence`. That is
-        about the model alone, so that it says nothing of a plan that has learnt from cycles.
-        """
-        return expectation(
-            self.model.evidence if self.disturbance is None else None,
-            self.desired,
-            self.predicted,
-            period=self.model.period,
-            cyclic=self.cyclic,
-            load=self.load,
-        )
-
-    @cached_property
+    @property
     def errors_of_models(self) -> Array:
-        """The error of each model in the plan's norm [rad], the nominal one first, (models,)."""
-        others = [replace(self, model=each, models=()).error for each in self.models[1:]]
-        errors = np.array([self.error, *others])
-        errors.setflags(write=False)
-        return errors
+        """The error of each model in the plan's norm [unit], the nominal one first, (models,)."""
+        return self.plan.errors_of_models[self.column]
 
     @property
     def over_models(self) -> ErrorsOfModels:
-        """The nominal, the mean and the worst of them [rad]."""
-        return ErrorsOfModels.of(self.errors_of_models)
+        """The nominal, the mean and the worst of them [unit]."""
+        return self.plan.over_models[self.column]
 
     @property
-    def worst_error(self) -> float:
-        """The worst of them [rad]."""
-        return self.over_models.worst
-
-    @cached_property
     def lower_bound(self) -> float:
-        """Lower bound on the error of any requests, in the plan's norm [rad].
+        """Lower bound on the error of any requests: see :attr:`planner.Plan.lower_bounds`."""
+        return float(self.plan.lower_bounds[self.column])
 
-        Level "envelope", with inertia "slope".
-        """
-        if self.load_of_pose and self.model.feels_load:
-            return 0.0
-        goal = self.desired if self.disturbance is None else self.desired - self.disturbance
-        problem = BoundProblem(self.model, goal, self.cyclic, self.norm, self.start, self.load)
-        return linear_bound(problem, "envelope")
+    @property
+    def gap(self) -> float:
+        """Relative distance from the lower bound; inf where only the bound is zero."""
+        return float(self.plan.gaps[self.column])
+
+    @property
+    def learning(self) -> Learning | None:
+        """The executed cycles that the plan has learnt from; None where there are none."""
+        return self.plan.learning[self.column] if self.plan.learning else None
 
     @property
     def stopped(self) -> str:
         """Why learning from executed cycles has ended; empty while it goes on, and before it."""
         return "" if self.learning is None else self.learning.stopped
 
+
+@dataclass(frozen=True, eq=False, init=False)
+class Inversion(_View):
+    """Requests for a desired trajectory of one joint, with what the exact model makes of them.
+
+    A view of one joint of a :class:`planner.Plan`, which computes every figure.
+    """
+
     @property
-    def gap(self) -> float:
-        """Relative distance from the lower bound; inf where only the bound is zero."""
-        return relative_gap(self.error, self.lower_bound)
+    def model(self) -> JointModel:
+        """The joint."""
+        return self.plan.models[self.column]
+
+    @property
+    def models(self) -> tuple[JointModel, ...]:
+        """All models that are judged, the nominal one first; () for that alone."""
+        models = self.plan.task.models[self.column]
+        return models if len(models) > 1 else ()
+
+    @property
+    def robust(self) -> Robust | None:
+        """Whether the "mean" or the "worst" of the models' errors was minimised, or neither."""
+        return self.plan.task.robust if self.models else None
+
+    @cached_property
+    def desired(self) -> Array:
+        """Desired angles [rad], shape (n,)."""
+        return self._column(self.plan.desired)
+
+    @cached_property
+    def requests(self) -> Array:
+        """What to send to the joint [rad], shape (n,)."""
+        return self._column(self.plan.requests)
+
+    @cached_property
+    def predicted(self) -> Array:
+        """Angles of the exact model under the requests, plus the disturbance [rad], (n,)."""
+        return self._column(self.plan.predicted)
+
+    @cached_property
+    def errors(self) -> Array:
+        """Predicted minus desired angles [rad], shape (n,)."""
+        return self._column(self.plan.errors)
+
+    @property
+    def solver(self) -> Solver | None:
+        """What solved the problem of an optimised plan; None for a closed form."""
+        return self.plan.solver
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Smallest and largest request allowed [rad]; None where there was no limit."""
+        return self.plan.task.limits[self.column]
+
+    @property
+    def max_step(self) -> float | None:
+        """Largest change allowed from one request to the next [rad]; None for any."""
+        step = float(self.plan.task.max_step[self.column])
+        return None if math.isinf(step) else step
+
+    @property
+    def start(self) -> float | None:
+        """From rest: angle at which the joint rests before the first request [rad]."""
+        return self.plan.task.starts[self.column]
+
+    @property
+    def approximation(self) -> PiecewiseLinear | None:
+        """The piecewise linear trajectory behind a closed form, else None."""
+        return self.plan.approximations[self.column] if self.plan.approximations else None
+
+    @property
+    def tolerance(self) -> float | None:
+        """Error that was asked for, in the plan's norm [rad]; None where none was."""
+        return self.plan.task.tolerance
+
+    @property
+    def load(self) -> Array | None:
+        """Torque in the period that ends in each sample [N m], (n,); None if no model feels it."""
+        return self.plan.task.loads[self.column]
+
+    @property
+    def load_of_pose(self) -> bool:
+        """Whether that is the load of the predicted angles.
+
+        Other requests would meet another load, so that there is no lower bound on their error: it
+        is 0, unless the nominal model feels no load.
+        """
+        return self.plan.task.load_of_pose and self.load is not None
+
+    @cached_property
+    def disturbance(self) -> Array | None:
+        """What executed cycles add to the model's angles [rad], (n,): see :func:`planner.refine`.
+
+        None before any was measured.
+        """
+        added = self.plan.task.disturbance
+        return None if added is None else self._column(added)
+
+    @property
+    def expected(self) -> Expectation:
+        """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
+        return self.plan.expected[self.column]
+
+    @property
+    def worst_error(self) -> float:
+        """The worst of the errors of the models [rad]."""
+        return self.over_models.worst
 
     @property
     def within_tolerance(self) -> bool:
@@ -204,6 +243,181 @@ class Inversion:
     @property
     def excess(self) -> float:
         """How far the requests go beyond the range of the desired angles [rad]."""
-        below = np.min(self.desired) - np.min(self.requests)
-        above = np.max(self.requests) - np.max(self.desired)
-        return float(max(below, above, 0.0))
+        return self.plan.motions[self.column].beyond
+
+    def _column(self, rows: Array) -> Array:
+        column = np.ascontiguousarray(rows[:, self.column])
+        freeze(column)
+        return column
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class FootInversion(_View):
+    """Requests for all joints of a leg, with what the exact models make of them.
+
+    A view of a :class:`planner.Plan` for a foot, which computes every figure.
+    """
+
+    @property
+    def models(self) -> tuple[JointModel, ...]:
+        """The joints, in the leg's order."""
+        return self.plan.models
+
+    @property
+    def scenarios(self) -> Scenarios:
+        """All models that are judged, the nominal ones first; () for the nominal ones alone.
+
+        In each scenario one for each joint.
+        """
+        scenarios = self.plan.task.scenarios
+        return scenarios if len(scenarios) > 1 else ()
+
+    @property
+    def robust(self) -> Robust | None:
+        """Whether the "mean" or the "worst" of the errors in them was minimised, or neither."""
+        return self.plan.task.robust
+
+    @property
+    def leg(self) -> Leg:
+        """The leg."""
+        assert self.plan.task.leg is not None, "a foot belongs to a leg"
+        return self.plan.task.leg
+
+    @property
+    def desired_foot(self) -> Array:
+        """Desired foot positions in the leg's base frame [m], shape (n, 3)."""
+        return self.plan.task.desired_foot
+
+    @property
+    def weights(self) -> Array:
+        """Weight of each axis in the distance that counts, shape (3,)."""
+        assert self.plan.task.weights is not None, "the axes of a foot have weights"
+        return self.plan.task.weights
+
+    @property
+    def reachable(self) -> Mask:
+        """Which of the desired positions the leg can reach, shape (n,)."""
+        assert self.plan.task.reachable is not None, "the leg's inverse says it"
+        return self.plan.task.reachable
+
+    @property
+    def requests(self) -> Array:
+        """What to send to the joints [rad], shape (n, k)."""
+        return self.plan.requests
+
+    @property
+    def predicted(self) -> Array:
+        """Angles of the exact models under the requests, plus the disturbance [rad], (n, k)."""
+        return self.plan.predicted
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Smallest and largest request of each joint [rad], two arrays of shape (k,)."""
+        return self.plan.task.lower, self.plan.task.upper
+
+    @property
+    def max_step(self) -> Array | None:
+        """Largest change allowed from one request to the next [rad], shape (k,), or None."""
+        steps = self.plan.task.max_step
+        return steps if np.any(np.isfinite(steps)) else None
+
+    @property
+    def start(self) -> Array | None:
+        """From rest: angles at which the joints rest before the first request [rad], (k,)."""
+        return self.plan.task.start
+
+    @property
+    def loads(self) -> tuple[Array | None, ...]:
+        """Torque on each joint at every sample [N m], (n,), or None where no model feels it."""
+        return self.plan.task.loads
+
+    @property
+    def load_of_pose(self) -> bool:
+        """Whether that is the load of the predicted angles.
+
+        There is no lower bound then, unless the nominal models feel no load.
+        """
+        return self.plan.task.load_of_pose
+
+    @property
+    def disturbance(self) -> Array | None:
+        """What executed cycles add to the models' angles [rad], (n, k): :func:`planner.refine`.
+
+        None before any was measured.
+        """
+        return self.plan.task.disturbance
+
+    @property
+    def foot(self) -> Array:
+        """Where the foot then is [m], shape (n, 3)."""
+        return self.plan.foot
+
+    @property
+    def distances(self) -> Array:
+        """Distance of the foot from where it should be, all axes alike [m], shape (n,)."""
+        return self.plan.distances
+
+    def under(self, torques: Array) -> Self:
+        """The same requests under the load of a pose [N m], shape (n, k)."""
+        return type(self)(self.plan.under(torques))
+
+    def error_of(self, angles: Array) -> float:
+        """The error of other angles, as it was minimised [m]; ``angles`` [rad], shape (n, k)."""
+        return float(self.plan.task.errors_of(angles)[0])
+
+    @property
+    def largest_step(self) -> float:
+        """Largest change from one request of a joint to its next, cycles closed [rad]."""
+        return largest_step(self.requests, cyclic=self.cyclic)
+
+
+def _changed(plan: Plan, changes: dict[str, Any]) -> Plan:
+    """A plan for one joint, or for a foot, with other values of what its view shows."""
+    task, count = plan.task, len(plan.names)
+
+    def rows(value: Any) -> Any:
+        return None if value is None else np.array(value).reshape(plan.requests.shape)
+
+    def of_each(value: Any, default: float) -> Any:
+        return np.full(count, default) if value is None else np.zeros(count) + value
+
+    for name, value in changes.items():
+        only = () if value is None else (value,)
+        match name:
+            case "requests":
+                plan = replace(plan, requests=rows(value))
+            case "method" | "solver":
+                plan = replace(plan, **{name: value})
+            case "learning":
+                plan = replace(plan, learning=only)
+            case "approximation":
+                plan = replace(plan, approximations=only)
+            case "nominal":
+                plan = replace(plan, nominal_requests=value and value.plan.requests)
+            case "desired" | "disturbance":
+                task = replace(task, **{name: rows(value)})
+            case "model":
+                task = replace(task, models=((value, *task.models[0][1:]),))
+            case "models" if task.goal == "angles":
+                task = replace(task, models=(value or task.models[0][:1],))
+            case "models":
+                task = task.with_models(value)
+            case "scenarios":
+                models = tuple(zip(*value, strict=True)) or tuple(zip(task.nominal, strict=True))
+                task = replace(task, models=models)
+            case "limits":
+                lower, upper = (None, None) if value is None else value
+                lower, upper = of_each(lower, -math.inf), of_each(upper, math.inf)
+                task = replace(task, lower=lower, upper=upper)
+            case "max_step":
+                task = replace(task, max_step=of_each(value, math.inf))
+            case "start":
+                task = replace(task, start=None if value is None else of_each(value, 0.0))
+            case "load" | "loads":
+                loads = [value] if name == "load" else value or [None] * count
+                task = replace(task, load=load_columns(loads, len(plan.requests)))
+            case "desired_foot":
+                task = replace(task, foot=value)
+            case _:  # norm, cyclic, smoothness and the like
+                task = replace(task, **{name: value})
+    return replace(plan, task=task)

@@ -20,30 +20,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, SolverFailed
-from planner.identification.result import Identification
-from planner.model.drawn_models import drawn_models
-from planner.model.joint import JointModel, checked_model
+from planner.exceptions import SolverFailed
 from planner.model.load import Loads
 from planner.model.sensitivity import Response
-from planner.planning.arguments import Norm, model_of_each
+from planner.planning.arguments import Norm, Robust
 from planner.planning.error_norm import error_norm
 from planner.planning.gauss_newton import OPTIONS as SEARCH
 from planner.planning.gauss_newton import Stage, State, minimise
 from planner.planning.smoothing import smoothed
+from planner.planning.task import Scenarios
 from planner.planning.tracking_problem import Errors, Goal, TrackingProblem
 from planner.trajectory import Array
-from planner.validation import is_one_of, shown
-
-Robust = Literal["mean", "worst"]
-"""Which error over several models is made small."""
-
-ModelOrModels = JointModel | Sequence[JointModel] | Identification
-"""A joint: its model, several that it may have, or an identification, whose intervals give them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,141 +60,6 @@ class RobustOptions:
 
 
 OPTIONS = RobustOptions()
-
-
-def checked_models(model: ModelOrModels, robust: Robust | None = None) -> tuple[JointModel, ...]:
-    """The models that a joint may have, the nominal one first.
-
-    A model by itself is the only one, unless ``robust`` asks for those that its intervals allow. A
-    sequence has all of them: of one, the joint has that model in any case. Those of an
-    identification are always drawn from its intervals.
-
-    Raises:
-        InvalidInput: There is none, one is no JointModel, their request periods differ, one by
-            itself has no intervals, or ``robust`` does not say which error over the models counts,
-            or is given for a sequence of one.
-    """
-    _check_robust(robust)
-    models = _models_of(model, robust)
-    _check_several(robust, [models])
-    return models
-
-
-def _check_robust(robust: Robust | None) -> None:
-    if robust is not None and not is_one_of(robust, get_args(Robust)):
-        raise InvalidInput(f"robust: got {shown(robust)}, expected 'mean' or 'worst'")
-
-
-def _check_several(robust: Robust | None, models: Sequence[tuple[JointModel, ...]]) -> None:
-    """Raise InvalidInput if ``robust`` is given and every joint has one model in any case."""
-    if robust is not None and all(len(each) == 1 for each in models):
-        raise InvalidInput(
-            f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
-            "expected several models, or the model by itself, from whose intervals others are drawn"
-        )
-
-
-def _models_of(
-    model: ModelOrModels, robust: Robust | None, *, seed: int = 0
-) -> tuple[JointModel, ...]:
-    """The models of :func:`checked_models`; ``seed`` is that of :func:`drawn_models`."""
-    if isinstance(model, Identification):
-        return drawn_models(model.model, seed=seed)
-    if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
-        only = checked_model(model)
-        return (only,) if robust is None else drawn_models(only, seed=seed)
-    models = tuple(checked_model(each) for each in model)
-    if not models or len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            f"model: got {len(models)} models with periods of "
-            f"{', '.join(f'{each.period:g}' for each in models) or 'nothing'} s, expected at least "
-            "one, all of one joint with one request period"
-        )
-    return models
-
-
-def models_of_joints(
-    models: ModelOrModels | Sequence[ModelOrModels],
-    count: int,
-    robust: Robust | None = None,
-    *,
-    joints: str,
-    independent: bool = False,
-) -> list[tuple[JointModel, ...]]:
-    """The models that each joint may have, the nominal one first, in the order of the joints.
-
-    Args:
-        models: One for all joints, or a sequence with one for each; in the place of one several
-            that the joint may have, or an identification, see :func:`checked_models`. For one joint
-            a flat sequence of more than one is such a place.
-        count: How many joints there are.
-        robust: Whether others are drawn for models by themselves.
-        joints: What has a joint each, in words.
-        independent: Whether the models of different joints are drawn independently of one another.
-            Joints with the same model share what is not known of it.
-
-    Raises:
-        InvalidInput: They do not fit the joints, or see :func:`checked_models`.
-    """
-    _check_robust(robust)
-    given: list[Any]
-    if isinstance(models, JointModel | Identification):
-        given = [models] * count
-    else:
-        try:
-            given = list(models)
-        except TypeError:
-            given = []
-        if count == 1 and len(given) > 1:
-            given = [given]
-        fits = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
-        fits = fits and not any(isinstance(each, str) for each in given)
-        if len(given) != count or not fits:
-            model_of_each(models, count, given_as="models", joints=joints)  # type: ignore[arg-type]
-    known = [_what_is_known(each) for each in given]
-    seeds = [known.index(each) if independent else 0 for each in known]
-    several = [_models_of(each, robust, seed=seed) for each, seed in zip(given, seeds, strict=True)]
-    _check_several(robust, several)
-    return several
-
-
-def _what_is_known(model: ModelOrModels) -> object:
-    """What models are drawn from, to compare."""
-    model = model.model if isinstance(model, Identification) else model
-    return (model, model.evidence) if isinstance(model, JointModel) else model
-
-
-Scenarios = tuple[tuple[JointModel, ...], ...]
-"""Models of all joints that are planned together, the nominal ones first: one for each joint in
-each scenario."""
-
-
-def scenarios_of(
-    models: ModelOrModels | Sequence[ModelOrModels],
-    count: int,
-    robust: Robust | None = None,
-    *,
-    joints: str,
-) -> Scenarios:
-    """The scenarios of joints that are planned together.
-
-    The models of a joint are taken in their order; a joint with one model has it in all scenarios.
-    The arguments are those of :func:`models_of_joints`.
-
-    Raises:
-        InvalidInput: As there, or joints with several models have different numbers of them.
-    """
-    several = models_of_joints(models, count, robust, joints=joints, independent=True)
-    numbers = {len(each) for each in several} - {1}
-    if len(numbers) > 1:
-        raise InvalidInput(
-            f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
-            "expected as many of each, taken in their order, or one where a joint has but one"
-        )
-    most = max(numbers, default=1)
-    return tuple(
-        zip(*(each if len(each) == most else each * most for each in several), strict=True)
-    )
 
 
 class RobustProblem(TrackingProblem):

@@ -10,16 +10,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.exceptions import InvalidInput, InvalidModel
-from planner.files.table import nearest
+from planner.exceptions import InvalidInput, InvalidModel, nearest
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.identification.resampling import sound_rows
 from planner.identification.timestamps import timing_of
 from planner.model.joint import JointModel
-from planner.planning.arguments import range_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.load_of_pose import LoadOfPose
-from planner.planning.plan import Limits
+from planner.planning.task import Limits, limits_of_each
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, freeze, is_one_of, shown
 
@@ -432,16 +430,8 @@ def _limits(
         if each.unit == "1":
             values = np.concatenate([each.angles, each.requests, [0.0, 1.0]])
             found[each.name] = (float(np.min(values)), float(np.max(values)))
-    if isinstance(limits, Mapping):
-        if strange := [name for name in limits if name not in names]:
-            raise InvalidInput(
-                f"limits: no joint '{strange[0]}'{nearest(str(strange[0]), names)}; joints: "
-                + ", ".join(names)
-            )
-        found.update({name: (float(low), float(high)) for name, (low, high) in limits.items()})
-    elif limits is not None:
-        lower, upper = range_of_each(limits, len(names), joints="joints of the recording")
-        found.update(
-            dict(zip(names, zip(lower.tolist(), upper.tolist(), strict=True), strict=True))
-        )
+    lower, upper = limits_of_each(limits, names, joints="joints of the recording")
+    for name, low, high in zip(names, lower.tolist(), upper.tolist(), strict=True):
+        if limits is not None and (not isinstance(limits, Mapping) or name in limits):
+            found[name] = (low, high)
     return found

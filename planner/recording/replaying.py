@@ -15,9 +15,10 @@ from planner.model.joint import JointModel
 from planner.model.response import path_speeds, simulate
 from planner.planning.bounds.certify import lower_bound
 from planner.planning.error_norm import error_norm
+from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
-from planner.planning.plan import Limits, plan
 from planner.planning.result import Inversion
+from planner.planning.task import Limits
 from planner.recording.recorded_path import (
     Models,
     Path,

@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.planning.bounds.certify import lower_bound
-from planner.planning.plan import Limits
+from planner.planning.task import Limits
 from planner.recording.recorded_path import (
     Models,
     Path,

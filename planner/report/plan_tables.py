@@ -14,7 +14,7 @@ from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 
 if TYPE_CHECKING:
     from planner.evaluation.plan_outcome import PlanOutcome
-    from planner.planning.result import ErrorsOfModels
+    from planner.planning.plan import ErrorsOfModels
     from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidFile
+from planner.exceptions import ANGLE_UNIT, JOINT_UNITS, InvalidFile
 from planner.files.paths import (
     FootPath,
     JointPath,
@@ -120,6 +121,16 @@ class Desired:
     def unit(self, joint: int) -> Literal["deg", "percent"]:
         """The unit of a joint's degrees: "deg", or "percent" of its range."""
         return "deg" if self.units is None or self.units[joint] not in SHARES else "percent"
+
+    @contextmanager
+    def units_in_messages(self) -> Iterator[None]:
+        """Let messages about single joints inside the block use their units."""
+        units = {name: self.unit(j) for j, name in enumerate(self.names)}
+        token = JOINT_UNITS.set(None if ANGLE_UNIT.get() == "rad" else units)
+        try:
+            yield
+        finally:
+            JOINT_UNITS.reset(token)
 
     def write_requests(self, path: Path | str, requests: Array, loads: Array | None) -> None:
         """Write the joints' requests [rad] and torques [N m], (n, k), as CSV in their units."""

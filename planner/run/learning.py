@@ -8,21 +8,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import ANGLE_UNIT, InvalidFile, InvalidTrajectory
+from planner.exceptions import InvalidFile, InvalidTrajectory, in_unit_of
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
 from planner.files.units import split_unit
 from planner.learning.refine import refine
-from planner.model.joint import JointModel
 from planner.model.load import load_columns
-from planner.planning.arguments import checked_smoothness
-from planner.planning.foot.result import FootInversion
-from planner.planning.result import Inversion
+from planner.planning.plan import Plan
+from planner.planning.task import limits_of_each
 from planner.planning.trials import Learning
 from planner.report.learning import LearningOutcome, Progress, learning_page
 from planner.report.page import linked_files
@@ -30,14 +28,13 @@ from planner.report.table import NOTHING, text_table
 from planner.run.desired import Desired, leg_title
 from planner.run.faults import BadSetting, Key
 from planner.run.models import model_words
-from planner.run.plan import max_step_of
-from planner.validation import freeze
+from planner.run.plan import task_of
 
 if TYPE_CHECKING:
     from planner.run.run import Prepared
     from planner.trajectory import Array
 
-Plans = Mapping[str, Inversion | FootInversion]
+Plans = Mapping[str, Plan]
 """The plan of each joint, or of the foot under the name "foot"."""
 
 FOOT = "foot"
@@ -108,24 +105,23 @@ class Refined:
     @property
     def requests(self) -> Array:
         """The next requests [rad], shape (n, k)."""
-        return _columns(self.plans, "requests")
+        return np.hstack([plan.requests for plan in self.plans.values()])
 
     @property
     def predicted(self) -> Array:
         """What the joints will do, as far as it was learnt [rad], shape (n, k)."""
-        return _columns(self.plans, "predicted")
+        return np.hstack([plan.predicted for plan in self.plans.values()])
 
     @property
     def disturbance(self) -> Array:
         """What was learnt [rad], shape (n, measured joints)."""
-        return _columns(self.learnt, "disturbance")
+        learnt = [plan.task.disturbance for plan in self.learnt.values()]
+        return np.hstack([each for each in learnt if each is not None])
 
     @property
     def loads(self) -> Array | None:
         """Torques on the joints [N m], shape (n, k); None for none."""
-        loads: list[Array | None] = []
-        for plan in self.plans.values():
-            loads += plan.loads if isinstance(plan, FootInversion) else [plan.load]
+        loads = [load for plan in self.plans.values() for load in plan.task.loads]
         return load_columns(loads, len(self.executed))
 
 
@@ -211,7 +207,7 @@ def _joints_of(table: Table) -> set[str]:
 
 def executed_plans(
     prepared: Prepared, requests: Array, *, by_joint: bool = False
-) -> dict[str, Inversion | FootInversion]:
+) -> dict[str, Plan]:
     """The plans whose requests were executed, by whichever method they were planned.
 
     Args:
@@ -220,63 +216,25 @@ def executed_plans(
         by_joint: Whether joints of a plan for the foot are to follow their angles in that plan,
             each by itself.
     """
-    run, desired = prepared.settings, prepared.desired
-    load, of_pose = prepared.load, callable(prepared.load)
+    given, desired, load = prepared.settings.plan, prepared.desired, prepared.load
+    if given.method == "foot-optimal" and (desired.leg is None or desired.foot is None):
+        raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
     torques = load(desired.angles) if callable(load) else load
-    norm = run.plan.norm or "rms"
-    step = max_step_of(run.plan, desired.period)
-    smoothness = checked_smoothness(run.plan.smoothness)
-    columns = requests.T.copy()
-    freeze(columns)
-    each = [None if torques is None else torques[:, j].copy() for j in range(len(columns))]
-    loads = [
-        load if model.feels_load else None for load, model in zip(each, desired.models, strict=True)
-    ]
+    single = given.method == "optimal" or by_joint
+    method: Literal["optimal", "foot-optimal"] = "optimal" if single else "foot-optimal"
+    given = replace(given, method=method, robust=None)
+    limits = {} if single else prepared.limits
+    task = task_of(given, desired, limits, prepared.starts, load=torques)
+    task = replace(task, load_of_pose=callable(load) and task.load is not None)
+    if not single:
+        return {FOOT: Plan(task=task, requests=requests, method="foot_optimal")}
+    lower, upper = limits_of_each(prepared.limits, desired.names)
     angles = desired.angles
-    if run.plan.method == "foot-optimal" and by_joint:
+    if prepared.settings.plan.method == "foot-optimal":
         angles = prepared.answer(bounded=False).predicted  # whatever was executed since
-    elif run.plan.method == "foot-optimal":
-        if desired.leg is None or desired.foot is None:
-            raise BadSetting(Key("plan.method", "foot-optimal"), " plans for a foot path of a leg")
-        lower, upper = zip(*(prepared.limits[name] for name in desired.names), strict=True)
-        return {
-            FOOT: FootInversion(
-                models=desired.models,
-                leg=desired.leg,
-                desired_foot=desired.foot,
-                requests=requests,
-                cyclic=desired.cyclic,
-                norm=norm,
-                weights=np.array(run.plan.weights or (1.0, 1.0, 1.0)),
-                limits=(np.array(lower), np.array(upper)),
-                max_step=None if step is None else np.full(len(lower), step),
-                smoothness=smoothness,
-                reachable=np.ones(len(requests), dtype=np.bool_),
-                start=None if desired.cyclic else desired.angles[0].copy(),
-                loads=tuple(loads),
-                load_of_pose=of_pose and any(load is not None for load in loads),
-            )
-        }
-    return {
-        name: Inversion(
-            model=desired.models[j],
-            desired=angles[:, j].copy(),
-            requests=columns[j],
-            method="optimal",
-            solver=run.plan.solver or "gauss-newton",
-            cyclic=desired.cyclic,
-            norm=norm,
-            limits=prepared.limits.get(name),
-            max_step=step,
-            smoothness=smoothness,
-            start=None
-            if desired.cyclic
-            else prepared.starts.get(name, float(desired.angles[0, j])),
-            load=loads[j],
-            load_of_pose=of_pose and loads[j] is not None,
-        )
-        for j, name in enumerate(desired.names)
-    }
+    task = replace(task, lower=lower, upper=upper, desired=angles)
+    plan = Plan(task=task, requests=requests, solver=given.solver or "gauss-newton")
+    return {name: plan.joint(j) for j, name in enumerate(desired.names)}
 
 
 def refined(
@@ -310,34 +268,32 @@ def refined(
             name: _resumed(plan, states.pop(name)) if name in states else plan
             for name, plan in plans.items()
         }
-    answer: dict[str, Inversion | FootInversion] = {}
+    answer: dict[str, Plan] = {}
     for name, plan in plans.items():
         if name not in (FOOT, *measured.names):
             answer[name] = plan
             continue
         progress(name if name == FOOT else f"the {name}")
-        options: dict[str, Any] = {"sensor_delay": sensor_delay, "reidentify": reidentify}
-        if isinstance(plan, FootInversion):
-            with _speaking_of(names):
-                answer[name] = refine(plan, measured.angles, **options)
-            continue
-        j = names.index(name)
-        token = ANGLE_UNIT.set(prepared.desired.unit(j))
-        try:
-            with _speaking_of((name,)):
-                angles = measured.angles[:, :, measured.names.index(name)]
-                answer[name] = refine(plan, angles, **options)
-        finally:
-            ANGLE_UNIT.reset(token)
+        foot = name == FOOT
+        columns = slice(None) if foot else [measured.names.index(name)]
+        with (
+            prepared.desired.units_in_messages(),
+            in_unit_of("" if foot else name),
+            _speaking_of(names if foot else (name,)),
+        ):
+            answer[name] = refine(
+                plan,
+                measured.angles[:, :, columns],
+                sensor_delay=sensor_delay,
+                reidentify=reidentify,
+            )
     return Refined(prepared, executed, measured, answer, states)
 
 
-def _resumed(plan: Inversion | FootInversion, state: LearningState) -> Inversion | FootInversion:
+def _resumed(plan: Plan, state: LearningState) -> Plan:
     """The plan, with what the history says that it has learnt."""
     models, learning = state
-    if isinstance(plan, FootInversion):
-        return replace(plan, learning=learning, models=models)
-    return replace(plan, learning=learning, model=models[0])
+    return replace(plan, learning=(learning,), task=plan.task.with_models(models))
 
 
 @contextmanager
@@ -352,9 +308,9 @@ def _speaking_of(names: Sequence[str]) -> Iterator[None]:
 def write_states(path: str, answer: Refined) -> None:
     """Write the history that the next call reads."""
     states = {
-        name: LearningState(_models(plan), _learning_of(plan))
+        name: LearningState(plan.models, _learning_of(plan))
         for name, plan in answer.plans.items()
-        if plan.learning is not None
+        if plan.learning
     }
     write_history(path, answer.prepared.desired.angles, {**answer.states, **states})
 
@@ -425,7 +381,7 @@ def progress_of(answer: Refined) -> list[Progress]:
     desired, found = answer.prepared.desired, []
     for name, plan in answer.learnt.items():
         learning = _learning_of(plan)
-        foot = isinstance(plan, FootInversion)
+        foot = plan.task.goal == "foot"
         unit = "cm" if foot else desired.unit(desired.names.index(name))
         factor = 100.0 if foot else math.degrees(1.0)
         bound, noise = learning.floor
@@ -450,12 +406,12 @@ def progress_of(answer: Refined) -> list[Progress]:
     return found
 
 
-def _other_models(plan: Inversion | FootInversion, name: str, desired: Desired) -> list[str]:
+def _other_models(plan: Plan, name: str, desired: Desired) -> list[str]:
     """Which models are no longer those of the model file: they were identified anew before."""
     names = desired.names if name == FOOT else (name,)
     given = dict(zip(desired.names, desired.models, strict=True))
     changed = [
-        joint for joint, model in zip(names, _models(plan), strict=True) if model != given[joint]
+        joint for joint, model in zip(names, plan.models, strict=True) if model != given[joint]
     ]
     if not changed:
         return []
@@ -482,7 +438,7 @@ def learning_report(
     columns = [answer.names.index(name) for name in answer.measured.names]
     followed = desired.angles[:, columns]
     if answer.not_measured:
-        followed = _columns(answer.learnt, "desired")
+        followed = np.hstack([plan.desired for plan in answer.learnt.values()])
     outcome = LearningOutcome(
         names=answer.measured.names,
         period=desired.period,
@@ -504,14 +460,6 @@ def learning_report(
     )
 
 
-def _columns(plans: Plans, name: str) -> Array:
-    return np.column_stack([getattr(plan, name) for plan in plans.values()])
-
-
-def _models(plan: Inversion | FootInversion) -> tuple[JointModel, ...]:
-    return plan.models if isinstance(plan, FootInversion) else (plan.model,)
-
-
-def _learning_of(plan: Inversion | FootInversion) -> Learning:
-    assert plan.learning is not None, "refine returned it"
-    return plan.learning
+def _learning_of(plan: Plan) -> Learning:
+    assert plan.learning, "refine returned it"
+    return plan.learning[0]

@@ -8,9 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from planner.exceptions import InvalidFile, InvalidModel
+from planner.exceptions import InvalidFile, InvalidModel, nearest
 from planner.files.joint_model import ModelFile, read_model_file
-from planner.files.table import nearest
 from planner.model.joint import JointModel, joint_of_top_speed
 from planner.run import settings
 from planner.run.faults import BadSetting, Key

@@ -12,14 +12,14 @@ import numpy as np
 
 from planner.evaluation.metrics import RequestMotion, foot_distances, request_motion
 from planner.evaluation.plan_outcome import expected_foot
-from planner.exceptions import ANGLE_UNIT
 from planner.model.drawn_models import has_intervals
 from planner.model.evidence import Expectation, expectation
 from planner.model.load import load_columns
 from planner.planning.error_norm import error_norm
 from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
-from planner.planning.foot.invert import invert_foot
-from planner.planning.plan import plan
+from planner.planning.inversion import planned
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.task import Task, checked_leg
 from planner.run import settings
 from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
@@ -28,8 +28,6 @@ from planner.run.models import model_words
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
-    from planner.planning.foot.result import FootInversion
-    from planner.planning.result import Inversion
     from planner.trajectory import Array
 
 ROUNDING = 1e-9
@@ -205,25 +203,22 @@ def answer_of(
         FailedCheck: The answer failed a check.
         PlannerError: There is none.
     """
-    if run.plan.method == "foot-optimal":
+    together = run.plan.method == "foot-optimal"
+    if together:
         progress("the foot")
-        answer = _for_the_foot(run.plan, desired, limits, load)
-    else:
-
-        def begin(joint: str) -> None:
-            if ANGLE_UNIT.get() != "rad":  # in messages
-                ANGLE_UNIT.set(desired.unit(desired.names.index(joint)))
-            progress(joint)
-
-        made = plan(
-            desired.models,
-            desired.angles,
-            names=desired.names,
-            cyclic=desired.cyclic,
+    lines = {"segments": run.plan.segments, "rule": run.plan.rule or "paper"}
+    with desired.units_in_messages():
+        made = planned(
+            task_of(run.plan, desired, limits, starts, load=load),
             load=load,
-            progress=begin,
-            **_options(run.plan, limits, starts, desired.period),
+            method="closed_form" if run.plan.method == "closed-form" else "optimal",
+            solver=run.plan.solver or "gauss-newton",
+            lines=lines,
+            progress=progress,
         )
+    if together:
+        answer = Answer(desired, made.requests, made.predicted, {}, FootInversion(made))
+    else:
         inversions = dict(zip(made.names, made.inversions, strict=True))
         answer = Answer(desired, made.requests, made.predicted, inversions)
         for name, inversion in inversions.items():
@@ -264,28 +259,6 @@ def misses(run: settings.Run, answer: Answer) -> list[str]:
     return found
 
 
-def _for_the_foot(
-    given: settings.Plan, desired: Desired, limits: Limits, load: Load | None
-) -> Answer:
-    assert desired.leg is not None, "a foot path needs a leg"
-    assert desired.foot is not None, "this method plans for a foot path"
-    lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
-    made = invert_foot(
-        desired.models,
-        desired.leg,
-        desired.foot,
-        cyclic=desired.cyclic,
-        limits=(lower, upper),
-        norm=given.norm or "rms",
-        weights=given.weights or (1.0, 1.0, 1.0),
-        load=load,
-        max_step=max_step_of(given, desired.period),
-        smoothness=given.smoothness,
-        robust=given.robust,
-    )
-    return Answer(desired, made.requests, made.predicted, inversions={}, together=made)
-
-
 def max_step_of(given: settings.Plan, period: float) -> float | None:
     """The largest change from one request to the next [rad]; None where there is no limit."""
     steps = []
@@ -296,22 +269,42 @@ def max_step_of(given: settings.Plan, period: float) -> float | None:
     return min(steps, default=None)
 
 
-def _options(
-    given: settings.Plan, limits: Limits, starts: Mapping[str, float], period: float
-) -> dict[str, Any]:
-    """What :func:`planner.plan` takes with the chosen method."""
-    if given.method == "closed-form":
-        rule = given.rule or "paper"
-        return {"method": "closed_form", "segments": given.segments, "rule": rule}
-    return {
-        "limits": limits,
-        "start": starts,
+def task_of(
+    given: settings.Plan,
+    desired: Desired,
+    limits: Limits,
+    starts: Mapping[str, float],
+    *,
+    load: Load | None = None,
+) -> Task:
+    """What the settings ask of a plan; the torques of a load of the pose are not in it.
+
+    Args:
+        given: Method and options.
+        desired: What the joints or the foot should do.
+        limits: Limits of the requests [rad].
+        starts: Where joints rest before [rad].
+        load: What the joints carry.
+
+    Raises:
+        PlannerError: They do not fit together.
+    """
+    options: dict[str, Any] = {
+        "cyclic": desired.cyclic,
         "norm": given.norm or "rms",
-        "solver": given.solver or "gauss-newton",
-        "max_step": max_step_of(given, period),
+        "max_step": max_step_of(given, desired.period),
         "smoothness": given.smoothness,
         "robust": given.robust,
+        "load": None if callable(load) else load,
     }
+    if given.method == "foot-optimal":
+        assert desired.foot is not None, "this method plans for a foot path"
+        lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
+        options |= {"weights": given.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
+        return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
+    if given.method == "optimal":  # the closed form knows no limits
+        options |= {"limits": limits, "start": starts}
+    return Task.of(desired.models, desired.angles, names=desired.names, **options)
 
 
 def _check_bound(joint: str, inversion: Inversion, unit: str) -> None:

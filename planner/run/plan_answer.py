@@ -10,7 +10,7 @@ import numpy as np
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.model.response import path_speeds
 from planner.planning.error_norm import error_norm
-from planner.planning.result import ErrorsOfModels
+from planner.planning.plan import ErrorsOfModels
 from planner.report.table import NOTHING, percent, text_table
 from planner.run import settings
 from planner.run.models import model_words
@@ -18,8 +18,7 @@ from planner.run.plan import max_step_of
 
 if TYPE_CHECKING:
     from planner.evaluation.metrics import RequestMotion
-    from planner.planning.foot.result import FootInversion
-    from planner.planning.result import Inversion
+    from planner.planning.result import FootInversion, Inversion
     from planner.run.desired import Desired
     from planner.run.plan import Answer
     from planner.trajectory import Array

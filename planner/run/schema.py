@@ -23,7 +23,7 @@ from typing import (
     get_type_hints,
 )
 
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, nearest
 from planner.run.kinds import Expected, Range
 
 if TYPE_CHECKING:
@@ -390,8 +390,6 @@ def _hint(fault: ErrorDetails, value: Any, words: str) -> str:
         return str(fault["ctx"]["error"])
     if not isinstance(value, str):
         return ""
-    from planner.files.table import nearest  # which imports NumPy, too slow for --help
-
     if words.startswith("one of "):
         return nearest(value, words.removeprefix("one of ").split(", "))
     try:
@@ -404,8 +402,6 @@ def _hint(fault: ErrorDetails, value: Any, words: str) -> str:
 
 def _unknown(cls: type[Settings], place: Place) -> str:
     """What is said of a key that no table has at this place."""
-    from planner.files.table import nearest  # which imports NumPy, too slow for --help
-
     name = str(place[-1])
     names = [
         key[-1]

@@ -52,13 +52,13 @@ def asked(answered, monkeypatch, request):
 @pytest.fixture
 def sabotage(monkeypatch):
     """The optimised requests come three samples late."""
-    honest = cross_check_module.invert_optimal
+    honest = cross_check_module.planned
 
     def late(*arguments, **options):
         plan = honest(*arguments, **options)
-        return replace(plan, requests=np.roll(plan.requests, 3))
+        return replace(plan, requests=np.roll(plan.requests, 3, axis=0))
 
-    monkeypatch.setattr(cross_check_module, "invert_optimal", late)
+    monkeypatch.setattr(cross_check_module, "planned", late)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 
+import numpy as np
 import pytest
 
 from planner.cli.console import BAR, Progress, naming
@@ -47,9 +48,9 @@ def test_only_errors_of_ours_are_said_to_be_about_a_joint():
 
 
 def test_a_plan_below_its_own_bound_is_a_failed_check(run, desired, monkeypatch):
-    from planner.planning.result import Inversion
+    from planner.planning.plan import Plan
 
-    monkeypatch.setattr(Inversion, "lower_bound", 1.0)
+    monkeypatch.setattr(Plan, "lower_bounds", np.ones(1))
     result = run("plan", desired)
     assert result.exit_code == 1
     assert "is below its own lower bound of 57.2958 deg" in result.stderr

@@ -229,7 +229,7 @@ def test_a_small_motion_is_doubted_in_degrees_only(run, tmp_path):
 
 
 def test_an_error_below_its_own_bound_is_reported_and_nothing_is_written(run, desired, monkeypatch):
-    monkeypatch.setattr("planner.planning.result.Inversion.lower_bound", 0.5)
+    monkeypatch.setattr("planner.planning.plan.Plan.lower_bounds", np.full(2, 0.5))
     result = run("plan", desired, "-o", "requests.csv")
     assert result.exit_code == 1
     assert "hip: an error of " in result.stderr

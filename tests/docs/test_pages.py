@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.planning.foot import result as foot_result
+from planner.planning.foot import bound as foot_bound
 from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose
@@ -56,7 +56,7 @@ def asked_once(answered_before, monkeypatch):
 
         return kept
 
-    for module, name in ((foot_result, "foot_bound"), (comparison, "cross_check")):
+    for module, name in ((foot_bound, "foot_bound"), (comparison, "cross_check")):
         monkeypatch.setattr(module, name, once(getattr(module, name)))
 
 

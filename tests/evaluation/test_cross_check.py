@@ -21,10 +21,10 @@ from planner.model.joint import JointModel
 from planner.planning.bounds.reachable_set import LEVELS
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.direct_transcription import TranscriptionOptions
-from planner.planning.foot.invert import invert_foot
-from planner.planning.optimal import invert_optimal
+from planner.planning.inversion import invert_foot, invert_optimal
 from planner.report.comparison_tables import comparison_text
 from tests.instances import attainable, random_model, saturating
+from tests.plans import claiming
 
 JOINT = JointModel.ers210a()
 PHASE = 2.0 * np.pi * np.arange(88) / 88
@@ -62,13 +62,6 @@ def _planned(cyclic):
 
 def _broken(comparison):
     return {(check.plan, check.name) for check in comparison.checks if not check.passed}
-
-
-def _claiming(plan, predicted):
-    """The plan, saying that its angles are others than they are."""
-    liar = replace(plan)
-    liar.__dict__["predicted"] = predicted
-    return liar
 
 
 def test_the_reference_walk_passes_in_the_joints_and_in_the_foot(of_walk, walk):
@@ -192,7 +185,7 @@ def test_predicted_angles_that_are_not_what_the_joint_does_fail_the_agreement():
     plans = _plans()
     wrong = plans["optimal"].predicted.copy()
     wrong[40] += 1e-8
-    plans["optimal"] = _claiming(plans["optimal"], wrong)
+    plans["optimal"] = claiming(plans["optimal"], wrong)
     comparison = compare_joint("hip", plans)
     assert _broken(comparison) == {(OPTIMAL, AGREES)}
     assert comparison.answers["optimal"].elsewhere == 0.0  # it is no other cycle, but none
@@ -201,13 +194,13 @@ def test_predicted_angles_that_are_not_what_the_joint_does_fail_the_agreement():
 def test_a_cycle_that_does_not_close_is_noticed():
     plans = _plans()
     drifting = plans["closed_form_exact"].predicted + 1e-3
-    plans["closed_form_exact"] = _claiming(plans["closed_form_exact"], drifting)
+    plans["closed_form_exact"] = claiming(plans["closed_form_exact"], drifting)
     assert {(EXACT, AGREES), (EXACT, CLOSES)} <= _broken(compare_joint("hip", plans))
 
 
 def test_a_joint_that_does_not_start_where_it_rests_is_noticed():
     plans = _plans(cyclic=False)
-    plans["optimal"] = _claiming(plans["optimal"], np.roll(plans["optimal"].predicted, 1))
+    plans["optimal"] = claiming(plans["optimal"], np.roll(plans["optimal"].predicted, 1))
     assert {(OPTIMAL, AGREES), (OPTIMAL, RESTS)} <= _broken(compare_joint("hip", plans))
 
 
@@ -283,7 +276,7 @@ def test_angles_too_good_to_be_true_are_below_the_bound():
         "closed_form_exact": invert_closed_form(model, DESIRED, rule="exact"),
         "optimal": invert_optimal(model, DESIRED),
     }
-    plans["optimal"] = _claiming(plans["optimal"], plans["optimal"].desired)
+    plans["optimal"] = claiming(plans["optimal"], plans["optimal"].desired)
     assert (OPTIMAL, ABOVE) in _broken(compare_joint("hip", plans))
 
 
@@ -307,13 +300,15 @@ def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
     plan = invert_foot(JOINT, walk.leg, walk.desired_foot)
     assert not _broken(judge_foot(walk.leg, of_walk.joints, plan))
     late = replace(plan, requests=np.roll(plan.requests, 8, axis=0))
-    late.__dict__["lower_bound"] = plan.lower_bound  # that of the path, as no plan is searched
+    late.plan.__dict__["lower_bounds"] = (
+        plan.plan.lower_bounds
+    )  # that of the path, as no plan is searched
     broken = {name for _, name in _broken(judge_foot(walk.leg, of_walk.joints, late))}
     others = PAPER, EXACT, OPTIMAL, METHODS[SECOND]
     assert broken == {f"no worse than {label}" for label in others}
     lower, upper = plan.limits
     tight = replace(plan, limits=(lower, upper - 1.0))
-    tight.__dict__["lower_bound"] = plan.lower_bound
+    tight.plan.__dict__["lower_bounds"] = plan.plan.lower_bounds
     broken = _broken(judge_foot(walk.leg, of_walk.joints, tight))
     assert (METHODS["foot_optimal"], INSIDE) in broken
 

@@ -9,9 +9,9 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.evaluation.differences import classify, difference, runs
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form
-from planner.planning.optimal import invert_optimal
-from planner.planning.result import Inversion
+from planner.planning.inversion import invert_optimal
 from tests.instances import REFERENCE_JOINTS, random_model, saturating
+from tests.plans import claiming, inversion
 
 SAMPLES = 60
 # A request has its largest effect 2 + 4 / 2 = 4 samples after it was sent.
@@ -34,18 +34,17 @@ def _plan(*, requests=None, predicted=None, knots=None, limits=None, cyclic=True
             tick=JOINT.period,
             cyclic=cyclic,
         )
-    plan = Inversion(
-        model=JOINT,
-        desired=still if desired is None else desired,
-        requests=still if requests is None else requests,
+    plan = inversion(
+        JOINT,
+        still if desired is None else desired,
+        still if requests is None else requests,
         method="optimal" if curve is None else "closed_form",
         cyclic=cyclic,
         limits=limits,
         start=None if cyclic else 0.0,
         approximation=curve,
     )
-    plan.__dict__["predicted"] = still if predicted is None else predicted
-    return plan
+    return claiming(plan, still if predicted is None else predicted)
 
 
 def _ramp(first, last, height=STEP):

@@ -18,11 +18,9 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import NORMS
-from planner.planning.closed_form import closed_form_requests, closed_forms, invert_closed_form
-from planner.planning.foot.invert import invert_foot
+from planner.planning.closed_form import closed_form_requests, invert_closed_form
+from planner.planning.inversion import invert_foot, invert_optimal, plan
 from planner.planning.line_inverse import RULES
-from planner.planning.optimal import invert_optimal
-from planner.planning.plan import plan
 from tests.independent import from_rest, next_cycle
 from tests.strategies import models, trajectories
 
@@ -60,7 +58,10 @@ def _optimal(path, load, cyclic):
 
 @cache
 def _closed_forms(path, load, cyclic):
-    made = closed_forms(SERVO, PATHS[path], RULES, cyclic=cyclic, load=LOADS[load])
+    made = [
+        invert_closed_form(SERVO, PATHS[path], rule=rule, cyclic=cyclic, load=LOADS[load])
+        for rule in RULES
+    ]
     return dict(zip(RULES, made, strict=True))
 
 

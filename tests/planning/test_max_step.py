@@ -8,9 +8,7 @@ import pytest
 from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
-from planner.planning.foot.invert import invert_foot
-from planner.planning.optimal import invert_optimal
-from planner.planning.plan import plan
+from planner.planning.inversion import invert_foot, invert_optimal, plan
 from planner.planning.qp_step import second_difference_matrix
 from planner.planning.tracking_problem import track, within_step
 from tests.instances import REFERENCE_JOINTS, random_model, saturating

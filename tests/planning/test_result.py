@@ -14,18 +14,15 @@ from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.bounds.certify import lower_bound
-from planner.planning.optimal import invert_optimal
-from planner.planning.result import Inversion
+from planner.planning.inversion import invert_optimal
 from tests.instances import saturating
+from tests.plans import inversion
 
 ERS210A = JointModel.ers210a()
 
 
 def plan_of(desired, requests, **options):
-    desired, requests = np.array(desired, dtype=float), np.array(requests, dtype=float)
-    return Inversion(
-        model=ERS210A, desired=desired, requests=requests, method="closed_form", **options
-    )
+    return inversion(ERS210A, desired, requests, method="closed_form", **options)
 
 
 def test_errors_are_predicted_minus_desired_in_both_norms():
@@ -107,7 +104,7 @@ def test_the_bound_is_solved_when_it_is_asked_for_and_once(monkeypatch):
         asked.append(1)
         return 0.5
 
-    monkeypatch.setattr("planner.planning.result.linear_bound", count)
+    monkeypatch.setattr("planner.planning.plan.linear_bound", count)
     plan = plan_of([0.0, 0.1, 0.2], [0.0, 0.1, 0.2])
     assert plan.rms >= 0.0
     assert not asked

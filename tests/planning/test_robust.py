@@ -14,9 +14,8 @@ from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.optimal import invert_optimal
-from planner.planning.plan import plan
-from planner.planning.robust import models_of_joints
+from planner.planning.inversion import invert_optimal, plan
+from planner.planning.task import models_of_joints
 from tests.instances import REFERENCE_JOINTS
 
 ERS210A = JointModel.ers210a()
@@ -299,10 +298,10 @@ def test_models_of_one_joint_are_as_those_of_more():
     drawn = drawn_models(SLOWER)
     for count in (1, 2):
         for models in (SLOWER, [SLOWER] * count, [drawn] * count):
-            assert models_of_joints(models, count, "mean", joints="joints") == [drawn] * count
-        alone = models_of_joints([[SLOWER]] * count, count, joints="joints")
+            assert models_of_joints(models, "ab"[:count], "mean") == [drawn] * count
+        alone = models_of_joints([[SLOWER]] * count, "ab"[:count])
         assert alone == [(SLOWER,)] * count
-    assert models_of_joints(drawn, 1, "mean", joints="joints") == [drawn]  # several of the joint
+    assert models_of_joints(drawn, "a", "mean") == [drawn]  # several of the joint
 
 
 def test_models_of_different_periods_and_unknown_errors_are_refused():

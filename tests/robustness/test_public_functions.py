@@ -18,7 +18,7 @@ from tests.robustness.entrances import ANSWERS, ENTRANCES, MISSING
 from tests.robustness.hostile import ANYTHING, ARRAYS, NUMBERS, OTHERS
 
 EVERYTHING = [*NUMBERS, *OTHERS, *ARRAYS]
-UNBOUNDED = {"lower", "upper", "intervals", "gain_interval", "gap"}
+UNBOUNDED = {"lower", "upper", "max_step", "intervals", "gain_interval", "gap"}
 """Fields in which infinity says that there is no limit."""
 CALLED = {"progress", "on_stop", "report"}
 """Arguments that are functions."""

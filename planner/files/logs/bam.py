@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.make_log import Columns, Source, Switch, make_log
 from planner.files.logs.options import LogOptions, choose_joints
 from planner.files.logs.units import scale
-from planner.files.table import nearest
 from planner.files.text import read_json
 from planner.files.units import LARGEST
 from planner.trajectory import Array

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.units import ANGLE_NAMES, ANGLE_UNITS, Scale, scale
-from planner.files.table import nearest
 from planner.validation import as_positive, shown
 
 ALL_JOINTS = "all"

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, MissingExtra
+from planner.exceptions import InvalidFile, MissingExtra, nearest
 from planner.files.limits import MOST_NUMBERS
-from planner.files.table import nearest
 from planner.trajectory import Array
 
 BATCH = 8192

@@ -6,13 +6,12 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from planner.exceptions import InvalidFile, InvalidInput
+from planner.exceptions import InvalidFile, InvalidInput, nearest
 from planner.files.logs.bag import bag_joints, is_bag_folder, read_bag
 from planner.files.logs.bam import bam_joints, read_bam
 from planner.files.logs.csv_log import csv_joints, read_csv_log
 from planner.files.logs.lerobot import is_dataset, lerobot_joints, read_lerobot
 from planner.files.logs.options import LogOptions
-from planner.files.table import nearest
 from planner.files.text import STANDARD_STREAM
 from planner.validation import shown
 

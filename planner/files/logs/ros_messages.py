@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.exceptions import InvalidFile
+from planner.exceptions import InvalidFile, nearest
 from planner.files.logs.options import ALL_JOINTS, LogOptions
-from planner.files.table import nearest
 
 LATEST = 2**63
 """Times from here on [ns] are no times."""

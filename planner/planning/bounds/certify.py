@@ -23,7 +23,7 @@ from planner.planning.bounds.reachable_set import (
 )
 from planner.planning.bounds.saturation_relaxation import without_load
 from planner.planning.error_norm import error_norm, relative_gap
-from planner.planning.optimal import invert_optimal
+from planner.planning.inversion import invert_optimal
 from planner.trajectory import as_trajectory
 from planner.validation import as_positive
 

@@ -29,7 +29,6 @@ from planner.planning.bounds.reachable_set import (
     reachable_set,
 )
 from planner.planning.error_norm import error_norm
-from planner.planning.foot.arguments import axis_scales
 from planner.planning.foot.bundle_method import (
     Column,
     LagrangianRelaxation,
@@ -40,6 +39,7 @@ from planner.planning.foot.bundle_method import (
     zero_multipliers,
 )
 from planner.planning.foot.configuration_minima import Distance
+from planner.planning.task import axis_scales
 from planner.trajectory import Array
 
 MOST_SAMPLES_BOUNDED = 1000

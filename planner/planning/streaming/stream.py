@@ -19,8 +19,8 @@ from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.model.sensitivity import request_ages_of_all
-from planner.planning.arguments import checked_limits, range_of_each, steps_of_each
 from planner.planning.closed_form import switching_time
+from planner.planning.task import checked_limits, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, is_one_of, shown
 
@@ -134,12 +134,10 @@ class Stream:
         if not is_one_of(on_bad, get_args(OnBad)):
             raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
         self._raises = on_bad == "raise"
-        joints = len(self.models)
-        pair = (-math.inf, math.inf) if limits is None else limits
-        self._lower, self._upper = range_of_each(pair, joints, joints="joints")
+        self._lower, self._upper = limits_of_each(limits, self.names, joints="joints")
         for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
-        self._step = steps_of_each(max_step, joints, joints="joints")
+        self._step = steps_of_each(max_step, self.names, joints="joints")
         self._feels_load = any(model.feels_load for model in self.models)
         self._lay_out()
         self.reset()

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-from planner.exceptions import InvalidInput, PlannerError
+from planner.exceptions import InvalidInput, PlannerError, nearest
 from planner.files.joint_model import ModelFile, read_model_file
 from planner.files.logs.recordings import Recording
-from planner.files.table import nearest
 from planner.identification.identify import identify
 from planner.identification.log import Log
 from planner.model.evidence import refusal, with_reasons

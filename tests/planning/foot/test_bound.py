@@ -20,7 +20,7 @@ from planner.planning.clarabel import ConicSolution
 from planner.planning.foot.bound import FootBoundOptions, attainable_angles, foot_bound
 from planner.planning.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
 from planner.planning.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
-from planner.planning.foot.invert import invert_foot
+from planner.planning.inversion import invert_foot
 from tests.instances import random_model
 from tests.kinematics.made_up_robots import ers210a_leg
 

@@ -11,7 +11,7 @@ import pytest
 from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.model.joint import JointModel
-from planner.planning.foot.invert import invert_foot
+from planner.planning.inversion import invert_foot
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
 
 ERS210A = JointModel.ers210a()

@@ -14,10 +14,9 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.closed_form import invert_closed_form
-from planner.planning.foot.invert import invert_foot
-from planner.planning.foot.result import FootInversion
+from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import RULES
-from planner.planning.optimal import invert_optimal
+from planner.planning.result import FootInversion
 from tests.independent import from_rest, next_cycle
 from tests.instances import random_model
 from tests.kinematics.made_up_robots import LEGS, SHAPES, Joint, Y, ers210a_leg, made_up_leg

@@ -14,9 +14,9 @@ from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.foot.invert import invert_foot
-from planner.planning.optimal import invert_optimal
-from planner.planning.robust import ReachInAll, RobustProblem, scenarios_of
+from planner.planning.inversion import invert_foot, invert_optimal
+from planner.planning.robust import ReachInAll, RobustProblem
+from planner.planning.task import models_of_joints
 from planner.planning.tracking_problem import FollowAngles, track
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 
@@ -147,8 +147,7 @@ def test_every_model_is_judged_under_the_load_that_it_feels():
 
 def test_joints_with_the_same_model_share_what_is_not_known_of_it_and_others_do_not():
     other = replace(SLOWER, lag=0.033).with_evidence(SLOWER.evidence)
-    scenarios = scenarios_of([SLOWER, other, SLOWER], 3, "worst", joints="joints")
-    one, two, three = zip(*scenarios, strict=True)
+    one, two, three = models_of_joints([SLOWER, other, SLOWER], "abc", "worst", independent=True)
     assert one == three == drawn_models(SLOWER)
     assert two[0] == other
     assert two == drawn_models(other, seed=1)

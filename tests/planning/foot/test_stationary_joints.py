@@ -10,7 +10,7 @@ import pytest
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.planning.foot import invert
-from planner.planning.foot.invert import invert_foot
+from planner.planning.inversion import invert_foot
 
 ERS210A = JointModel.ers210a()
 LEG = reference_walk().leg

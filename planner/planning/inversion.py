@@ -1,0 +1,397 @@
+"""The public ways to plan: arguments become a task, the task a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import InvalidInput, about
+from planner.planning.arguments import Norm, Robust, Solver, check_solver
+from planner.planning.closed_form import closed_forms
+from planner.planning.line_inverse import Rule, check_rule
+from planner.planning.load_of_pose import LoadOfPose, settled
+from planner.planning.plan import Method, Plan, joined
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.solve import solve
+from planner.planning.task import Limits, ModelOrModels, Models, Task, checked_leg, one_path
+from planner.validation import is_one_of, shown
+
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
+
+
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
+def invert_optimal(
+    model: ModelOrModels,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    limits: tuple[float, float] | None = None,
+    norm: Norm = "rms",
+    start: float | None = None,
+    tolerance: float | None = None,
+    solver: Solver = "gauss-newton",
+    load: npt.ArrayLike | None = None,
+    max_step: float | None = None,
+    smoothness: float | None = None,
+    robust: Robust | None = None,
+) -> Inversion:
+    """Requests of least tracking error, by a local search over requests and angles.
+
+    Angles and requests are the unknowns. Damped Gauss-Newton steps, each at a cost in proportion to
+    the length, lower the error on a saturation whose rounded corners are sharpened stage by stage,
+    from the best trajectory within ±v_max and its closed form onwards. The exact model, run, judges
+    the last stages, and the best requests are kept, so that they are never worse than that form
+    before they are smoothed. Where next to no sample can be reached below the top speeds, the
+    search also starts from the answers of :func:`planner.invert_closed_form`.
+
+    At the end requests are smoothed: their sum of squared second differences is lowered as far as
+    ``smoothness`` allows (``docs/math.md``, section 6). With 0 the error was at most that of
+    :func:`planner.invert_closed_form` on every joint that was tried; by default it may be above it
+    by what the smoothing allows.
+
+    From rest the joint rests at ``start`` until the plan begins: the first request holds it there.
+
+    Args:
+        model: The joint. Or several models that it may have, the nominal one first, or the answer
+            of :func:`planner.identify`, from whose intervals eight are drawn beside its own, always
+            the same ones: the requests are then good for all of them. With a sequence of one the
+            joint has that model in any case.
+        desired: Desired angles [rad], shape (n,), one every ``model.period``.
+        cyclic: Whether the trajectory repeats for ever.
+        limits: Smallest and largest request allowed [rad]; -inf and inf where there is none.
+        norm: "rms" to minimise the root mean square of the errors, "max" the largest one.
+        start: From rest: where the joint rests before [rad]; by default at the first desired angle.
+        tolerance: Error that the plan should keep [rad]; the plan says whether it does.
+        solver: "gauss-newton", the search above; "ipopt" for the same problem as a nonlinear
+            programme, through CasADi (``docs/math.md``, section 6), judged as exactly.
+        load: Torque on the joint in the direction of positive angles [N m], a number or shape (n,);
+            entry k acts in the request period that ends in sample k.
+        max_step: Largest change from one request to the next [rad], in a cycle also from the last
+            to the first, from rest also from the request that holds the start. Each is kept
+            exactly.
+        smoothness: Relative rise of the error that smoother requests may cost; by default 0.005, 0
+            for none. It is the error that a robot would show, to which the error of the model adds
+            in quadrature: that known of an identified one, and at least an encoder's step of 0.088
+            degrees. With dry friction an error up to that step is allowed in any case.
+        robust: "mean" to minimise the root mean square of the errors of several models, the default
+            for them, "worst" for the largest of them. With a model by itself eight others are
+            drawn from the intervals that its file has.
+
+    Returns:
+        The plan; its bound and gap say how much better any other could be. The bound does not know
+        of ``limits`` and ``max_step``: it holds with them, but the gap then includes their cost.
+        Error, bound and gap are those of the nominal model, ``errors_of_models`` has all errors,
+        ``nominal`` the plan for the nominal model alone.
+
+    Raises:
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n,) with n >= 3.
+        InvalidInput: The norm or the solver is unknown, the limits are not two numbers, a cycle is
+            given a ``start``, the load does not fit the samples or the joint, ``max_step`` is not
+            above 0, ``smoothness`` below it, or a model without intervals, or one in any
+            case, is to be planned for robustly.
+        Infeasible: The limits exclude each other, the start or a desired angle.
+        SolverFailed: No requests were found that lead to a steady cycle, or IPOPT stopped without
+            an answer.
+
+    Example:
+        >>> import numpy as np
+        >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
+        >>> made = invert_optimal(JointModel.ers210a(), desired, limits=(-1.5, 1.5))
+        >>> f"{np.degrees(made.rms):.1f} deg rms, {np.degrees(made.lower_bound):.1f} at best"
+        '10.4 deg rms, 10.2 at best'
+    """
+    task = Task.of(
+        [model],
+        one_path(desired),
+        names=("",),
+        cyclic=cyclic,
+        norm=norm,
+        limits=limits,
+        max_step=max_step,
+        start=start,
+        smoothness=smoothness,
+        robust=robust,
+        tolerance=tolerance,
+        load=load,
+    )
+    return Inversion(planned(task, solver=solver))
+
+
+@np.errstate(under="ignore")  # too small to matter, whatever the caller has set
+def invert_foot(
+    models: ModelOrModels | Sequence[ModelOrModels],
+    leg: Leg,
+    foot: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    limits: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
+    norm: Norm = "rms",
+    weights: npt.ArrayLike = (1.0, 1.0, 1.0),
+    unreachable: Literal["nearest", "raise"] = "nearest",
+    load: npt.ArrayLike | LoadOfPose | None = None,
+    disturbance: npt.ArrayLike | None = None,
+    max_step: npt.ArrayLike | None = None,
+    smoothness: float | None = None,
+    robust: Robust | None = None,
+) -> FootInversion:
+    """Requests to all joints of a leg that keep its foot as close to a path as the search can.
+
+    The error of one joint can compensate for that of another. The search is that of
+    :func:`planner.invert_optimal` with the joints stacked, from their own plans on; the leg's
+    kinematics come from CasADi. From rest the joints rest at the first point, or nearest to it.
+
+    Args:
+        models: One joint model for all joints of the leg, or one for each. In the place of a model
+            there may be several that the joint may have, the nominal one first, or an
+            identification, from whose intervals eight are drawn: the requests are then good for the
+            first, the second ... models of all joints together; with a sequence of one in that
+            place the joint has that model in any case. Those of different joints are drawn
+            independently; joints with the same model have the same ones. For a leg of one joint a
+            flat sequence of more than one is such a sequence.
+        leg: A leg of up to three joints.
+        foot: Desired positions in the leg's base frame [m], shape (n, 3), one every model's period.
+        cyclic: Whether the path repeats for ever.
+        limits: Smallest and largest requests [rad], numbers or shape (k,); by default the leg's.
+        norm: "rms" to minimise the root mean square distance, "max" the largest one.
+        weights: How much each axis of the base frame counts, shape (3,).
+        unreachable: Points out of reach are followed as closely as the leg can ("nearest"; the
+            plan's ``reachable`` says which), or are an error that lists them ("raise").
+        load: Torque on the joints in the direction of positive angles [N m], a number, shape (k,)
+            for each joint's, or (n, k); row i acts in the request period that ends in sample i. Or
+            a function of the angles (n, k) [rad]: see :func:`planner.plan`.
+        disturbance: Measured minus modelled angles [rad], shape (n, k), which the models' angles
+            are taken to miss under other requests too: see :func:`planner.refine`.
+        max_step: Largest change from one request of a joint to the next [rad], a number or shape
+            (k,): see :func:`planner.invert_optimal`.
+        smoothness: Relative rise of the foot's error that smoother requests may cost, as there: an
+            error that a robot would show, those of the joints through the leg's Jacobian.
+        robust: "mean" to minimise the root mean square of the foot's errors over several models,
+            the default for them, "worst" for the largest of them. For models that are in no such
+            sequence eight others are drawn from the intervals that their files have.
+
+    Returns:
+        The plan. Error, bound and gap are those of the nominal models; ``errors_of_models`` has all
+        errors, ``nominal`` the plan for the nominal models alone.
+
+    Raises:
+        InvalidInput: The models do not fit the leg or each other, or the weights are not three
+            numbers, 0 or more and not all 0, or load or disturbance do not fit the points, or
+            ``max_step`` is not above 0 or ``smoothness`` below it, or a model without
+            intervals, or only models in any case, are to be planned for robustly.
+        Infeasible: The limits exclude each other, or no joint moves the foot where it counts.
+        kinematics.KinematicsError: The path is not an array (n, 3), or the leg has no inverse.
+        SolverFailed: No requests were found that lead to a steady cycle of every joint.
+
+    Example:
+        >>> from planner import reference_walk
+        >>> walk = reference_walk()
+        >>> made = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot)
+        >>> f"{100 * made.rms:.2f} cm rms"
+        '0.62 cm rms'
+    """
+    task = Task.of(
+        models,
+        foot,
+        leg=checked_leg(leg),
+        weights=weights,
+        unreachable=unreachable,
+        cyclic=cyclic,
+        norm=norm,
+        limits=limits,
+        max_step=max_step,
+        smoothness=smoothness,
+        robust=robust,
+        load=None if callable(load) else load,
+        disturbance=disturbance,
+    )
+    return FootInversion(planned(task, load=load))
+
+
+def plan(
+    models: Models,
+    desired: npt.ArrayLike,
+    *,
+    cyclic: bool = True,
+    limits: Limits | None = None,
+    names: Sequence[str] | None = None,
+    start: npt.ArrayLike | Mapping[str, float] | None = None,
+    load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
+    max_step: npt.ArrayLike | Mapping[str, float] | None = None,
+    smoothness: float | None = None,
+    robust: Robust | None = None,
+    method: Method = "optimal",
+    progress: Callable[[str], None] = lambda _: None,
+    norm: Norm | None = None,
+    tolerance: float | None = None,
+    solver: Solver | None = None,
+    segments: int | None = None,
+    rule: Rule | None = None,
+    refine: bool | None = None,
+) -> Plan:
+    """Requests that make several joints follow desired angles, each joint planned by itself.
+
+    Where the position of a foot counts and not the angles, :func:`planner.invert_foot` plans for
+    all joints of a leg at once.
+
+    Args:
+        models: One model for all joints, one for each, or a dict by joint, as
+            :func:`planner.read_models` returns it; "" in it is the model of every other joint. In
+            the place of a model there may be a sequence of models that the joint may have, the
+            nominal one first, or the answer of :func:`planner.identify`: its requests are then good
+            for all of them, see :func:`planner.invert_optimal`. A joint with a sequence of one has
+            that model in any case. For one joint a flat sequence of more than one is such a
+            sequence. Only with method "optimal".
+        desired: Desired angles [rad], shape (n, k), or (n,) for one joint; a row every period of
+            the models, which must have the same one.
+        cyclic: Whether the path repeats for ever.
+        limits: Smallest and largest request [rad], each a number or an array of shape (k,); or a
+            dict of such pairs by joint. Only with method "optimal".
+        names: The joints, for dicts and files; by default the keys of ``models``, where it is a
+            dict of k joints, else joint_1 to joint_k.
+        start: From rest: where the joints rest before [rad], a number, shape (k,), or a dict by
+            joint; by default at the first row. Only with method "optimal".
+        load: Torque on each joint in the direction of positive angles [N m]: shape (n, k), or (k,)
+            or a number where it does not change, or a dict by joint of numbers or shape (n,). Or a
+            function of the joints' angles [rad], shape (n, k), that returns the torques in that
+            pose, such as :meth:`kinematics.Leg.load_torques`: the plan is then repeated until the
+            load is that of the predicted angles, and has no lower bound.
+        max_step: Largest change from one request to the next [rad], a number, shape (k,), or a dict
+            by joint: see :func:`planner.invert_optimal`. Only with method "optimal".
+        smoothness: Relative rise of the error that a robot would show which smoother requests may
+            cost, as there; by default 0.005. Only with method "optimal".
+        robust: "mean" or "worst": which error over the models that each joint may have counts, as
+            there; a model that is in no such sequence needs intervals, from which others are
+            drawn. Only with method "optimal".
+        method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
+            :func:`planner.invert_closed_form`.
+        progress: Called with the name of each joint before it is planned.
+        norm: "rms" or "max"; only with method "optimal", as tolerance and solver.
+        tolerance: Error that each joint's plan should keep [rad].
+        solver: "gauss-newton" or "ipopt", see :func:`planner.invert_optimal`.
+        segments: Number of lines; only with method "closed_form", as rule and refine.
+        rule: "paper" or "exact", see :func:`planner.invert_closed_form`.
+        refine: Whether to move the knots, as there.
+
+    Returns:
+        The plan.
+
+    Raises:
+        InvalidInput: The arguments do not fit together; an error about one joint has its name as a
+            note.
+        InvalidTrajectory: ``desired`` is not a finite array of shape (n, k) with n >= 3.
+        Infeasible: The limits exclude each other or a desired angle.
+        SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
+            does not settle.
+
+    Example:
+        >>> import numpy as np
+        >>> phase = 2 * np.pi * np.arange(100) / 100
+        >>> desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
+        >>> made = plan(JointModel.ers210a(), desired, names=["hip", "knee"], limits=(-0.6, 0.6))
+        >>> made.requests.shape
+        (100, 2)
+        >>> bool(np.max(np.degrees(made.rms)) < 0.01)
+        True
+    """
+    if not is_one_of(method, METHODS):
+        raise InvalidInput(f"method: got {shown(method)}, expected 'optimal' or 'closed_form'")
+    search: dict[str, Any] = {"limits": limits, "start": start, "max_step": max_step}
+    search |= {"smoothness": smoothness, "robust": robust, "norm": norm}
+    search |= {"tolerance": tolerance, "solver": solver}
+    lines: dict[str, Any] = {"segments": segments, "rule": rule, "refine": refine}
+    without_effect = search if method == "closed_form" else lines
+    if strange := [name for name, value in without_effect.items() if value is not None]:
+        raise InvalidInput(
+            f"{', '.join(strange)}: without effect with method '{method}'; leave it out"
+        )
+    task = Task.of(
+        models,
+        desired,
+        names=names,
+        cyclic=cyclic,
+        norm=norm or "rms",
+        limits=limits,
+        max_step=max_step,
+        start=start,
+        smoothness=smoothness,
+        robust=robust,
+        tolerance=tolerance,
+        load=None if callable(load) else load,
+    )
+    return planned(
+        task,
+        load=load,
+        method=method,
+        solver=solver or "gauss-newton",
+        lines={name: value for name, value in lines.items() if value is not None},
+        progress=progress,
+    )
+
+
+METHODS: tuple[Method, ...] = ("optimal", "closed_form")
+"""How joints are planned."""
+
+
+def planned(
+    task: Task,
+    *,
+    load: object = None,
+    method: Method = "optimal",
+    solver: Solver = "gauss-newton",
+    lines: Mapping[str, Any] | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Plan:
+    """The plan for a task.
+
+    Args:
+        task: What is asked.
+        load: A load of the pose, under which the plan is repeated until it settles; anything else
+            is the task's.
+        method: How joints are planned; a foot is optimised.
+        solver: What solves the problem of an optimised joint.
+        lines: Options of the closed form: segments, rule and refine.
+        progress: Called with the name of each joint before it is planned.
+
+    Raises:
+        InvalidInput: The solver or the rule has another name, or a joint has several models, of
+            which the closed form does not know.
+        SolverFailed: No requests were found that lead to a steady cycle, or the load of the pose
+            does not settle.
+    """
+    check_solver(solver)
+    if method == "closed_form" and len(task.scenarios) > 1:
+        raise InvalidInput("models: got several of a joint, which need method 'optimal'")
+
+    def plan_for(task: Task) -> Plan:
+        if method == "closed_form":
+            return _closed_form(task, lines or {}, progress)
+        found = solve(task, solver=solver, progress=progress)
+        foot = task.goal == "foot"
+        return Plan(
+            task=task,
+            requests=found.requests,
+            method="foot_optimal" if foot else "optimal",
+            solver=None if foot else solver,
+            nominal_requests=found.nominal,
+        )
+
+    if callable(load):
+        return settled(lambda torques: plan_for(task.under(torques)), load, task.desired)
+    return plan_for(task)
+
+
+def _closed_form(task: Task, lines: Mapping[str, Any], progress: Callable[[str], None]) -> Plan:
+    """The closed form of every joint; ``lines`` are options of it."""
+    options = {"rule": "paper", **lines}
+    rule, plans = options.pop("rule"), []
+    for j, name in enumerate(task.names):
+        progress(name)
+        with about(name):
+            check_rule(rule, task.nominal[j])
+            plans += closed_forms(task.joint(j), (rule,), **options)
+    return replace(joined(plans), task=replace(task, smoothness=0.0))
