@@ -100,6 +100,7 @@ def invert_optimal(
 
     Example:
         >>> import numpy as np
+        >>> from planner import JointModel
         >>> desired = 1.2 * np.sin(2 * np.pi * np.arange(88) / 88) ** 3  # [rad], every 8 ms
         >>> made = invert_optimal(JointModel.ers210a(), desired, limits=(-1.5, 1.5))
         >>> f"{np.degrees(made.rms):.1f} deg rms, {np.degrees(made.lower_bound):.1f} at best"
@@ -188,7 +189,7 @@ def invert_foot(
         SolverFailed: No requests were found that lead to a steady cycle of every joint.
 
     Example:
-        >>> from planner import reference_walk
+        >>> from planner import JointModel, reference_walk
         >>> walk = reference_walk()
         >>> made = invert_foot(JointModel.ers210a(), walk.leg, walk.desired_foot)
         >>> f"{100 * made.rms:.2f} cm rms"
@@ -290,6 +291,7 @@ def plan(
 
     Example:
         >>> import numpy as np
+        >>> from planner import JointModel
         >>> phase = 2 * np.pi * np.arange(100) / 100
         >>> desired = np.column_stack([0.3 * np.sin(phase), 0.2 * np.cos(phase)])
         >>> made = plan(JointModel.ers210a(), desired, names=["hip", "knee"], limits=(-0.6, 0.6))

@@ -28,7 +28,7 @@ def test_a_solver_that_fails_is_one_line_and_status_1(run, desired, monkeypatch)
     def fail(*_, **__):
         raise SolverFailed("the requests", "no progress", violation=0.25)
 
-    monkeypatch.setattr("planner.planning.plan.invert_optimal", fail)
+    monkeypatch.setattr("planner.planning.solve.solve_joint", fail)
     result = run("plan", desired)
     assert result.exit_code == 1
     assert result.stdout == ""

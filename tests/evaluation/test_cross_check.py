@@ -339,10 +339,10 @@ def test_json_carries_all_that_is_needed_to_compute_the_figures_again(of_walk):
 
 
 def test_json_has_no_infinities():
-    check = cross_check(JOINT, np.zeros(20), limits=(-math.inf, math.inf))
+    check = cross_check(JOINT, np.zeros(20), limits=(-math.inf, np.pi))
     document = check.to_dict()
     json.dumps(document, allow_nan=False)
-    assert document["joints"]["joint"]["limits_deg"] == [None, None]
+    assert document["joints"]["joint"]["limits_deg"] == [None, 180.0]
 
 
 def test_what_comes_back_cannot_be_changed(of_walk):
@@ -381,7 +381,7 @@ WRONG = {
     ),
     "norm": ({"norm": "mean"}, InvalidInput, "norm: got 'mean'"),
     "level": ({"level": "sharp"}, InvalidInput, "level: got 'sharp'"),
-    "names": ({"names": ["hip", "knee"]}, InvalidInput, "expected 1 different ones"),
+    "names": ({"names": ["hip", "knee"]}, InvalidInput, "expected 1 different names"),
     "limits": ({"limits": (1.0, 2.0, 3.0)}, InvalidInput, "expected (lower, upper)"),
     "limits crossed": ({"limits": (2.0, -2.0)}, Infeasible, "above the upper one"),
     "desired beyond the limits": ({"limits": (-0.1, 0.1)}, Infeasible, "beyond the angles"),

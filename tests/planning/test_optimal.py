@@ -16,8 +16,9 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.model.sensitivity import sensitivities
 from planner.planning.closed_form import closed_form_requests, invert_closed_form
+from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
-from planner.planning.optimal import initial_guess, invert_optimal
+from planner.planning.optimal import initial_guess
 from planner.planning.tracking_problem import track
 from tests.independent import from_rest, next_cycle
 from tests.instances import (
