@@ -67,7 +67,7 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     """  # noqa: D301
     from planner.files.text import write_text
     from planner.run.pages import plan_report
-    from planner.run.plan import misses
+    from planner.run.plan import beyond_limits, misses
     from planner.run.plan_answer import document, summary
     from planner.run.run import prepare
 
@@ -75,17 +75,17 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     desired = prepared.desired
     options.warn_of(desired.remarks)
     with Progress(desired.names) as progress:
-        answer = prepared.answer(progress)
-    options.warn_of(answer.remarks)
-    missed = misses(run, answer)
+        made = prepared.plan(progress)
+    options.warn_of(beyond_limits(made, desired))
+    missed = misses(run, desired, made)
     if report is not None:
         files = [("requests", output)]
-        page = plan_report(prepared, answer, missed=missed, page=report, written=files)
+        page = plan_report(prepared, made, missed=missed, page=report, written=files)
         write_text(report, page)
     deliver(
-        document(run, answer, missed),
-        summary(run, answer),
-        lambda file: desired.write_requests(file, answer.requests, answer.loads),
+        document(prepared, made, missed),
+        summary(prepared, made),
+        lambda file: desired.write_requests(file, made.requests, made.task.load),
         output=output,
         as_json=as_json,
     )

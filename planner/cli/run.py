@@ -85,6 +85,7 @@ def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
     """Plan, and write the folder of the results."""
     from planner.files.staging import output_folder
     from planner.run.outputs import write_run
+    from planner.run.plan import beyond_limits
     from planner.run.plan_answer import summary
     from planner.run.run import speaking_of
 
@@ -96,14 +97,15 @@ def carry_out_run(ready: RunFile, out: str, *, as_json: bool) -> None:
         speaking_of(ready.file),
         output_folder(out) as folder,
     ):
-        answer = ready.prepared.answer(progress)
-        results, exports, failures = write_run(folder, ready, answer, progress=progress)
-    for remark in (*answer.desired.remarks, *answer.remarks):
+        plan = ready.prepared.plan(progress)
+        results, exports, failures = write_run(folder, ready, plan, progress=progress)
+    desired = ready.prepared.desired
+    for remark in (*desired.remarks, *beyond_limits(plan, desired)):
         warn(str(remark))
     if as_json:
         print_json(results)
     else:
         files = f"{len(results['files']) + 1} files in {out}"
-        summarise(f"{summary(ready.settings, answer)}{exports}\n{files}")
+        summarise(f"{summary(ready.prepared, plan)}{exports}\n{files}")
     if failures:
         raise click.ClickException(f"{'; '.join(failures)}; the files are written all the same")

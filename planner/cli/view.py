@@ -80,9 +80,8 @@ def view(
         )
     if requests is None:
         method = method or ("optimal" if desired.foot is None else "foot-optimal")
-        plan = replace(run.plan, method=method)
-        answer = prepare(replace(run, plan=plan)).answer()
-        planned, loads = answer.predicted, answer.loads
+        plan = prepare(replace(run, plan=replace(run.plan, method=method))).plan()
+        planned, loads = plan.predicted, plan.task.load
     else:
         planned, loads = _angles_under(requests, desired, cyclic=cyclic)
     shown = shown_motions(desired.leg, desired, planned, cyclic=cyclic, loads=loads)

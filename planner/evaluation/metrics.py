@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidTrajectory
-from planner.trajectory import Array, rms, steps
+from planner.trajectory import Array, rms
 
 
 class Distance(NamedTuple):
@@ -61,66 +61,6 @@ def foot_distances(positions: npt.ArrayLike, desired: npt.ArrayLike) -> Array:
     distances: Array = np.linalg.norm(_difference(positions, desired, dimensions=2), axis=1)
     distances.setflags(write=False)
     return distances
-
-
-class RequestMotion(NamedTuple):
-    """How a joint's requests move, beside the desired angles.
-
-    Attributes:
-        largest_step: Largest change from one request to the next [rad].
-        reversals_per_s: How often the requests change direction [1/s].
-        path_length: Sum of the changes of the requests [rad].
-        desired_length: Sum of the changes of the desired angles [rad].
-        beyond: How far the requests go beyond the range of the desired angles [rad].
-    """
-
-    largest_step: float
-    reversals_per_s: float
-    path_length: float
-    desired_length: float
-    beyond: float
-
-
-LEAST_MOTION = 1e-9
-"""Change of a request that is no motion [rad]: rounding."""
-
-
-def request_motion(
-    requests: npt.ArrayLike, desired: npt.ArrayLike, *, period: float, cyclic: bool
-) -> RequestMotion:
-    """How one joint's requests move: steps, reversals, length and range.
-
-    A cycle counts the change from the last request to the first. Requests that stay where they are
-    do not change direction.
-
-    Args:
-        requests: Requests [rad], shape (n,).
-        desired: Desired angles [rad], shape (n,).
-        period: Time from one request to the next [s].
-        cyclic: Whether they repeat for ever.
-
-    Raises:
-        InvalidTrajectory: The shapes differ or are not (n,), or a value is not finite.
-
-    Example:
-        >>> there_and_back = request_motion([0.0, 0.3, 0.1], [0, 0.2, 0], period=0.1, cyclic=True)
-        >>> f"{there_and_back.largest_step:.1f} rad, {there_and_back.reversals_per_s:.2f} per s"
-        '0.3 rad, 6.67 per s'
-    """
-    _difference(requests, desired, dimensions=1)
-    sent, path = (np.asarray(given, dtype=np.float64) for given in (requests, desired))
-    changes, others = (steps(each, cyclic=cyclic) for each in (sent, path))
-    directions = np.sign(changes[np.abs(changes) > LEAST_MOTION])
-    if cyclic:
-        directions = np.append(directions, directions[:1])
-    beyond = max(path.min() - sent.min(), sent.max() - path.max(), 0.0)
-    return RequestMotion(
-        largest_step=float(np.max(np.abs(changes), initial=0.0)),
-        reversals_per_s=np.count_nonzero(np.diff(directions)) / (len(sent) * period),
-        path_length=float(np.sum(np.abs(changes))),
-        desired_length=float(np.sum(np.abs(others))),
-        beyond=float(beyond),
-    )
 
 
 def _over_samples(distances: Array) -> Distance:

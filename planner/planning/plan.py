@@ -219,6 +219,18 @@ class Plan:
         return distances
 
     @cached_property
+    def direct_foot(self) -> Array:
+        """Where the foot is when the desired angles are requested as they are [m], (n, 3)."""
+        assert self.task.leg is not None, "a foot belongs to a leg"
+        return self.task.leg.foot_positions(self.direct)
+
+    @property
+    def direct_distances(self) -> Array:
+        """Distance of the foot then from where it should be [m], shape (n,)."""
+        distances: Array = np.linalg.norm(self.direct_foot - self.task.desired_foot, axis=1)
+        return distances
+
+    @cached_property
     def _judged(self) -> list[Array]:
         """Errors that are judged, each of shape (n,)."""
         if self.task.goal == "foot":
@@ -356,6 +368,15 @@ class Plan:
         """Relative distances of the errors from the bounds; inf where only the bound is zero."""
         pairs = zip(self.error.tolist(), self.lower_bounds.tolist(), strict=True)
         return np.array([relative_gap(error, bound) for error, bound in pairs])
+
+    @property
+    def foot_bound(self) -> float | None:
+        """The bound of a foot [m]; None of joints, and where it would take more than minutes."""
+        from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+
+        if self.task.goal == "angles" or len(self.requests) > MOST_SAMPLES_BOUNDED:
+            return None
+        return float(self.lower_bounds[0])
 
     @property
     def stopped(self) -> dict[str, str]:

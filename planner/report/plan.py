@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from planner.report.page import (
 )
 from planner.report.plan_tables import (
     expected_errors,
+    is_bounded,
     joint_rows,
     joints_table,
     models_errors_table,
@@ -52,7 +53,9 @@ from planner.report.table import percent
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.evaluation.plan_outcome import PlanOutcome
+    from planner.planning.plan import ErrorsOfModels, Plan
+    from planner.planning.result import FootInversion, Inversion
+    from planner.trajectory import Array
 
 METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
 """How the plan of each method is drawn everywhere."""
@@ -60,17 +63,21 @@ METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_
 VIEWS = {"side": (0, "x"), "front": (1, "y")}
 """What a view has across [index and name of the axis]; upward it has z."""
 
+NO_BOUND = "a load that depends on the pose: other requests would meet another load"
+"""Why there is no lower bound where there is none."""
+
 ROUNDING = 1e-12
 """What the division by a decimal step may add to a quotient, as a share of it."""
 
 
 def plan_page(
-    outcome: PlanOutcome,
+    plan: Plan,
     *,
     title: str,
     method: str,
     origins: Sequence[tuple[str, str]] = (),
     files: Sequence[LinkedFile] = (),
+    foot_given: Array | None = None,
     unreachable: int = 0,
     missed: Sequence[str] = (),
     notes: Sequence[str] = (),
@@ -78,11 +85,13 @@ def plan_page(
     """The whole page.
 
     Args:
-        outcome: The plan.
+        plan: The plan.
         title: What was planned for.
         method: How, as the command line calls it.
         origins: What the plan was made from: pairs of what it is and which.
         files: Files of the run to link to.
+        foot_given: Desired positions of the foot [m], shape (n, 3), before they were clamped to
+            what the leg reaches; None where they were not.
         unreachable: How many positions are out of the leg's reach.
         missed: Tolerances that the plan misses, in words.
         notes: What else should be known first.
@@ -90,37 +99,47 @@ def plan_page(
     from markupsafe import Markup
 
     role = METHODS[method]
-    head, tail = verdict(outcome)
-    foot = foot_figures(outcome, role)
-    joints = {
-        "outcome": outcome,
-        "table": joints_table(outcome),
-        "over_models": models_errors_table("joint", outcome.over_models, "deg"),
-        "known": any(expected_errors(outcome)),
-        "joints": [joint_figure(outcome, role, j) for j in range(len(outcome.names))],
+    head, tail = verdict(plan)
+    foot = foot_figures(plan, role)
+    told: dict[str, Any] = {
+        "norm": plan.task.norm,
+        "robust": plan.task.robust,
+        "no_bound": NO_BOUND if plan.task.load_of_pose else "",
+        "bounded": is_bounded(plan),
     }
-    models = models_table(outcome.names, outcome.models)
+    of_joints = {each.plan.names[each.column]: _over_models(each) for each in plan.inversions}
+    of_foot = {"foot": _over_models(plan.of_foot)} if plan.of_foot else {}
+    joints = {
+        **told,
+        "table": joints_table(plan),
+        "over_models": models_errors_table("joint", of_joints, "deg"),
+        "known": any(expected_errors(plan)),
+        "joints": [joint_figure(plan, role, j) for j in range(len(plan.names))],
+    }
+    models = models_table(plan.names, plan.models)
     sections = [
         Section("The joints", JOINTS, joints),
         Section(
             "The requests",
             REQUESTS,
-            {"motions": motions_table(outcome), "table": requests_table(outcome)},
+            {"motions": motions_table(plan), "table": requests_table(plan)},
         ),
         Section("The models", "{{ table }}", {"table": models}),
     ]
     if foot:
-        errors = {"foot": outcome.foot_over_models} if outcome.foot_over_models else {}
-        over_models = models_errors_table("", errors, "cm")
-        values = {"outcome": outcome, "over_models": over_models, "foot": foot[1:]}
+        over_models = models_errors_table("", of_foot, "cm")
+        values = {**told, "over_models": over_models, "foot": foot[1:]}
         sections.insert(0, Section("The foot", OVER_MODELS + "{{ figures(foot) }}", values))
     return Page(
-        heading=f"Plan for the leg “{title}”" if outcome.feet else heading(title),
+        heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
         eyebrow=f"request-planner plan · {method}",
         verdict=Markup("<strong>{}</strong>, {}.").format(head, tail),
-        good=not (missed or outcome.jumps),
-        remarks=[*remarks(outcome, unreachable=unreachable, missed=missed), *notes],
-        cards=cards(outcome),
+        good=not (missed or jumps_of(plan)),
+        remarks=[
+            *remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed),
+            *notes,
+        ],
+        cards=cards(plan),
         figure=foot[0] if foot else None,
         sections=sections,
         listings=origin_lists(origins, files),
@@ -133,9 +152,9 @@ def plan_page(
 
 OVER_MODELS = """
 {% if over_models %}{{ over_models }}
-<p class="note">Errors ({{ outcome.norm }}) over the nominal model and others drawn from the
+<p class="note">Errors ({{ norm }}) over the nominal model and others drawn from the
 intervals of its parameters; the mean is a root mean square. The robust plan makes the
-{{ outcome.robust }} error small.</p>
+{{ robust }} error small.</p>
 {% endif %}"""
 
 JOINTS = (
@@ -144,8 +163,8 @@ JOINTS = (
 <p class="note">Errors are predicted minus desired angles at each request, by the exact models.
 {% if known %}On the robot, expect the error of the plan and of its model, by what the model was
   tested on.
-{% endif %}{% if outcome.no_bound %}There is no lower bound under {{ outcome.no_bound }}.
-{% elif outcome.bounds %}No requests bring the {{ outcome.norm }} error below the lower bound.
+{% endif %}{% if no_bound %}There is no lower bound under {{ no_bound }}.
+{% elif bounded %}No requests bring the {{ norm }} error below the lower bound.
 {% else %}The plan is for the foot: single joints may have errors that compensate for one
   another.{% endif %}</p>
 """
@@ -171,47 +190,49 @@ cost more accuracy (--smoothness).</p>
 # What the plan amounts to, in words.
 
 
-def verdict(outcome: PlanOutcome) -> tuple[str, str]:
+def verdict(plan: Plan) -> tuple[str, str]:
     """The answer in a few words, and what it is worth."""
-    if outcome.feet:
-        planned, direct = (size(outcome.distances[kind], 100.0) for kind in ("planned", "direct"))
+    if plan.task.leg:
+        planned, direct = (size(each, 100.0) for each in (plan.distances, plan.direct_distances))
         unit = "cm"
         head = f"By the model the foot stays within {_at_most(planned.largest)} cm of its path"
     else:
         planned, direct = (
-            size(outcome.errors[kind], math.degrees(1.0)) for kind in ("planned", "direct")
+            size(errors, math.degrees(1.0)) for errors in (plan.errors, plan.direct - plan.desired)
         )
         unit = "degrees"
-        subject = "joint stays" if len(outcome.names) == 1 else "joints stay"
-        whose = "its path" if len(outcome.names) == 1 else "their paths"
+        subject = "joint stays" if len(plan.names) == 1 else "joints stay"
+        whose = "its path" if len(plan.names) == 1 else "their paths"
         head = f"By the model the {subject} within {_at_most(planned.largest)} degrees of {whose}"
     tail = (
         f"{_two_digits(planned.rms)} {unit} rms. Without a plan, with the desired angles as "
         f"requests, the error is up to {_at_most(direct.largest)} {unit}, "
         f"{_two_digits(direct.rms)} {unit} rms"
     )
-    if outcome.feet and outcome.expected_foot:
-        tail += f". On the robot expect about {_two_digits(100.0 * outcome.expected_foot)} cm rms"
-    elif any(expected_errors(outcome)) and not outcome.feet:
-        largest = max(each for each in expected_errors(outcome) if each)
+    if plan.task.leg and plan.expected_foot:
+        tail += f". On the robot expect about {_two_digits(100.0 * plan.expected_foot)} cm rms"
+    elif any(expected_errors(plan)) and not plan.task.leg:
+        largest = max(each for each in expected_errors(plan) if each)
         tail += f". On the robot expect about {_two_digits(largest)} degrees rms"
     return head, tail
 
 
-def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) -> list[str]:
+def remarks(
+    plan: Plan, *, foot_given: Array | None = None, unreachable: int, missed: Sequence[str]
+) -> list[str]:
     """What somebody who sends these requests should know first."""
     said = [f"{each}." for each in missed]
-    if words := untested_words(outcome.names, outcome.expected):
+    if words := untested_words(plan.names, plan.expected):
         said.append(f"{words[0].upper()}{words[1:]}.")
     if unreachable:
-        said.append(_out_of_reach(outcome, unreachable))
-    if outcome.jumps:
-        listed = ", ".join(str(sample) for sample in outcome.jumps[:5])
+        said.append(_out_of_reach(plan, foot_given, unreachable))
+    if jumps := jumps_of(plan):
+        listed = ", ".join(str(sample) for sample in jumps[:5])
         said.append(
-            f"The leg jumps to another pose after {len(outcome.jumps)} samples ({listed}): the "
+            f"The leg jumps to another pose after {len(jumps)} samples ({listed}): the "
             "desired angles are no smooth path. Start near another pose (--near), or move the path."
         )
-    rows = sorted(joint_rows(outcome), key=lambda row: row.load, reverse=True)
+    rows = sorted(joint_rows(plan), key=lambda row: row.load, reverse=True)
     if fast := [row for row in rows if row.too_fast > 0.0]:
         listed = ", ".join(
             f"{row.name} ({100 * row.too_fast:.0f} % of the path, up to {row.speed:.0f} of "
@@ -222,7 +243,7 @@ def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) ->
             f"The desired path is faster than the top speed of: {listed}. There no requests make "
             "the joint follow exactly; a slower or smaller path has no such error."
         )
-        seen = dict(zip(outcome.names, (each.evidence for each in outcome.models), strict=True))
+        seen = dict(zip(plan.names, (each.evidence for each in plan.models), strict=True))
         evidence = {row.name: seen[row.name] for row in fast}
         unknown = [name for name, each in evidence.items() if each and each.leaves_top_speed_open]
         if unknown:
@@ -233,12 +254,26 @@ def remarks(outcome: PlanOutcome, *, unreachable: int, missed: Sequence[str]) ->
     return said
 
 
-def _out_of_reach(outcome: PlanOutcome, unreachable: int) -> str:
+def jumps_of(plan: Plan) -> list[int]:
+    """Samples from which the desired pose leaps to another one."""
+    leg, desired = plan.task.leg, plan.desired
+    if leg is None:
+        return []
+    closed = np.vstack([desired, desired[:1]]) if plan.cyclic else desired
+    return [int(sample) for sample in leg.jumps(closed)]
+
+
+def _over_models(plan: Inversion | FootInversion) -> tuple[ErrorsOfModels, ErrorsOfModels] | None:
+    """Errors over the models, of a robust plan and the nominal one; None where it is not."""
+    return None if plan.nominal is None else (plan.over_models, plan.nominal.over_models)
+
+
+def _out_of_reach(plan: Plan, foot_given: Array | None, unreachable: int) -> str:
     """What the distances count of positions that the leg cannot reach."""
-    head = f"{unreachable} of {len(outcome.desired)} positions are out of the leg's reach"
-    if outcome.foot_given is None:
+    head = f"{unreachable} of {len(plan.desired)} positions are out of the leg's reach"
+    if foot_given is None:
         return f"{head}; the distances count them."
-    given = size(outcome.distances_given, 100.0)
+    given = size(np.linalg.norm(plan.foot - foot_given, axis=1), 100.0)
     return (
         f"{head}. The path was clamped to what the leg can reach, and all distances here are to "
         f"the clamped path. To the path as given the foot's distance is {given.rms:.3f} cm rms, "
@@ -246,28 +281,28 @@ def _out_of_reach(outcome: PlanOutcome, unreachable: int) -> str:
     )
 
 
-def cards(outcome: PlanOutcome) -> list[Card]:
+def cards(plan: Plan) -> list[Card]:
     """The key figures."""
-    rows = joint_rows(outcome)
+    rows = joint_rows(plan)
     made = []
-    if outcome.feet:
-        planned, direct = (size(outcome.distances[kind], 100.0) for kind in ("planned", "direct"))
+    if plan.task.leg:
+        planned, direct = (size(each, 100.0) for each in (plan.distances, plan.direct_distances))
         made += [
             Card(f"{planned.rms:.3g}", "cm rms",
                  f"the foot from its path; without a plan {direct.rms:.3g} cm"),
             Card(f"{planned.largest:.3g}", "cm",
                  f"at most; without a plan {direct.largest:.3g} cm"),
         ]  # fmt: skip
-    if outcome.foot_bound and outcome.foot_gap is not None:
-        kind = {"rms": "rms", "max": "at most"}[outcome.norm]
+    if plan.foot_bound:
+        kind = {"rms": "rms", "max": "at most"}[plan.task.norm]
         made.append(
-            Card(percent(outcome.foot_gap), "",
+            Card(percent(float(plan.gaps[0])), "",
                  f"above the lower bound for requests within the limits, "
-                 f"{100.0 * outcome.foot_bound:.3g} cm {kind}, proved")
+                 f"{100.0 * plan.foot_bound:.3g} cm {kind}, proved")
         )  # fmt: skip
     worst = max(rows, key=lambda row: row.planned.rms)
     busy = max(rows, key=lambda row: row.load)
-    count, joints = len(outcome.desired), len(rows)
+    count, joints = len(plan.desired), len(rows)
     return [
         *made,
         Card(f"{worst.planned.rms:.3g}", "deg rms",
@@ -275,10 +310,10 @@ def cards(outcome: PlanOutcome) -> list[Card]:
              f"{worst.direct.rms:.3g} deg"),
         Card(f"{busy.speed:.0f}", "deg/s",
              f"{busy.name}, the fastest for its top speed, which is {busy.top_speed:.0f} deg/s"),
-        Card(f"{outcome.period * count:.3g}", "s",
+        Card(f"{plan.period * count:.3g}", "s",
              f"{count} requests to {joints} joint{'s' * (joints > 1)}, one every "
-             f"{1000 * outcome.period:.3g} ms; "
-             + ("the path repeats" if outcome.cyclic else "from rest")),
+             f"{1000 * plan.period:.3g} ms; "
+             + ("the path repeats" if plan.cyclic else "from rest")),
     ]  # fmt: skip
 
 
@@ -298,15 +333,16 @@ def _two_digits(value: float) -> str:
 # The figures.
 
 
-def foot_figures(outcome: PlanOutcome, role: Role) -> list[Figure]:
+def foot_figures(plan: Plan, role: Role) -> list[Figure]:
     """The foot from the side, which moves on a screen, from the front, and its error over time."""
-    if outcome.leg is None:
+    leg = plan.task.leg
+    if leg is None:
         return []
-    side, front = (_view(outcome, outcome.leg, role, view) for view in VIEWS)
-    timeline = timeline_of(outcome)
+    side, front = (_view(plan, leg, role, view) for view in VIEWS)
+    timeline = timeline_of(plan)
     curves = [
         timeline.curve(100.0 * distances, looks)
-        for distances, looks in zip(outcome.distances.values(), (DIRECT, role), strict=True)
+        for distances, looks in ((plan.direct_distances, DIRECT), (plan.distances, role))
     ]
     distances = timeline.figure(
         "foot_distances",
@@ -320,14 +356,12 @@ def foot_figures(outcome: PlanOutcome, role: Role) -> list[Figure]:
     return [side, front, distances]
 
 
-def _view(outcome: PlanOutcome, leg: Leg, role: Role, view: str) -> Figure:
+def _view(plan: Plan, leg: Leg, role: Role, view: str) -> Figure:
     across, name = VIEWS[view]
-    chosen = np.linspace(0, len(outcome.desired), POSES, endpoint=not outcome.cyclic)
-    samples = np.minimum(chosen.astype(int), len(outcome.desired) - 1)
-    paths = [
-        timeline_of(outcome).path(positions, looks, across)
-        for positions, looks in zip(outcome.feet.values(), (DESIRED, DIRECT, role), strict=True)
-    ]
+    chosen = np.linspace(0, len(plan.desired), POSES, endpoint=not plan.cyclic)
+    samples = np.minimum(chosen.astype(int), len(plan.desired) - 1)
+    feet = ((plan.task.desired_foot, DESIRED), (plan.direct_foot, DIRECT), (plan.foot, role))
+    paths = [timeline_of(plan).path(positions, looks, across) for positions, looks in feet]
     moves = "Move the slider and the leg follows, drag it and it turns. " * (view == "side")
     return Figure(
         f"foot_{view}",
@@ -338,43 +372,43 @@ def _view(outcome: PlanOutcome, leg: Leg, role: Role, view: str) -> Figure:
         (
             Panel(
                 Axis("z", "cm"),
-                (*leg_sketches(leg.joint_positions(outcome.predicted[samples]), across), *paths),
+                (*leg_sketches(leg.joint_positions(plan.predicted[samples]), across), *paths),
                 height=2.2,
             ),
         ),
         equal=True,
-        movie=_movie(outcome, leg, role) if view == "side" else None,
+        movie=_movie(plan, leg, role) if view == "side" else None,
     )
 
 
-def _movie(outcome: PlanOutcome, leg: Leg, role: Role) -> Movie:
+def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
     """The leg as desired, without a plan, and with it."""
     motions = []
     for looks, angles, distances in (
-        (DESIRED, outcome.desired, None),
-        (DIRECT, outcome.direct, outcome.distances["direct"]),
-        (role, outcome.predicted, outcome.distances["planned"]),
+        (DESIRED, plan.desired, None),
+        (DIRECT, plan.direct, plan.direct_distances),
+        (role, plan.predicted, plan.distances),
     ):
         points = leg.joint_positions(angles)
         if looks is DESIRED:  # the desired position may be out of reach
-            points = np.concatenate([points[:, :-1], outcome.feet["desired"][:, None]], axis=1)
+            points = np.concatenate([points[:, :-1], plan.task.desired_foot[:, None]], axis=1)
         motions.append(Motion(looks, points, distances))
-    return Movie(tuple(motions), outcome.period, outcome.cyclic)
+    return Movie(tuple(motions), plan.period, plan.cyclic)
 
 
-def joint_figure(outcome: PlanOutcome, role: Role, j: int) -> Figure:
+def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
     """A joint: above its angles, below its requests against the limits."""
-    timeline, name = timeline_of(outcome), outcome.names[j]
+    timeline, name = timeline_of(plan), plan.names[j]
     desired, direct, predicted, requests = (
         timeline.curve(np.degrees(values[:, j]), looks)
         for values, looks in (
-            (outcome.desired, DESIRED),
-            (outcome.direct, DIRECT),
-            (outcome.predicted, role),
-            (outcome.requests, REQUESTED),
+            (plan.desired, DESIRED),
+            (plan.direct, DIRECT),
+            (plan.predicted, role),
+            (plan.requests, REQUESTED),
         )
     )
-    limits = outcome.limits.get(name)
+    limits = plan.task.limits[j]
     in_degrees = None if limits is None else (math.degrees(limits[0]), math.degrees(limits[1]))
     drawn = near_limits(in_degrees, requests, end=timeline.step * timeline.last)
     return timeline.figure(
@@ -388,5 +422,5 @@ def joint_figure(outcome: PlanOutcome, role: Role, j: int) -> Figure:
             "Above: the joint's angle as desired, without a plan, and with it. Below: its "
             "requests; limits are drawn where they are near.",
         ),
-        clock=bool(outcome.feet) or len(outcome.names) > 1,
+        clock=plan.task.leg is not None or len(plan.names) > 1,
     )

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from planner.planning.error_norm import error_norm, relative_gap
+from planner.planning.error_norm import error_norm
 from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 
 if TYPE_CHECKING:
-    from planner.evaluation.plan_outcome import PlanOutcome
-    from planner.planning.plan import ErrorsOfModels
+    from planner.planning.plan import ErrorsOfModels, Plan
     from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)
@@ -33,9 +32,14 @@ def size(errors: Array, factor: float) -> Size:
     return Size(factor * error_norm(errors, "rms"), factor * error_norm(errors, "max"))
 
 
-def expected_errors(outcome: PlanOutcome) -> list[float]:
+def expected_errors(plan: Plan) -> list[float]:
     """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
-    return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in outcome.expected]
+    return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in plan.expected]
+
+
+def is_bounded(plan: Plan) -> bool:
+    """Whether the error of each joint has a lower bound."""
+    return plan.task.goal == "angles" and not plan.task.load_of_pose
 
 
 class JointRow(NamedTuple):
@@ -64,18 +68,18 @@ class JointRow(NamedTuple):
         return self.speed / self.top_speed
 
 
-def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
+def joint_rows(plan: Plan) -> list[JointRow]:
     """Every joint."""
     rows = []
-    for j, name in enumerate(outcome.names):
+    for j, name in enumerate(plan.names):
         planned, direct = (
-            size(outcome.errors[kind][:, j], math.degrees(1.0)) for kind in ("planned", "direct")
+            size(np.ascontiguousarray(errors[:, j]), math.degrees(1.0))
+            for errors in (plan.errors, plan.direct - plan.desired)
         )
-        lower, upper = outcome.limits.get(name, (-math.inf, math.inf))
-        bound = outcome.bounds.get(name)
-        error = math.radians(planned.rms if outcome.norm == "rms" else planned.largest)
-        requests = outcome.requests[:, j]
-        speed, top_speed = outcome.speeds[j].highest
+        lower, upper = float(plan.task.lower[j]), float(plan.task.upper[j])
+        bound = float(plan.lower_bounds[j]) if is_bounded(plan) else None
+        requests = plan.requests[:, j]
+        speed, top_speed = plan.speeds[j].highest
         near = (requests <= lower + AT_LIMIT) | (requests >= upper - AT_LIMIT)
         rows.append(
             JointRow(
@@ -83,10 +87,10 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
                 planned=planned,
                 direct=direct,
                 bound=None if bound is None else math.degrees(bound),
-                gap=None if bound is None else relative_gap(error, bound),
+                gap=None if bound is None else float(plan.gaps[j]),
                 speed=math.degrees(speed),
                 top_speed=math.degrees(top_speed),
-                too_fast=float(outcome.too_fast[j]),
+                too_fast=float(plan.too_fast[j]),
                 limits=(math.degrees(lower), math.degrees(upper)),
                 at_limit=int(np.sum(near)),
             )
@@ -94,10 +98,10 @@ def joint_rows(outcome: PlanOutcome) -> list[JointRow]:
     return rows
 
 
-def joints_table(outcome: PlanOutcome) -> Table:
+def joints_table(plan: Plan) -> Table:
     """Errors, bounds, speeds and limits of every joint."""
-    bounded = bool(outcome.bounds)
-    known = any(expected_errors(outcome))
+    bounded = is_bounded(plan)
+    known = any(expected_errors(plan))
     columns = [
         Column("planned [deg]", ("rms", "max")),
         *([Column("on the robot [deg]")] if known else []),
@@ -109,7 +113,7 @@ def joints_table(outcome: PlanOutcome) -> Table:
         Column("requests at a limit"),
     ]
     rows = []
-    for row, expected in zip(joint_rows(outcome), expected_errors(outcome), strict=True):
+    for row, expected in zip(joint_rows(plan), expected_errors(plan), strict=True):
         bounds = [
             NOTHING if row.bound is None else f"{row.bound:.3f}",
             NOTHING if row.gap is None else percent(row.gap),
@@ -132,16 +136,17 @@ def joints_table(outcome: PlanOutcome) -> Table:
 
 
 def models_errors_table(
-    stub: str, over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels]], unit: str
+    stub: str, over_models: Mapping[str, tuple[ErrorsOfModels, ErrorsOfModels] | None], unit: str
 ) -> Table | None:
     """Errors of the robust plan over the models that joints may have, beside the nominal plan's.
 
     Args:
         stub: What has a row each.
-        over_models: Their errors, in SI units; there is no table where there are none.
+        over_models: Their errors, in SI units, None for no row; there is no table without any.
         unit: In which they are shown, "deg" or "cm".
     """
-    if not over_models:
+    told = {name: plans for name, plans in over_models.items() if plans is not None}
+    if not told:
         return None
     parts, factor = ("nominal", "mean", "worst"), {"deg": math.degrees(1.0), "cm": 100.0}[unit]
     columns = (
@@ -150,7 +155,7 @@ def models_errors_table(
     )
     rows = (
         Row(name, tuple(tuple(f"{factor * error:.3f}" for error in errors) for errors in plans))
-        for name, plans in over_models.items()
+        for name, plans in told.items()
     )
     return Table(stub, columns, tuple(rows), label="Errors over the models")
 
@@ -165,7 +170,7 @@ def _limits(lower: float, upper: float) -> str:
     return f"at most {high}" if math.isfinite(upper) else "none"
 
 
-def motions_table(outcome: PlanOutcome) -> Table:
+def motions_table(plan: Plan) -> Table:
     """How the requests of every joint move, beside the desired path."""
     columns = (
         Column("largest step [deg]"),
@@ -174,7 +179,7 @@ def motions_table(outcome: PlanOutcome) -> Table:
         Column("beyond the desired range [deg]"),
     )
     rows = []
-    for name, motion in zip(outcome.names, outcome.motions, strict=True):
+    for name, motion in zip(plan.names, plan.motions, strict=True):
         step, length, desired, beyond = np.degrees(
             [motion.largest_step, motion.path_length, motion.desired_length, motion.beyond]
         )
@@ -184,16 +189,16 @@ def motions_table(outcome: PlanOutcome) -> Table:
     return Table("joint", columns, tuple(rows), label="How the requests move")
 
 
-def requests_table(outcome: PlanOutcome) -> Table:
+def requests_table(plan: Plan) -> Table:
     """Every request."""
-    timeline = timeline_of(outcome)
+    timeline = timeline_of(plan)
     rows = (
         Row(f"{timeline.step * k:.6g}", tuple(f"{angle:.3f}" for angle in angles))
-        for k, angles in enumerate(np.degrees(outcome.requests).tolist())
+        for k, angles in enumerate(np.degrees(plan.requests).tolist())
     )
-    return Table(timeline.unit, tuple(map(Column, outcome.names)), tuple(rows), label="Requests")
+    return Table(timeline.unit, tuple(map(Column, plan.names)), tuple(rows), label="Requests")
 
 
-def timeline_of(outcome: PlanOutcome) -> Timeline:
+def timeline_of(plan: Plan) -> Timeline:
     """When the samples are."""
-    return Timeline(outcome.period, len(outcome.desired), outcome.cyclic)
+    return Timeline(plan.period, len(plan.desired), plan.cyclic)

@@ -231,7 +231,7 @@ def executed_plans(
     lower, upper = limits_of_each(prepared.limits, desired.names)
     angles = desired.angles
     if prepared.settings.plan.method == "foot-optimal":
-        angles = prepared.answer(bounded=False).predicted  # whatever was executed since
+        angles = prepared.plan(bounded=False).predicted  # whatever was executed since
     task = replace(task, lower=lower, upper=upper, desired=angles)
     plan = Plan(task=task, requests=requests, solver=given.solver or "gauss-newton")
     return {name: plan.joint(j) for j, name in enumerate(desired.names)}

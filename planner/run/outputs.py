@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from kinematics import Leg
+    from planner.planning.plan import Plan
     from planner.run.desired import Desired
-    from planner.run.plan import Answer
     from planner.run.run import RunFile
     from planner.trajectory import Array
 
 
 def write_run(
-    folder: Path, run: RunFile, answer: Answer, *, progress: Callable[[str], None]
+    folder: Path, run: RunFile, plan: Plan, *, progress: Callable[[str], None]
 ) -> tuple[dict[str, Any], str, list[str]]:
     """Write all that a run file asks for.
 
     Returns:
         ``results.json``, the exports in words, and what the plan or the comparison fails.
     """
-    failures = missed = misses(run.settings, answer)
+    failures = missed = misses(run.settings, run.prepared.desired, plan)
     progress("the files")
-    _write_paths(folder, run, answer)
-    exports, words = _write_exports(folder, run, answer)
+    _write_paths(folder, run, plan)
+    exports, words = _write_exports(folder, run, plan)
     if run.settings.output.comparison:
         progress("the comparison")
         check = comparison_of(run.prepared)
@@ -54,13 +54,13 @@ def write_run(
     if page := _place(folder, run, "report"):
         files: list[tuple[str, Path | str | None]] = [("run", run.file.path)]
         files += _written(folder, run)
-        write_text(page, plan_report(run.prepared, answer, missed=missed, page=page, written=files))
+        write_text(page, plan_report(run.prepared, plan, missed=missed, page=page, written=files))
     if page := _place(folder, run, "scene"):
-        write_text(page, _scene(run, answer))
+        write_text(page, _scene(run, plan))
     results = {
         "made_by": "request-planner run",
         "settings": flat(run.settings),
-        **document(run.settings, answer, missed),
+        **document(run.prepared, plan, missed),
         "exports": exports,
         "versions": versions(),
         "files": list_files(folder),
@@ -91,12 +91,12 @@ def shown_motions(
     return motions(first, second, third)
 
 
-def _write_paths(folder: Path, run: RunFile, answer: Answer) -> None:
+def _write_paths(folder: Path, run: RunFile, plan: Plan) -> None:
     """Requests, predicted and desired angles, and positions of the foot, as CSV."""
-    desired = answer.desired
+    desired = run.prepared.desired
     for key, angles in (
-        ("requests", answer.requests),
-        ("angles", answer.predicted),
+        ("requests", plan.requests),
+        ("angles", plan.predicted),
         ("desired", desired.angles),
     ):
         if file := _place(folder, run, key):
@@ -106,17 +106,17 @@ def _write_paths(folder: Path, run: RunFile, answer: Answer) -> None:
                 angles,
                 period=desired.period,
                 units=desired.units,
-                loads=answer.loads if key == "requests" else None,
+                loads=plan.task.load if key == "requests" else None,
             )
     if desired.foot is not None and (file := _place(folder, run, "foot")):
-        write_foot_path(file, answer.foot_positions, period=desired.period)
+        write_foot_path(file, plan.foot, period=desired.period)
 
 
-def _write_exports(folder: Path, run: RunFile, answer: Answer) -> tuple[list[dict[str, Any]], str]:
+def _write_exports(folder: Path, run: RunFile, plan: Plan) -> tuple[list[dict[str, Any]], str]:
     """The files for robots; their rows, for machines and for people."""
     documents, words = [], ""
     for export in run.settings.export:
-        schedule = Schedule(answer.desired.names, answer.requests, answer.desired.period)
+        schedule = Schedule(run.prepared.desired.names, plan.requests, plan.period)
         rows, skipped = rows_of(export, schedule)
         file = folder / export.file
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -133,12 +133,12 @@ def _written(folder: Path, run: RunFile) -> list[tuple[str, Path]]:
     return [(Path(name).stem, folder / name) for name in names]
 
 
-def _scene(run: RunFile, answer: Answer) -> str:
+def _scene(run: RunFile, plan: Plan) -> str:
     """The robot moving, as a page."""
-    place, desired, cyclic = run.prepared.place, answer.desired, answer.desired.cyclic
+    place, desired, cyclic = run.prepared.place, run.prepared.desired, plan.cyclic
     assert place is not None, "a scene without a leg is refused"
     assert desired.leg is not None, "a scene without a leg is refused"
-    shown = shown_motions(desired.leg, desired, answer.predicted, cyclic=cyclic, loads=answer.loads)
+    shown = shown_motions(desired.leg, desired, plan.predicted, cyclic=cyclic, loads=plan.task.load)
     scene = Scene.from_urdf(place.urdf, base=place.base, foot=place.foot, locked=place.locked)
     title = f"request-planner: {run.settings.leg.name or place.foot}"
     return scene_page(scene, shown, period=desired.period, cyclic=cyclic, title=title)

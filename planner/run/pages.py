@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from planner.evaluation.plan_outcome import PlanOutcome
 from planner.report.comparison import comparison_page
 from planner.report.page import linked_files
 from planner.report.plan import plan_page
@@ -17,7 +16,7 @@ from planner.run.settings import FROM_URDF
 if TYPE_CHECKING:
     from kinematics import Leg
     from planner.evaluation.cross_check import CrossCheck
-    from planner.run.plan import Answer
+    from planner.planning.plan import Plan
     from planner.run.run import Prepared
 
     Written = Sequence[tuple[str, Path | str | None]]
@@ -30,7 +29,7 @@ ASSUMED = (
 
 def plan_report(
     prepared: Prepared,
-    answer: Answer,
+    plan: Plan,
     *,
     missed: Sequence[str],
     page: Path | str,
@@ -40,48 +39,19 @@ def plan_report(
 
     Args:
         prepared: What was planned.
-        answer: The plan.
+        plan: The plan.
         missed: Tolerances that the plan misses.
         page: Where the page will stand.
         written: Other files to link to: what each is, and where.
     """
-    run, desired, together = prepared.settings, prepared.desired, answer.together
-    leg = _whole_leg(prepared, desired.names)
-    outcome = PlanOutcome(
-        names=desired.names,
-        models=desired.models,
-        desired=desired.angles,
-        requests=answer.requests,
-        predicted=answer.predicted,
-        cyclic=desired.cyclic,
-        limits=prepared.limits,
-        bounds={}
-        if answer.bound_withdrawn
-        else {name: each.lower_bound for name, each in answer.inversions.items()},
-        no_bound=answer.bound_withdrawn,
-        norm=run.plan.norm or "rms",
-        leg=leg,
-        foot=None if leg is None else desired.foot,
-        foot_given=None if leg is None else desired.foot_given,
-        foot_bound=answer.foot_bound,
-        foot_gap=together.gap if together and answer.foot_bound else None,
-        loads=answer.loads,
-        robust=run.plan.robust,
-        over_models={
-            name: (each.over_models, each.nominal.over_models)
-            for name, each in answer.inversions.items()
-            if each.nominal
-        },
-        foot_over_models=(together.over_models, together.nominal.over_models)
-        if together and together.nominal
-        else None,
-    )
+    run, desired = prepared.settings, prepared.desired
     return plan_page(
-        outcome,
+        plan,
         title=leg_title(run.leg) or ", ".join(desired.names),
         method=run.plan.method,
-        origins=_origins(prepared, leg),
+        origins=_origins(prepared, plan.task.leg),
         files=linked_files(page, [*_inputs(prepared), *written]),
+        foot_given=desired.foot_given,
         unreachable=desired.unreachable,
         missed=missed,
         notes=_notes(prepared),

@@ -1,25 +1,19 @@
-"""From what the joints or the foot should do to requests, checked before they are handed over."""
+"""From settings to a task and its plan, checked before it is handed over."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.evaluation.metrics import RequestMotion, foot_distances, request_motion
-from planner.evaluation.plan_outcome import expected_foot
 from planner.model.drawn_models import has_intervals
-from planner.model.evidence import Expectation, expectation
-from planner.model.load import load_columns
 from planner.planning.error_norm import error_norm
-from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.planning.inversion import planned
-from planner.planning.result import FootInversion, Inversion
-from planner.planning.task import Task, checked_leg
+from planner.planning.plan import Plan
+from planner.planning.task import Task, checked_leg, limits_of_each
 from planner.run import settings
 from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
@@ -28,13 +22,10 @@ from planner.run.models import model_words
 from planner.trajectory import index_of_largest
 
 if TYPE_CHECKING:
-    from planner.trajectory import Array
+    from planner.planning.result import Inversion
 
 ROUNDING = 1e-9
 """Limits and bounds hold up to this [rad]; files carry 12 decimals of a degree."""
-
-NO_BOUND = "a load that depends on the pose: other requests would meet another load"
-"""Why there is no lower bound where there is none."""
 
 IGNORED = {
     "closed-form": (
@@ -45,95 +36,6 @@ IGNORED = {
     "foot-optimal": ("segments", "rule", "solver", "start"),
 }
 """Settings that have no effect on a method, and that are therefore refused."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Requests for all joints.
-
-    Attributes:
-        desired: What the joints or the foot should do.
-        requests: What to send to the joints [rad], shape (n, k).
-        predicted: What the joints then do [rad], shape (n, k).
-        inversions: The plan of every joint, where they were planned one by one.
-        together: The plan for the foot, where they were planned all at once.
-        remarks: What the user should know about the requests.
-    """
-
-    desired: Desired
-    requests: Array
-    predicted: Array
-    inversions: Mapping[str, Inversion]
-    together: FootInversion | None = None
-    remarks: tuple[FailedCheck, ...] = ()
-
-    @cached_property
-    def loads(self) -> Array | None:
-        """Torques on the joints for which the requests are [N m], shape (n, k); None for none."""
-        together = self.together
-        each = together.loads if together else [plan.load for plan in self.inversions.values()]
-        return load_columns(each, len(self.requests))
-
-    @cached_property
-    def expected(self) -> tuple[Expectation, ...]:
-        """What to expect of each joint on the robot."""
-        desired, loads = self.desired, self.loads
-        return tuple(
-            expectation(
-                model.evidence,
-                desired.angles[:, j],
-                self.predicted[:, j],
-                period=desired.period,
-                cyclic=desired.cyclic,
-                load=None if loads is None else loads[:, j],
-            )
-            for j, model in enumerate(desired.models)
-        )
-
-    @property
-    def bound_withdrawn(self) -> str | None:
-        """Why there is no lower bound on the error of any requests; None where there is one."""
-        made = [self.together] if self.together else [*self.inversions.values()]
-        return NO_BOUND if any(each.load_of_pose for each in made) else None
-
-    @cached_property
-    def motions(self) -> Mapping[str, RequestMotion]:
-        """How the requests of each joint move."""
-        desired = self.desired
-        columns = zip(desired.names, self.requests.T, desired.angles.T, strict=True)
-        return {
-            name: request_motion(sent, angles, period=desired.period, cyclic=desired.cyclic)
-            for name, sent, angles in columns
-        }
-
-    @property
-    def foot_bound(self) -> float | None:
-        """Lower bound on the foot's error [m]; None where it would take minutes."""
-        if self.together is None or len(self.requests) > MOST_SAMPLES_BOUNDED:
-            return None
-        return self.together.lower_bound
-
-    @cached_property
-    def foot_positions(self) -> Array:
-        """Positions of the foot at the predicted angles [m], shape (n, 3)."""
-        assert self.desired.leg is not None, "a foot belongs to a leg"
-        return self.desired.leg.foot_positions(self.predicted)
-
-    @cached_property
-    def foot_distances(self) -> Array:
-        """Distances of the foot from its desired positions [m], shape (n,)."""
-        assert self.desired.foot is not None, "only a foot path has desired positions"
-        return foot_distances(self.foot_positions, self.desired.foot)
-
-    @cached_property
-    def expected_foot(self) -> float | None:
-        """Root mean square distance of the foot to expect on the robot [m]; None where unknown."""
-        desired = self.desired
-        if desired.leg is None or desired.foot is None:
-            return None
-        return expected_foot(
-            desired.leg, desired.foot, desired.angles, self.predicted, self.expected
-        )
 
 
 def check_settings(run: settings.Run, desired: Desired) -> None:
@@ -178,7 +80,7 @@ def _check_intervals(run: settings.Run, desired: Desired) -> None:
         )
 
 
-def answer_of(
+def plan_of(
     run: settings.Run,
     desired: Desired,
     limits: Limits,
@@ -187,8 +89,8 @@ def answer_of(
     load: Load | None = None,
     progress: Callable[[str], None] = lambda _: None,
     bounded: bool = True,
-) -> Answer:
-    """Plan by the chosen method, and check the answer before it is handed over.
+) -> Plan:
+    """Plan by the chosen method, and check the plan before it is handed over.
 
     Args:
         run: The settings.
@@ -199,59 +101,78 @@ def answer_of(
         progress: Called with the name of each part before it is planned.
         bounded: Whether to compute the lower bound of a plan for the foot, too, which takes longer.
 
+    Returns:
+        The plan; its task has leg and foot of a path of a leg's joints, too, and the limits of a
+        closed form, which does not know of them.
+
     Raises:
-        FailedCheck: The answer failed a check.
+        FailedCheck: The plan failed a check.
         PlannerError: There is none.
     """
-    together = run.plan.method == "foot-optimal"
-    if together:
+    given = run.plan
+    if given.method == "foot-optimal":
         progress("the foot")
-    lines = {"segments": run.plan.segments, "rule": run.plan.rule or "paper"}
     with desired.units_in_messages():
         made = planned(
-            task_of(run.plan, desired, limits, starts, load=load),
+            task_of(given, desired, limits, starts, load=load),
             load=load,
-            method="closed_form" if run.plan.method == "closed-form" else "optimal",
-            solver=run.plan.solver or "gauss-newton",
-            lines=lines,
+            method="closed_form" if given.method == "closed-form" else "optimal",
+            solver=given.solver or "gauss-newton",
+            lines={"segments": given.segments, "rule": given.rule or "paper"},
             progress=progress,
         )
-    if together:
-        answer = Answer(desired, made.requests, made.predicted, {}, FootInversion(made))
-    else:
-        inversions = dict(zip(made.names, made.inversions, strict=True))
-        answer = Answer(desired, made.requests, made.predicted, inversions)
-        for name, inversion in inversions.items():
-            _check_bound(name, inversion, desired.unit(desired.names.index(name)))
-    beyond = [
-        fault
-        for j, name in enumerate(desired.names)
-        if name in limits
-        and (fault := _beyond_limits(name, answer.requests[:, j], limits[name], desired.unit(j)))
-    ]
+    if made.task.goal == "angles":
+        lower, upper = limits_of_each(limits, desired.names)
+        whole = desired.leg is not None and desired.leg.joint_names == desired.names
+        leg, foot = (desired.leg, desired.foot) if whole else (None, None)
+        made = replace(made, task=replace(made.task, lower=lower, upper=upper, leg=leg, foot=foot))
+    for each in made.inversions:
+        _check_bound(each, desired)
     chosen = run.limits.deg is not None or run.limits.joints
-    if beyond and (chosen or run.plan.method != "closed-form"):  # which knows no limits
+    beyond = beyond_limits(made, desired)
+    if beyond and (chosen or given.method != "closed-form"):  # which knows no limits
         raise beyond[0]
-    if answer.together is not None and bounded:
+    if bounded and made.task.goal == "foot":
         progress("the lower bound")
-        _ = answer.foot_bound  # takes seconds, and is kept
-    return replace(answer, remarks=tuple(beyond))
+        _ = made.foot_bound  # takes seconds, and is kept
+    return made
 
 
-def misses(run: settings.Run, answer: Answer) -> list[str]:
+def beyond_limits(plan: Plan, desired: Desired) -> list[FailedCheck]:
+    """What is to be said of requests beyond the limits of their joints [rad]."""
+    found = []
+    columns = zip(plan.requests.T, plan.task.lower, plan.task.upper, strict=True)
+    for j, (requests, lower, upper) in enumerate(columns):
+        excess = np.maximum(lower - requests, requests - upper)
+        worst = index_of_largest(excess)
+        if excess[worst] > ROUNDING:
+            found.append(
+                FailedCheck(
+                    f"{desired.names[j]}: request {worst} is {np.degrees(requests[worst]):.2f} "
+                    f"{desired.unit(j)}, beyond the limits {np.degrees(lower):.2f} to "
+                    f"{np.degrees(upper):.2f}; ",
+                    Key("plan.method", "optimal"),
+                    " keeps to them",
+                )
+            )
+    return found
+
+
+def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     """Which tolerances the plan misses, in its norm, and by how much; none where it keeps all."""
-    norm, tolerance = run.plan.norm or "rms", run.tolerance
+    norm, tolerance = plan.task.norm, run.tolerance
     found = []
     if tolerance.deg is not None:
-        for j, (joint, inversion) in enumerate(answer.inversions.items()):
+        for j, inversion in enumerate(plan.inversions):
             error, least = np.degrees([inversion.error, inversion.lower_bound])
             if error > tolerance.deg:
                 found.append(
-                    f"{joint} is off by {error:.4g} {answer.desired.unit(j)} ({norm}), expected "
-                    f"at most {tolerance.deg:g}; the lower bound for any requests is {least:.4g}"
+                    f"{desired.names[j]} is off by {error:.4g} {desired.unit(j)} ({norm}), "
+                    f"expected at most {tolerance.deg:g}; the lower bound for any requests is "
+                    f"{least:.4g}"
                 )
     if tolerance.cm is not None:
-        error = error_norm(100.0 * answer.foot_distances, norm)
+        error = error_norm(100.0 * plan.distances, norm)
         if error > tolerance.cm:
             found.append(
                 f"the foot is off by {error:.4g} cm ({norm}), expected at most {tolerance.cm:g}"
@@ -307,29 +228,12 @@ def task_of(
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 
 
-def _check_bound(joint: str, inversion: Inversion, unit: str) -> None:
+def _check_bound(inversion: Inversion, desired: Desired) -> None:
     """Make sure that the error is not below the lower bound on the error of any requests."""
-    error = inversion.error
+    error, unit = inversion.error, desired.unit(inversion.column)
     if error < inversion.lower_bound - ROUNDING:
         raise FailedCheck(
-            f"{joint}: an error of {np.degrees(error):.6g} {unit} is below its own lower bound of "
-            f"{np.degrees(inversion.lower_bound):.6g} {unit}; please report this with the path and "
-            "the model"
+            f"{desired.names[inversion.column]}: an error of {np.degrees(error):.6g} {unit} is "
+            f"below its own lower bound of {np.degrees(inversion.lower_bound):.6g} {unit}; please "
+            "report this with the path and the model"
         )
-
-
-def _beyond_limits(
-    joint: str, requests: Array, limits: tuple[float, float], unit: str
-) -> FailedCheck | None:
-    """The message about requests [rad] beyond the limits [rad] of their joint."""
-    lower, upper = limits
-    excess = np.maximum(lower - requests, requests - upper)
-    worst = index_of_largest(excess)
-    if excess[worst] <= ROUNDING:
-        return None
-    return FailedCheck(
-        f"{joint}: request {worst} is {np.degrees(requests[worst]):.2f} {unit}, beyond the "
-        f"limits {np.degrees(lower):.2f} to {np.degrees(upper):.2f}; ",
-        Key("plan.method", "optimal"),
-        " keeps to them",
-    )

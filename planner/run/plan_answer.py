@@ -8,85 +8,83 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
-from planner.model.response import path_speeds
 from planner.planning.error_norm import error_norm
 from planner.planning.plan import ErrorsOfModels
+from planner.report.plan import NO_BOUND
 from planner.report.table import NOTHING, percent, text_table
-from planner.run import settings
 from planner.run.models import model_words
-from planner.run.plan import max_step_of
 
 if TYPE_CHECKING:
-    from planner.evaluation.metrics import RequestMotion
+    from planner.planning.plan import Plan, RequestMotion
     from planner.planning.result import FootInversion, Inversion
     from planner.run.desired import Desired
-    from planner.run.plan import Answer
+    from planner.run.run import Prepared
     from planner.trajectory import Array
 
 
-def document(run: settings.Run, answer: Answer, missed: list[str]) -> dict[str, Any]:
+def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
     """The plan for machines; what a plan for the foot does not have is null."""
-    desired, together, loads = answer.desired, answer.together, answer.loads
+    run, desired, task = prepared.settings, prepared.desired, plan.task
     joints = {}
     for j, name in enumerate(desired.names):
-        inversion, unit = answer.inversions.get(name), desired.unit(j)
+        inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
         joints[name] = {
-            **_errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), unit),
+            **_errors(np.degrees(np.abs(plan.errors[:, j])), unit),
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
-            f"expected_rms_{unit}": _degrees_or_null(answer.expected[j].error),
-            "untested": list(answer.expected[j].untested),
+            f"expected_rms_{unit}": _degrees_or_null(plan.expected[j].error),
+            "untested": list(plan.expected[j].untested),
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
             "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
-            **_motion(answer.motions[name], unit),
-            f"requests_{unit}": np.degrees(answer.requests[:, j]).tolist(),
-            f"predicted_{unit}": np.degrees(answer.predicted[:, j]).tolist(),
-            **({} if loads is None else {"load_Nm": loads[:, j].tolist()}),
+            **_motion(plan.motions[j], unit),
+            f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
+            f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),
+            **({} if task.load is None else {"load_Nm": task.load[:, j].tolist()}),
         }
     foot = None
     if desired.foot is not None:
-        bound = answer.foot_bound
+        bound, together = plan.foot_bound, plan.of_foot
         foot = {
-            **_errors(100.0 * answer.foot_distances, "cm"),
-            "expected_rms_cm": answer.expected_foot and 100.0 * answer.expected_foot,
+            **_errors(100.0 * plan.distances, "cm"),
+            "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
             "norm": together and together.norm,
             "lower_bound_cm": None if bound is None else 100.0 * bound,
             "gap": None if bound is None else together and together.gap,
             "over_models": together and _over_models(together, "cm", 100.0),
-            "predicted_m": answer.foot_positions.tolist(),
+            "predicted_m": plan.foot.tolist(),
         }
-    step = max_step_of(run.plan, desired.period)
+    step = float(np.min(task.max_step))
     asked = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
         "cyclic": desired.cyclic,
         "period_s": desired.period,
         "robust": run.plan.robust,
-        "max_step_deg": None if step is None else math.degrees(step),
+        "max_step_deg": None if math.isinf(step) else math.degrees(step),
         "unreachable_samples": desired.unreachable,
-        "lower_bound_withdrawn": answer.bound_withdrawn,
+        "lower_bound_withdrawn": NO_BOUND if task.load_of_pose else None,
         "joints": joints,
         "foot": foot,
         "within_tolerance": not missed if asked else None,
     }
 
 
-def summary(run: settings.Run, answer: Answer) -> str:
+def summary(prepared: Prepared, plan: Plan) -> str:
     """The plan for people."""
-    desired, rows = answer.desired, []
-    known = any(np.isfinite(each.error) for each in answer.expected)
+    desired, rows = prepared.desired, []
+    known = any(np.isfinite(each.error) for each in plan.expected)
     text = (
-        f"{len(answer.requests)} requests, one every {1e3 * desired.period:g} ms; "
-        f"{model_words(run.model)}\n"
+        f"{len(plan.requests)} requests, one every {1e3 * desired.period:g} ms; "
+        f"{model_words(prepared.settings.model)}\n"
     )
-    for j, name in enumerate(desired.names):
-        errors = _errors(np.degrees(np.abs(answer.predicted[:, j] - desired.angles[:, j])), "deg")
+    for j in range(len(desired.names)):
+        errors = _errors(np.degrees(np.abs(plan.errors[:, j])), "deg")
         bounded = [NOTHING, NOTHING]
-        if name in answer.inversions and not answer.bound_withdrawn:
-            inversion = answer.inversions[name]
+        if plan.inversions and not plan.task.load_of_pose:
+            inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        expected = np.degrees(answer.expected[j].error)
+        expected = np.degrees(plan.expected[j].error)
         robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
         rows.append(
             [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
@@ -102,41 +100,38 @@ def summary(run: settings.Run, answer: Answer) -> str:
             "desired",
             "beyond [deg]",
         ],
-        [_motion_cells(name, each) for name, each in answer.motions.items()],
+        [_motion_cells(*each) for each in zip(desired.names, plan.motions, strict=True)],
     )
-    if over_models := _over_models_table(answer):
+    if over_models := _over_models_table(desired, plan):
         text += f"\n{over_models}"
     if desired.foot is not None:
-        rms, largest = _errors(100.0 * answer.foot_distances, "cm").values()
+        rms, largest = _errors(100.0 * plan.distances, "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"
-        if answer.expected_foot is not None:
-            text += f"; on the robot {100.0 * answer.expected_foot:.3f} cm rms to expect"
-        text += _bounded_foot(answer)
+        if plan.expected_foot is not None:
+            text += f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
+        text += _bounded_foot(plan)
     if known:
         text += "\non the robot: rms error to expect, by what the models were tested on"
-    if words := untested_words(desired.names, answer.expected):
+    if words := untested_words(desired.names, plan.expected):
         text += f"\n{words}"
-    if unknown := _unknown_top_speeds(answer):
+    if unknown := _unknown_top_speeds(plan):
         text += f"\nlower bounds of the model only: {', '.join(unknown)} ({OPEN_TOP_SPEED})"
-    if answer.bound_withdrawn:
-        text += f"\nthere is no lower bound under {answer.bound_withdrawn}"
-    if max_step_of(run.plan, desired.period) is not None:
+    if plan.task.load_of_pose:
+        text += f"\nthere is no lower bound under {NO_BOUND}"
+    if np.any(np.isfinite(plan.task.max_step)):
         text += "\nlower bounds are for requests with steps of any size"
     if desired.unreachable:
         text += f"\n{desired.unreachable} samples were out of the leg's reach"
     return text
 
 
-def _unknown_top_speeds(answer: Answer) -> list[str]:
+def _unknown_top_speeds(plan: Plan) -> list[str]:
     """Joints whose path is faster than a top speed that is only known to be at least so large."""
-    desired, loads = answer.desired, answer.loads
-    open_ones = []
-    for j, (name, model) in enumerate(zip(desired.names, desired.models, strict=True)):
-        load = None if loads is None else loads[:, j]
-        speeds = path_speeds(model, desired.angles[:, j], cyclic=desired.cyclic, load=load)
-        if model.evidence and model.evidence.leaves_top_speed_open and speeds.too_fast.any():
-            open_ones.append(name)
-    return open_ones
+    return [
+        name
+        for name, model, speeds in zip(plan.names, plan.models, plan.speeds, strict=True)
+        if model.evidence and model.evidence.leaves_top_speed_open and speeds.too_fast.any()
+    ]
 
 
 def _label(desired: Desired, joint: int) -> str:
@@ -163,24 +158,21 @@ def _over_models(
     }
 
 
-def _over_models_table(answer: Answer) -> str:
+def _over_models_table(desired: Desired, plan: Plan) -> str:
     """The same for people; empty where no models were drawn."""
-    if answer.together is not None:
-        unit, factor = "cm", 100.0
-        parts: dict[str, Inversion | FootInversion] = {"foot": answer.together}
-    else:
-        unit, factor = "deg", math.degrees(1.0)
-        parts = {
-            _label(answer.desired, j): inversion
-            for j, inversion in enumerate(answer.inversions.values())
-        }
+    unit, factor = ("deg", math.degrees(1.0)) if plan.of_foot is None else ("cm", 100.0)
+    parts: dict[str, Inversion | FootInversion] = {
+        _label(desired, j): inversion for j, inversion in enumerate(plan.inversions)
+    }
+    if plan.of_foot is not None:
+        parts = {"foot": plan.of_foot}
     rows, norm, drawn = [], "", 0
     for name, made in parts.items():
         if made.nominal is None:
             return ""
         norm, drawn = made.norm, len(made.errors_of_models) - 1
-        for plan, kind in ((made, made.robust), (made.nominal, "nominal model")):
-            errors = (f"{factor * error:.3f}" for error in plan.over_models)
+        for each, kind in ((made, made.robust), (made.nominal, "nominal model")):
+            errors = (f"{factor * error:.3f}" for error in each.over_models)
             rows.append([f"{name}, for the {kind}", *errors])
     header = ["plan", *(f"{which} [{unit}]" for which in ErrorsOfModels._fields)]
     return (
@@ -189,15 +181,15 @@ def _over_models_table(answer: Answer) -> str:
     )
 
 
-def _bounded_foot(answer: Answer) -> str:
+def _bounded_foot(plan: Plan) -> str:
     """What is proved about the foot, if anything is."""
-    if answer.together is None or not answer.foot_bound:
+    if plan.of_foot is None or not plan.foot_bound:
         return ""
-    weighted = "" if len(set(answer.together.weights)) == 1 else " as weighted"
-    norm = {"rms": "rms", "max": "at most"}[answer.together.norm]
+    weighted = "" if len(set(plan.of_foot.weights)) == 1 else " as weighted"
+    norm = {"rms": "rms", "max": "at most"}[plan.task.norm]
     return (
-        f"\nno requests within the limits bring it below {100.0 * answer.foot_bound:.3f} cm {norm}"
-        f"{weighted}: the plan is {percent(answer.together.gap)} above that"
+        f"\nno requests within the limits bring it below {100.0 * plan.foot_bound:.3f} cm {norm}"
+        f"{weighted}: the plan is {percent(plan.of_foot.gap)} above that"
     )
 
 

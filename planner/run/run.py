@@ -11,6 +11,7 @@ from kinematics.exceptions import KinematicsError
 from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.staging import MANIFEST
 from planner.files.toml import Toml, read_toml
+from planner.planning.plan import Plan
 from planner.report.scene import import_meshcat
 from planner.robot.schedule import Schedule
 from planner.run import settings
@@ -28,7 +29,7 @@ from planner.run.desired import (
 from planner.run.export import check_export, check_rows, rows_of
 from planner.run.faults import BadSetting, FailedCheck, Key, as_key
 from planner.run.load import Load, load_of, unused
-from planner.run.plan import Answer, answer_of, check_settings
+from planner.run.plan import check_settings, plan_of
 from planner.run.schema import understand
 
 COMPARISON = ("comparison.json", "comparison.png", "comparison.svg")
@@ -66,11 +67,11 @@ class Prepared:
     folder: str = ""
     load: Load | None = None
 
-    def answer(
+    def plan(
         self, progress: Callable[[str], None] = lambda _: None, *, bounded: bool = True
-    ) -> Answer:
-        """The plan; see :func:`planner.run.plan.answer_of`."""
-        return answer_of(
+    ) -> Plan:
+        """The plan; see :func:`planner.run.plan.plan_of`."""
+        return plan_of(
             self.settings,
             self.desired,
             self.limits,

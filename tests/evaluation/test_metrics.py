@@ -13,9 +13,9 @@ from planner.evaluation.metrics import (
     angle_distance,
     foot_distance,
     foot_distances,
-    request_motion,
 )
 from planner.exceptions import InvalidTrajectory
+from planner.planning.plan import request_motion
 
 ROUNDING = 1e-12
 """What rounding leaves of sums of a few dozen terms [relative]."""
@@ -80,14 +80,12 @@ def test_a_foot_path_has_three_columns():
 
 
 def test_a_cycle_turns_at_its_boundary_too_and_goes_beyond_a_range_on_either_side():
-    there_and_back, desired = [0.0, 0.3, 0.1], [0.0, 0.2, 0.0]
+    there_and_back, desired = np.array([0.0, 0.3, 0.1]), np.array([0.0, 0.2, 0.0])
     turns = [
         request_motion(there_and_back, desired, period=0.1, cyclic=cyclic).reversals_per_s
         for cyclic in (True, False)
     ]
     assert turns == pytest.approx([2.0 / 0.3, 1.0 / 0.3])
     for sign in (1.0, -1.0):
-        motion = request_motion(
-            sign * np.array(there_and_back), sign * np.array(desired), period=0.1, cyclic=True
-        )
+        motion = request_motion(sign * there_and_back, sign * desired, period=0.1, cyclic=True)
         assert motion.beyond == pytest.approx(0.1)

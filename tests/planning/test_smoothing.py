@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.evaluation.metrics import request_motion
 from planner.exceptions import InvalidInput
 from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot, invert_optimal
+from planner.planning.plan import request_motion
 from planner.planning.smoothing import roughness, smoothed
 from planner.planning.tracking_problem import track
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating

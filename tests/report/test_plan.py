@@ -11,8 +11,7 @@ import pytest
 
 import planner
 from kinematics import Limits
-from planner.evaluation.plan_outcome import PlanOutcome
-from planner.report.plan import cards, plan_page, remarks, verdict
+from planner.report.plan import cards, jumps_of, plan_page, remarks, verdict
 from planner.report.plan_tables import joint_rows, joints_table
 
 SAME = 1e-12
@@ -27,20 +26,23 @@ SERVO = planner.JointModel.ers210a()
 
 @pytest.fixture(scope="module")
 def outcome():
-    made = planner.invert_foot(SERVO, WALK.leg, WALK.desired_foot)
-    lower, upper = WALK.leg.limits
-    limits = zip(lower.tolist(), upper.tolist(), strict=True)
-    return PlanOutcome(
-        names=WALK.joint_names,
-        models=(SERVO,) * 3,
-        desired=WALK.desired,
-        requests=made.requests,
-        predicted=made.predicted,
-        cyclic=True,
-        limits=dict(zip(WALK.joint_names, limits, strict=True)),
-        leg=WALK.leg,
-        foot=WALK.desired_foot,
-    )
+    """The plan for the foot, its bound known to be 0."""
+    made = planner.invert_foot(SERVO, WALK.leg, WALK.desired_foot).plan
+    return asked(made, desired=WALK.desired)
+
+
+def asked(plan, **changes):
+    """The same requests for another task; nothing is bounded, as that takes seconds."""
+    changed = replace(plan, task=replace(plan.task, **changes))
+    changed.__dict__["lower_bounds"] = np.zeros(len(changed.error))
+    return changed
+
+
+def limited(plan, joint, limits):
+    """The plan with other limits of a joint [rad]."""
+    lower, upper = plan.task.lower.copy(), plan.task.upper.copy()
+    lower[joint], upper[joint] = limits
+    return asked(plan, lower=lower, upper=upper)
 
 
 @pytest.fixture(scope="module")
@@ -58,20 +60,20 @@ def test_the_outcome_is_what_simulation_and_leg_say(outcome):
     np.testing.assert_array_equal(outcome.direct, direct)
     distance = WALK.leg.foot_positions(direct) - WALK.desired_foot
     np.testing.assert_allclose(
-        outcome.distances["direct"], np.linalg.norm(distance, axis=1), atol=SAME
+        outcome.direct_distances, np.linalg.norm(distance, axis=1), atol=SAME
     )
-    assert outcome.distances["planned"].max() < outcome.distances["direct"].max()
+    assert outcome.distances.max() < outcome.direct_distances.max()
 
 
 def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
     head, tail = verdict(outcome)
     said = re.fullmatch(r"By the model the foot stays within ([\d.]+) cm of its path", head)
-    largest = 100.0 * outcome.distances["planned"].max()
+    largest = 100.0 * outcome.distances.max()
     assert largest <= float(said[1]) <= DIGITS * largest
     said = re.search(r"up to ([\d.]+) cm", tail)
-    largest = 100.0 * outcome.distances["direct"].max()
+    largest = 100.0 * outcome.direct_distances.max()
     assert largest <= float(said[1]) <= DIGITS * largest
-    head, _ = verdict(replace(outcome, leg=None, foot=None))
+    head, _ = verdict(asked(outcome, goal="angles", leg=None, foot=None))
     assert re.fullmatch(r"By the model the joints stay within [\d.]+ degrees of their paths", head)
 
 
@@ -81,11 +83,8 @@ def test_the_verdict_is_about_the_foot_where_there_is_one(outcome):
 def test_no_joint_leaves_the_distance_within_which_it_is_said_to_stay(outcome, error, told):
     errors = np.zeros((len(WALK.desired), 1))
     errors[3] = np.radians(error)
-    one = replace(
-        outcome, names=["elbow"], models=(SERVO,), desired=WALK.desired[:, :1],
-        requests=outcome.requests[:, :1], predicted=WALK.desired[:, :1] + errors,
-        leg=None, foot=None,
-    )  # fmt: skip
+    one = outcome.joint(0)
+    one.__dict__["predicted"] = WALK.desired[:, :1] + errors
     head, _ = verdict(one)
     assert head == f"By the model the joint stays within {told} degrees of its path"
 
@@ -99,7 +98,7 @@ def test_a_path_that_is_too_fast_is_remarked(outcome):
     fastest = WALK.joint_names[int(np.argmax(steps.max(axis=0)))]
     assert f"top speed of: {fastest} (" in said
     assert any(card.words.startswith(f"{fastest}, the fastest") for card in cards(outcome))
-    slow = replace(outcome, desired=0.1 * WALK.desired)
+    slow = asked(outcome, desired=0.1 * WALK.desired)
     assert not [each for each in remarks(slow, unreachable=0, missed=()) if "faster" in each]
 
 
@@ -108,7 +107,9 @@ def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
     order = np.argsort(speeds)
     models = [SERVO] * 3
     models[order[2]] = replace(SERVO, v_max=2.0 * SERVO.v_max * speeds[order[2]] / speeds[order[1]])
-    words = " ".join(card.words for card in cards(replace(outcome, models=tuple(models))))
+    words = " ".join(
+        card.words for card in cards(replace(outcome, task=outcome.task.with_models(models)))
+    )
     assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
 
 
@@ -120,14 +121,7 @@ def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     path = 0.08 * np.arcsin(np.sin(2.0 * np.pi * times / 0.32)) / np.pi * 8.0  # ±4 rad/s
     (replayed,) = planner.replay(planner.Log(times=times, requests=path, angles=path), joint).joints
     plan = replayed.inversion
-    outcome = PlanOutcome(
-        names=("joint",),
-        models=(joint,),
-        desired=plan.desired[:, np.newaxis],
-        requests=plan.requests[:, np.newaxis],
-        predicted=plan.predicted[:, np.newaxis],
-        cyclic=False,
-    )
+    outcome = plan.plan
     (row,) = joint_rows(outcome)
     assert row.too_fast == pytest.approx(0.5, abs=0.05)
     assert math.radians(row.speed) == pytest.approx(4.0)
@@ -148,46 +142,44 @@ def test_what_goes_wrong_is_remarked(outcome, page):
         WALK.desired_foot
     )
     jumping = np.vstack([WALK.desired[:40], mirrored[40:]])
-    jumped = replace(outcome, desired=jumping)
+    jumped = asked(outcome, desired=jumping)
     said = " ".join(remarks(jumped, unreachable=7, missed=["the foot is 2 cm off"]))
     assert "the foot is 2 cm off." in said
     assert "7 of 88 positions are out of the leg's reach" in said
     assert "the distances count them" in said
     assert "jumps to another pose" in said
-    assert 39 in jumped.jumps
+    assert 39 in jumps_of(jumped)
     assert 'class="verdict no"' in page_of(jumped)
     assert 'class="verdict no"' not in page
 
 
 def test_requests_at_a_limit_are_counted(outcome):
-    first = outcome.names[0]
-    tight = {**outcome.limits, first: (-10.0, float(outcome.requests[:, 0].max()))}
-    rows = joint_rows(replace(outcome, limits=tight))
+    rows = joint_rows(limited(outcome, 0, (-10.0, float(outcome.requests[:, 0].max()))))
     assert rows[0].at_limit >= 1
     assert rows[0].limits[0] == pytest.approx(np.degrees(-10.0))
-    tight = {**outcome.limits, first: (float(outcome.requests[:, 0].min()), 10.0)}
-    assert joint_rows(replace(outcome, limits=tight))[0].at_limit >= 1
-    free = replace(outcome, limits={first: (-np.inf, np.inf)})
+    tight = limited(outcome, 0, (float(outcome.requests[:, 0].min()), 10.0))
+    assert joint_rows(tight)[0].at_limit >= 1
+    free = limited(outcome, 0, (-np.inf, np.inf))
     assert joint_rows(free)[0].at_limit == 0
     assert "none" in joints_table(free).rows[0].cells
     for limits, words in (
         ((-np.inf, 10.0), "at most 573.0"),
         ((-10.0, np.inf), "at least −573.0"),
     ):
-        half = joints_table(replace(outcome, limits={first: limits})).rows[0].cells
+        half = joints_table(limited(outcome, 0, limits)).rows[0].cells
         assert words in half
 
 
 def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
     given = WALK.desired_foot + np.array([0.0, 0.0, 0.01])
-    (said,) = remarks(replace(outcome, foot_given=given), unreachable=7, missed=())[:1]
-    distances = np.linalg.norm(outcome.feet["planned"] - given, axis=1)
+    (said,) = remarks(outcome, foot_given=given, unreachable=7, missed=())[:1]
+    distances = np.linalg.norm(outcome.foot - given, axis=1)
     assert f"{100.0 * np.sqrt(np.mean(distances**2)):.3f} cm rms" in said
     assert "all distances here are to the clamped path" in said
 
 
 def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
-    exact = replace(outcome, bounds={outcome.names[0]: 0.0})
+    exact = asked(outcome, goal="angles")
     cells = joints_table(exact).rows[0].cells
     assert "bound 0" in cells
     assert "inf" not in str(cells)
@@ -195,18 +187,18 @@ def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
 
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
-    errors = np.abs(outcome.errors["planned"][:, 0])
-    error = np.max(errors) if norm == "max" else np.sqrt(np.mean(errors**2))
-    (row, *_) = joint_rows(
-        replace(outcome, norm=norm, bounds={outcome.names[0]: float(error) / 1.25})
-    )
+    errors = np.abs(outcome.errors)
+    error = np.max(errors, axis=0) if norm == "max" else np.sqrt(np.mean(errors**2, axis=0))
+    plan = asked(outcome, goal="angles", norm=norm)
+    plan.__dict__["lower_bounds"] = error / 1.25
+    (row, *_) = joint_rows(plan)
     assert row.gap == pytest.approx(0.25)
-    assert row.bound == pytest.approx(np.degrees(error) / 1.25)
+    assert row.bound == pytest.approx(np.degrees(error[0]) / 1.25)
 
 
 @pytest.mark.usefixtures("undrawn_pages")
 def test_every_name_is_escaped_and_every_request_shown(outcome):
-    page = page_of(replace(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
+    page = page_of(asked(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
     assert "<b>" not in page
     assert "leg &lt;1&gt;" in page
     assert "&lt;x&gt;.csv" in page
@@ -238,5 +230,5 @@ def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path,
 
 @pytest.mark.usefixtures("undrawn_pages")
 def test_a_path_from_rest_has_a_page_too(outcome):
-    once = replace(outcome, cyclic=False)
+    once = asked(outcome, cyclic=False, start=WALK.desired[0])
     assert "it repeats" not in page_of(once)

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 from kinematics.exceptions import KinematicsError, UnreachableFoot
-from planner.evaluation.plan_outcome import PlanOutcome
 from planner.evaluation.swept import Outcome, Point, Requirement, Swept
 from planner.exceptions import PlannerError
 from planner.planning.error_norm import error_norm
-from planner.run.plan import Answer
+from planner.planning.plan import Plan
 from planner.run.results import Results, Task
 from planner.run.run import Prepared, prepare
 from planner.run.schema import settings_of
@@ -98,7 +97,7 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     content, folder = argument
     try:
         prepared = prepare(settings_of(content, Run), folder)
-        said = _measured(prepared, prepared.answer(bounded=False))
+        said = _measured(prepared, prepared.plan(bounded=False))
     except UnreachableFoot as error:
         said = {
             "reason": f"foot out of reach at {len(error.indices)} samples, by up to "
@@ -109,28 +108,16 @@ def evaluate(argument: tuple[dict[str, Any], str]) -> bytes:
     return json.dumps(said).encode()
 
 
-def _measured(prepared: Prepared, answer: Answer) -> dict[str, Any]:
+def _measured(prepared: Prepared, plan: Plan) -> dict[str, Any]:
     """Speed and errors of a plan."""
-    run, desired = prepared.settings, prepared.desired
-    norm = run.plan.norm or "rms"
-    outcome = PlanOutcome(
-        names=desired.names,
-        models=desired.models,
-        desired=desired.angles,
-        requests=answer.requests,
-        predicted=answer.predicted,
-        cyclic=desired.cyclic,
-        leg=None if desired.foot is None else desired.leg,
-        foot=desired.foot,
-        loads=answer.loads,
-    )
+    run, desired, norm = prepared.settings, prepared.desired, plan.task.norm
     if desired.foot is not None:
         planned, direct = (
-            100.0 * outcome.distances[kind][:, np.newaxis] for kind in ("planned", "direct")
+            100.0 * each[:, np.newaxis] for each in (plan.distances, plan.direct_distances)
         )
     else:
-        planned, direct = (np.degrees(outcome.errors[kind]) for kind in ("planned", "direct"))
-    slowest = index_of_largest(outcome.too_fast)
+        planned, direct = np.degrees(plan.errors), np.degrees(plan.direct - plan.desired)
+    slowest = index_of_largest(plan.too_fast)
     walk = run.path.half_ellipse
     return {
         "speed": run.path.speed or 1.0
@@ -139,8 +126,8 @@ def _measured(prepared: Prepared, answer: Answer) -> dict[str, Any]:
         "error": max(error_norm(column, norm) for column in planned.T),
         "largest": float(np.max(np.abs(planned))),
         "direct": max(error_norm(column, norm) for column in direct.T),
-        "too_fast": float(outcome.too_fast[slowest]),
-        "slowest": desired.names[slowest] if outcome.too_fast[slowest] > 0.0 else "",
+        "too_fast": float(plan.too_fast[slowest]),
+        "slowest": desired.names[slowest] if plan.too_fast[slowest] > 0.0 else "",
         "unreachable": desired.unreachable,
     }
 

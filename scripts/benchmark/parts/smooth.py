@@ -13,10 +13,10 @@ from benchmark.instances import FREE, Array, Instance, reference
 from benchmark.parts import Options
 from benchmark.table import Table
 from kinematics import Leg, urdf_path
-from planner.evaluation.metrics import request_motion
 from planner.gait.stride import stride
 from planner.model.drawn_models import OPTIONS as DRAWING
 from planner.model.drawn_models import drawn_models
+from planner.planning.plan import request_motion
 
 NOISE = math.radians(0.5)
 """Noise of the log from which a model is identified [rad]."""
