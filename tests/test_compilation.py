@@ -64,7 +64,7 @@ def test_compilation_is_announced_once_and_to_a_terminal_only(terminal, cached, 
     if not cached:
         monkeypatch.setattr(compilation, "_cache_folder", lambda _: None)
     listener = compilation._Announcement()
-    for function in (kernel.run, kernel.follow):
+    for function in (kernel.run, kernel.along):
         listener.on_start(SimpleNamespace(data={"dispatcher": function}))
     told = compilation.COMPILING if cached else compilation.NO_CACHE
     assert stream.getvalue() == (told + "\n" if terminal else "")

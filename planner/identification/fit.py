@@ -2,85 +2,55 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.alternatives import best_delay
-from planner.identification.least_squares import OPTIONS as FITTING
-from planner.identification.least_squares import Fit, least_squares
+from planner.identification.least_squares import (
+    QUICK,
+    SEARCH,
+    Fit,
+    Response,
+    huber,
+    least_squares,
+    respond,
+    rms,
+)
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
 from planner.identification.resampling import Grid, Place, resampled
-from planner.identification.robust_loss import huber
-from planner.identification.simulation import ActiveRequests
 from planner.identification.timestamps import Timing, evenly_timed, unequal
 from planner.trajectory import Array
 
+COMMANDED_SHARE = 0.7
+"""Top speed from which a search starts again where none was reached, as a share of the highest
+commanded speed. (On seven reference logs, four made and three recorded, half and twice make one 24
+and 25 % worse on rows held out, in another local optimum; the rest is unchanged.)"""
 
-@dataclass(frozen=True, kw_only=True)
-class FitOptions:
-    """What steers the choice among local optima, ticks and clocks.
+SETTLED_ERRORS = 2.0
+"""The first rows of a piece are used where the model, with the first request in force before, errs
+there by less than so many standard deviations. (Half: up to 2.5 % worse held out, twice: none.)"""
 
-    In brackets what half and twice the value change on seven reference logs (four made, three
-    recorded; ``scripts/reference``): the error on all rows, and on those that are held out.
+EVEN_ROWS_SAVING = 0.03
+"""Share of the loss that even times have to save: jitter that matters more than doubles it. (At
+half one servo counts as even, and is 4.8 % worse held out; twice: none.)"""
 
-    Attributes:
-        search_tick: Ticks of the first search [s], as many whole periods as fit into it. Where
-            to look for the best fit does not depend on it; a finer one only takes longer (none,
-            none).
-        commanded_share: Top speed from which the search starts again where none was reached, as
-            a share of the highest commanded speed. (Held out the STS3250 is 24 and 25 % worse,
-            in another local optimum; the rest is unchanged.)
-        unlimited: Top speed of a search in which nothing saturates, as a multiple of the highest
-            commanded speed. Small steps of a joint that never saturates are fitted to 0.5 % with
-            a top speed far too low; begun without one they are fitted to rounding.
-        period_tick_saving: Share of the loss that ticks of a whole period have to save over
-            shorter ones. Where the log does not tell which ticks the joint has, the two agree
-            to a tenth of that (none, none).
-        settled_errors: The first rows of a piece are used where the model, with the first
-            request in force before, errs there by less than so many standard deviations (rms;
-            up to 2.5 % worse held out, none).
-        even_times: Times that are off even ones by less than this share of a period (rms) are
-            even: recorded loops of 50 Hz are off by 1.4 %, and no fit to even rows was ever
-            taken there (none, none; it saves a fit).
-        even_rows_saving: Share of the loss that even times have to save: jitter that matters
-            more than doubles it. (At half the XL330 counts as even, and is 4.8 % worse held out;
-            twice: none.)
-        divisions: How the search divides the whole delay: lag and acceleration time as shares of
-            it, and gain times it. The window begins wide, since a narrow one sees only the nearest
-            change of a request.
-        rows_at_top_speed: Share of the rows that are faster than where the search for the top
-            speed begins.
-        clearly: Share of the loss by which a later fit has to be better: less is rounding.
-        just_above: Share by which a top speed that was never reached lies above the fastest call.
-        least_motion: Angles and requests that span less do not change [rad]: that is rounding.
-        rounded: Errors below this, relative to the spread of the angles, are rounding.
-    """
+DIVISIONS = ((0.0, 1.0, 3.0), (0.5, 0.7, 3.0), (0.2, 0.5, 1.5), (0.8, 0.4, 6.0))
+"""How the search divides the whole delay: lag and acceleration time as shares of it, and gain times
+it. The window begins wide, since a narrow one sees only the nearest change of a request."""
 
-    search_tick: float = 0.004
-    commanded_share: float = 0.7
-    unlimited: float = 10.0
-    period_tick_saving: float = 0.005
-    settled_errors: float = 2.0
-    even_times: float = 0.02
-    even_rows_saving: float = 0.03
-    divisions: tuple[tuple[float, float, float], ...] = (
-        (0.0, 1.0, 3.0),
-        (0.5, 0.7, 3.0),
-        (0.2, 0.5, 1.5),
-        (0.8, 0.4, 6.0),
-    )
-    rows_at_top_speed: float = 0.02
-    clearly: float = 1e-6
-    just_above: float = 1e-6
-    least_motion: float = 1e-12
-    rounded: float = 1e-9
+ROUNDED = 1e-9
+"""Errors below this, relative to the spread of the angles, are rounding."""
 
+JUST_ABOVE = 1.0 + 1e-6
+"""By how much a top speed that was never reached lies above the fastest call."""
 
-OPTIONS = FitOptions()
+FIRST_ORDER = only("gain", "lag", "offset")
+"""The parameters of a first-order lag."""
 
 
 def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> Fit:
@@ -98,11 +68,11 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
-    stride = timing.period * max(1, int(OPTIONS.search_tick / timing.period * (1.0 + 1e-9)))
+    stride = timing.period * max(1, int(0.004 / timing.period * (1.0 + 1e-9)))
     coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
     found = _initial_fit(coarse)
     fine = resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in)
-    best = _multistart(fine, found.parameters, found.scale)
+    best = _searched(fine, found.parameters, found.scale)
     window = best.parameters.lag + best.parameters.acceleration_time
     settled = settled_pieces(logs, best)
     if settled or window > burn_in:
@@ -110,35 +80,28 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         final = resampled(
             logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in, settled=settled
         )
-        begin = best.parameters
-        best = least_squares(moving(final), begin, scale=best.scale, effort=FITTING.search)
+        best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
     if choose_tick and timing.hold > 1:
         rows = resampled(
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
-        simple = _multistart(rows, found.parameters, best.scale)
-        best = simple if simple.cost < (1.0 - OPTIONS.period_tick_saving) * best.cost else best
+        simple = _searched(rows, found.parameters, best.scale)
+        # Where the log does not tell which ticks the joint has, the two agree to a tenth of that.
+        best = simple if simple.cost < 0.995 * best.cost else best
     best = least_squares(best.grid, best.parameters, starts=best.starts)
     return _without_saturation(best)
 
 
-def _without_saturation(best: Fit) -> Fit:
-    """The better of a fit and one begun where the joint never saturates."""
-    at, grid, shown = best.parameters, best.grid, peak_command(best)
-    if at.v_max > shown or best.scale <= OPTIONS.rounded * float(np.std(grid.angles)):
-        return best
-    never = OPTIONS.unlimited * shown
-    begins = [
-        at._replace(v_max=never),
-        _divided_delay(at.whole_delay, v_max=never, offset=at.offset)[1],
-    ]
-    for begin in begins:
-        found = least_squares(
-            grid, begin, starts=best.starts, scale=best.scale, effort=FITTING.search
-        )
-        if found.cost < (1.0 - OPTIONS.clearly) * best.cost:
-            best = least_squares(grid, found.parameters, starts=found.starts)
-    return best
+def _initial_fit(grid: Grid) -> Fit:
+    """The best fit on a grid: of several starts the one that is best after a few steps."""
+    delay, _ = best_delay(grid)
+    whole = max(delay, 2.0 * grid.tick)
+    speed = grid.speed_exceeded_by(0.02)
+    begins = _divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
+    quick = [least_squares(grid, begin, effort=QUICK) for begin in begins]
+    scale = min(fit.scale for fit in quick)
+    best = min(quick, key=lambda fit: huber(fit.residuals, scale))
+    return least_squares(grid, best.parameters, starts=best.starts, scale=scale, effort=SEARCH)
 
 
 def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[Parameters]:
@@ -151,60 +114,62 @@ def _divided_delay(delay: float, *, v_max: float, offset: float = 0.0) -> list[P
             acceleration_time=window * delay,
             offset=offset,
         )
-        for lag, window, share in OPTIONS.divisions
+        for lag, window, share in DIVISIONS
     ]
 
 
-def _initial_fit(grid: Grid) -> Fit:
-    """The best fit on a grid: of several starts the one that is best after a few steps."""
-    delay, _ = best_delay(grid)
-    whole = max(delay, 2.0 * grid.tick)
-    speed = grid.speed_exceeded_by(OPTIONS.rows_at_top_speed)
-    begins = _divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
-    quick = [least_squares(grid, begin, effort=FITTING.quick) for begin in begins]
-    scale = min(fit.scale for fit in quick)
-    best = min(quick, key=lambda fit: huber(fit.residuals, scale)[0])
-    at, starts = best.parameters, best.starts
-    return least_squares(grid, at, starts=starts, scale=scale, effort=FITTING.search)
+def _searched(grid: Grid, at: Parameters, scale: float) -> Fit:
+    """The fit from what was found on coarser ticks.
 
-
-def _multistart(grid: Grid, at: Parameters, scale: float) -> Fit:
-    """The best of several fits at one scale, begun at and beside what was found on coarser ticks.
-
-    Whole ticks put corners into the loss, and with them local optima. The fits begin at what was
-    found and at four divisions of its delay; where the top speed then lies above every commanded
-    speed, and has no slope, below the highest; and with one tick of the window given to the lag, or
-    taken from it.
+    Where the top speed then lies above every commanded speed it has no slope: the search starts
+    again from below the highest.
     """
-
-    def better(best: Fit, begins: Sequence[Parameters], starts: Array | None = None) -> Fit:
-        for begin in begins:
-            fit = least_squares(grid, begin, starts=starts, scale=scale, effort=FITTING.search)
-            best = fit if fit.cost < (1.0 - OPTIONS.clearly) * best.cost else best
+    best = least_squares(grid, at, scale=scale, effort=SEARCH)
+    shown = peak_command(best)
+    if best.parameters.v_max <= shown:
         return best
+    lower = best.parameters._replace(v_max=COMMANDED_SHARE * shown)
+    return _better(best, least_squares(grid, lower, starts=best.starts, scale=scale, effort=SEARCH))
 
-    best = least_squares(grid, at, scale=scale, effort=FITTING.search)
-    best = better(best, _divided_delay(at.whole_delay, v_max=at.v_max, offset=at.offset))
-    at, shown = best.parameters, peak_command(best)
-    if at.v_max > shown:
-        best = better(best, [at._replace(v_max=OPTIONS.commanded_share * shown)], best.starts)
-    at, tick = best.parameters, grid.tick
-    moves = [(at.lag + way * tick, at.acceleration_time - way * tick) for way in (1.0, -1.0)]
-    beside = [at._replace(lag=lag, acceleration_time=window) for lag, window in moves]
-    return better(best, beside, best.starts)
+
+def _better(best: Fit, other: Fit) -> Fit:
+    """The other fit where its loss is less, but for rounding."""
+    return other if other.cost < (1.0 - 1e-6) * best.cost else best
+
+
+def _without_saturation(best: Fit) -> Fit:
+    """The better of a fit and one begun where the joint never saturates.
+
+    Small steps of a joint that never saturates are fitted to 0.5 % with a top speed far too low;
+    begun without one they are fitted to rounding.
+    """
+    at, grid, shown = best.parameters, best.grid, peak_command(best)
+    if at.v_max > shown or best.scale <= ROUNDED * float(np.std(grid.angles)):
+        return best
+    never = 10.0 * shown
+    begins = [
+        at._replace(v_max=never),
+        _divided_delay(at.whole_delay, v_max=never, offset=at.offset)[1],
+    ]
+    for begin in begins:
+        found = least_squares(grid, begin, starts=best.starts, scale=best.scale, effort=SEARCH)
+        if _better(best, found) is found:
+            best = least_squares(grid, found.parameters, starts=found.starts)
+    return best
 
 
 def moving(grid: Grid) -> Grid:
     """The grid, or why nothing can be learned from it."""
+    least = 1e-12  # of motion [rad]: what is less is rounding
     if len(grid.angles) < 10:
         raise InvalidInput(
             f"the log has {len(grid.angles)} rows to learn from, expected 10 or more with torque on"
         )
-    if np.ptp(grid.requests) <= OPTIONS.least_motion:
+    if np.ptp(grid.requests) <= least:
         raise InvalidInput(
             "the requests never change in this log: record one in which they move the joint"
         )
-    if np.ptp(grid.angles) <= OPTIONS.least_motion:
+    if np.ptp(grid.angles) <= least:
         raise InvalidInput(
             "the joint does not move in this log: its actual angle is the same in every row; is "
             "the torque on, and is this the right column?"
@@ -217,33 +182,28 @@ def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)
-    whole = least_squares(
-        every, fit.parameters, free=only(), scale=fit.scale, effort=FITTING.search
-    )
+    whole = least_squares(every, fit.parameters, free=only(), scale=fit.scale, effort=SEARCH)
     errors = every.per_log(whole.residuals)
-    bound = max(OPTIONS.settled_errors * fit.scale, OPTIONS.rounded * float(np.std(grid.angles)))
+    bound = max(SETTLED_ERRORS * fit.scale, ROUNDED * float(np.std(grid.angles)))
     found = set()
     for number, row in pieces:
         new = every.places[number] & ~grid.places[number]
         stop = next((p.stop for p in pieces_of(logs[number]) if p.start == row), 0)
         new[:row] = new[stop:] = False
-        if new.any() and np.sqrt(np.mean(errors[number][new] ** 2)) <= bound:
+        if new.any() and rms(errors[number][new]) <= bound:
             found.add((number, row))
     return found
 
 
 def peak_command(fit: Fit) -> float:
     """Highest speed that the requests of a fit called for, limited or not [rad/s]."""
-    return commanded_speed(fit.parameters, fit.grid, fit.active, fit.states)
+    return commanded_speed(fit.parameters, fit.response)
 
 
-def commanded_speed(
-    parameters: Parameters, grid: Grid, active: ActiveRequests, states: Array
-) -> float:
+def commanded_speed(parameters: Parameters, response: Response) -> float:
     """Highest speed that the requests called for in any run, limited or not [rad/s]."""
-    errors = active.targets - states[grid.states - 1]
-    errors[active.weights <= 0.0] = 0.0
-    return float(parameters.gain * max(np.max(np.abs(errors)) - parameters.dead_band, 0.0))
+    largest = float(np.max(np.abs(response.errors)))
+    return parameters.gain * max(largest - parameters.dead_band, 0.0)
 
 
 def with_observed_speed(fit: Fit) -> Fit:
@@ -254,19 +214,17 @@ def with_observed_speed(fit: Fit) -> Fit:
     shown = peak_command(fit)
     if fit.parameters.v_max * (1.0 - abs(fit.parameters.asymmetry)) <= shown:
         return fit
-    return replace(
-        fit, parameters=fit.parameters._replace(v_max=(1.0 + OPTIONS.just_above) * shown)
-    )
+    return replace(fit, parameters=fit.parameters._replace(v_max=JUST_ABOVE * shown))
 
 
 def with_speed_of(fit: Fit, speed: float) -> Fit:
     """The fit with a top speed no lower than a joint was seen to move [rad/s]."""
-    lowest = (1.0 + OPTIONS.just_above) * speed
+    lowest = JUST_ABOVE * speed
     if fit.parameters.v_max >= lowest:
         return fit
     at = fit.parameters._replace(v_max=lowest)
     raised = least_squares(
-        fit.grid, at, free=only(), starts=fit.starts, scale=fit.scale, effort=FITTING.search
+        fit.grid, at, free=fit.free & ~only("v_max"), starts=fit.starts, scale=fit.scale
     )
     return replace(raised, free=fit.free)
 
@@ -275,7 +233,8 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
     """The logs with even times, if a joint with these explains them clearly better.
 
     Times that a program notes may come late by a millisecond or so, though the servo is read
-    evenly. Rows that really are uneven fit worse on an even clock.
+    evenly. Rows that really are uneven fit worse on an even clock. Recorded loops of 50 Hz are off
+    by 1.4 %, which is even.
 
     Args:
         logs: The logs.
@@ -288,7 +247,7 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
     if unequal(logs):
         return None
     even, off = evenly_timed(logs, timing.period)
-    if off <= OPTIONS.even_times * timing.period:
+    if off <= 0.02 * timing.period:
         return None
     delay = fit.parameters.lag + fit.parameters.acceleration_time
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
@@ -297,6 +256,91 @@ def with_even_rows(logs: Sequence[Log], timing: Timing, fit: Fit) -> tuple[Log, 
         grid = resampled(each, tick=fit.grid.tick, reach=timing.reach, burn_in=burn_in)
         if not len(grid.angles):
             return None
-        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=FITTING.search)
+        again = least_squares(grid, fit.parameters, scale=fit.scale, effort=SEARCH)
         losses.append(again.cost / len(grid.angles))
-    return even if losses[1] < (1.0 - OPTIONS.even_rows_saving) * losses[0] else None
+    return even if losses[1] < (1.0 - EVEN_ROWS_SAVING) * losses[0] else None
+
+
+class Simple(NamedTuple):
+    """A simpler description of the same rows, fitted.
+
+    Attributes:
+        name: "raw", "delay" or "first_order".
+        parameters: As in :class:`planner.identification.result.Alternative`.
+        joint: The joint that behaves so; None for a request that is merely delayed.
+    """
+
+    name: str
+    parameters: dict[str, float]
+    joint: Parameters | None
+
+
+def simple_fits(grid: Grid) -> tuple[Simple, ...]:
+    """Fit no model, a delay and a first-order lag, the simplest first."""
+    delay, _ = best_delay(grid)
+    at = _first_order(grid, delay).parameters
+    found = {
+        "delay": at.lag + at.acceleration_time / 2.0,
+        "time_constant": 1.0 / at.gain,
+        "offset": at.offset,
+    }
+    return (
+        Simple("raw", {}, None),
+        Simple("delay", {"delay": delay}, None),
+        Simple("first_order", {name: float(value) for name, value in found.items()}, at),
+    )
+
+
+def errors_of(simple: Simple, grid: Grid, starts: Array) -> Array:
+    """Predicted minus actual angle of a simpler description at the used rows [rad]."""
+    if simple.joint is None:
+        return delayed_errors(grid, simple.parameters.get("delay", 0.0))
+    return respond(grid, simple.joint, starts).predicted - grid.angles
+
+
+def _first_order(grid: Grid, delay: float) -> Fit:
+    """A joint that never saturates and whose window is a single tick.
+
+    The search starts with none, half and nine tenths of the whole delay as pure delay.
+    """
+    whole = max(delay, 2.0 * grid.tick)
+    begins = [
+        Parameters(
+            gain=1.0 / max((1.0 - share) * whole, grid.tick),
+            v_max=math.inf,
+            lag=share * whole,
+            acceleration_time=grid.tick,
+            offset=0.0,
+        )
+        for share in (0.0, 0.5, 0.9)
+    ]
+    fits = [least_squares(grid, begin, free=FIRST_ORDER, effort=QUICK) for begin in begins]
+    best = min(fits, key=lambda fit: fit.rms)
+    return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts)
+
+
+def best_delay(grid: Grid) -> tuple[float, float]:
+    """The delay after which the requests come nearest to the angles.
+
+    Returns:
+        Delay [s], the least among equals, and the root mean square error that is left [rad].
+    """
+    step = 4.0 * grid.tick
+    delays = np.arange(0.0, grid.reach, step)
+    for _ in range(3):
+        errors = np.array([rms(delayed_errors(grid, delay)) for delay in delays])
+        best = int(np.argmin(errors))
+        delay = float(delays[best])
+        step /= 8.0
+        around = delay + step * np.arange(-8, 9)
+        delays = np.unique(np.append(around[around >= 0.0], delay))
+    return delay, float(errors[best])
+
+
+def delayed_errors(grid: Grid, delay: float) -> Array:
+    """The request of ``delay`` [s] ago minus the angle, at the used rows [rad].
+
+    A request that comes into force at the very time of a row counts for that row.
+    """
+    number = np.searchsorted(grid.edges, grid.times - delay + 1e-6 * grid.tick, side="right") - 1
+    return np.asarray(grid.requests[np.maximum(number, 0)] - grid.angles)

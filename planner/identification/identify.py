@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.alternatives import Simple, errors_of, simple_fits
 from planner.identification.fit import (
+    Simple,
+    errors_of,
     fit_joint,
+    simple_fits,
     with_even_rows,
     with_observed_speed,
     with_speed_of,
@@ -24,13 +26,12 @@ from planner.identification.intervals import (
     noise_of,
     uncertainty_of,
 )
-from planner.identification.least_squares import Fit
+from planner.identification.least_squares import Fit, rms
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
 from planner.identification.resampling import measured_speed, sound_rows
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
-from planner.identification.robust_loss import rms
 from planner.identification.terms import Trial, with_terms
 from planner.identification.timestamps import Timing, timing_of
 from planner.identification.unmodelled import unmodelled

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from planner.identification.least_squares import OPTIONS as FITTING
-from planner.identification.least_squares import Fit, least_squares
+from planner.identification.fit import peak_command
+from planner.identification.least_squares import PROFILE, Fit, huber, least_squares, respond, rms
 from planner.identification.parameters import (
     COORDINATES,
     COUNT,
@@ -22,7 +22,6 @@ from planner.identification.parameters import (
     units,
 )
 from planner.identification.result import Interval
-from planner.identification.robust_loss import rms
 from planner.trajectory import Array
 
 
@@ -70,6 +69,7 @@ class IntervalOptions:
 OPTIONS = IntervalOptions()
 
 
+GAIN = Parameters._fields.index("gain")
 V_MAX = Parameters._fields.index("v_max")
 ASYMMETRY = Parameters._fields.index("asymmetry")
 ROWS = tuple(COORDINATES.values())
@@ -85,7 +85,7 @@ def intervals_of(fit: Fit, uncertainty: Uncertainty) -> dict[str, Interval]:
     for index in map(Parameters._fields.index, names):
         value = at[index]
         logarithmic = ROWS[index].unit is None
-        if logarithmic and half[index] <= OPTIONS.certain * uncertainty.quantile:
+        if _certain(uncertainty, index) and not _beside_a_plain(fit, uncertainty, index):
             ends.append(Interval(value * math.exp(-half[index]), value * math.exp(half[index])))
         elif not logarithmic and _narrow(fit, index, half[index]):
             width = half[index] * scaling[index]
@@ -132,6 +132,24 @@ def middle_known_within(fit: Fit, uncertainty: Uncertainty, window: Interval) ->
     variance = float(way @ uncertainty.covariance[np.ix_(both, both)] @ way)
     half = uncertainty.quantile * math.sqrt(max(variance, 0.0))
     return half + fit.parameters.gain * (window.upper**2 - window.lower**2) / 24.0
+
+
+def _certain(uncertainty: Uncertainty, index: int) -> bool:
+    """Whether the covariance determines a logarithm."""
+    return ROWS[index].unit is None and bool(uncertainty.deviations[index] <= OPTIONS.certain)
+
+
+def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
+    """Whether the largest gain does as well, though the covariance determines it.
+
+    A joint that is at top speed nearly all the time may show a threshold in a few rows of noise,
+    beside which the loss is flat.
+    """
+    if index != GAIN or fit.parameters.v_max > peak_command(fit):
+        return False
+    at = fit.parameters._replace(gain=_limit(fit, index, 1)[0])
+    residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
+    return huber(residuals, fit.scale) <= fit.cost + rise_allowed(fit, uncertainty, "gain")
 
 
 def _holding(interval: Interval, values: Sequence[float]) -> Interval:
@@ -235,7 +253,7 @@ class _Profile:
             free=self._free,
             starts=self._last.starts,
             scale=self._last.scale,
-            effort=FITTING.profile,
+            effort=PROFILE,
             enough=self._allowed,
         )
         if math.isfinite(value):
@@ -262,6 +280,8 @@ def _wald(uncertainty: Uncertainty, fit: Fit, index: int) -> float:
 
 def _first_step(fit: Fit, uncertainty: Uncertainty, index: int) -> float:
     unit, scale = _sizes(fit, index)
+    if _certain(uncertainty, index):
+        return 0.3 * scale
     least = 0.02 if ROWS[index].unit is None else 0.25 * unit
     return min(max(_wald(uncertainty, fit, index), least), 0.3 * scale)
 
@@ -362,9 +382,9 @@ def structure_of(fit: Fit) -> float:
 def _beside_starts(fit: Fit) -> Array:
     """Derivatives by the parameters, free of what a change of the first angles could do as well."""
     grid = fit.grid
-    some, by_start = fit.sensitivities(averaging=0.025)
-    raw = np.zeros((len(some), COUNT))
-    raw[:, fit.free] = some
+    slopes = fit.slopes(averaging=0.025)
+    raw, by_start = np.zeros((len(fit.residuals), COUNT)), slopes.by_start
+    raw[:, fit.free] = slopes.by_parameter
     runs = len(grid.starts)
     norms: Array = np.bincount(grid.run, fit.weights * by_start**2, runs).astype(float)
     along: Array = np.stack(

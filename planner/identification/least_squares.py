@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize, sparse
+from scipy.special import ndtri
 
 from planner.identification.parameters import (
     BASE,
@@ -18,71 +18,213 @@ from planner.identification.parameters import (
     coordinates_of,
     only,
     parameters_at,
+    units,
 )
 from planner.identification.resampling import Grid
-from planner.identification.robust_loss import NO_ERROR, huber, scale_of
-from planner.identification.robust_loss import OPTIONS as LOSS
-from planner.identification.sensitivities import Sensitivities, sensitivities
-from planner.identification.simulation import ActiveRequests, active_requests, respond
-from planner.trajectory import Array
+from planner.trajectory import Array, Indices
+
+if TYPE_CHECKING:
+    from planner.model.kernel import Servo
 
 USUAL = only(*BASE)
 """What is fitted where nothing else is asked for: the terms stay what they are."""
 
+CORNER = 5.0
+"""Residuals beyond so many standard deviations count by their size, not by their square. (On seven
+reference logs half of it is up to 1.1 % worse on all rows and 16 % on those held out.)"""
 
-@dataclass(frozen=True)
-class Effort:
+TRUSTED = 0.95
+"""Share of the residuals that the scale is read from: more outliers than the rest would raise it.
+A median would do for white noise, but in a log that mostly rests it is the scale of the rest, and
+the motion, which is all there is to learn from, would count as outliers."""
+
+NO_ERROR = 1e-12
+"""Scale below which residuals are rounding errors, relative to the angles' standard deviation."""
+
+EDGE_DISTANCE = 1e-9
+"""Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
+change of the request the derivative jumps, and the mean of both sides is taken."""
+
+VANISHES = 40.0
+"""Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
+
+
+class Effort(NamedTuple):
     """How far a fit is taken.
 
     Attributes:
         evaluations: Of the model, in each round.
         tolerance: Relative change of the loss that ends a round.
         rounds: Estimates of the scale.
+        averaging: Distance to both sides of the window's edges over which derivatives by lag and
+            acceleration time are averaged [ticks]. Rows a whole number of ticks apart put corners
+            into the loss, at which a search by exact derivatives ends.
+        first_step: Share of the residuals that the first step may explain: longer steps jump to
+            delays a cycle away. On a pure sine the fit ends in a local optimum at half and twice
+            the value.
     """
 
     evaluations: int
     tolerance: float
     rounds: int = 1
+    averaging: tuple[float, ...] = (0.3,)
+    first_step: float = 0.2
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeastSquaresOptions:
-    """How far the fits of an identification are taken.
+QUICK = Effort(evaluations=12, tolerance=1e-3, rounds=2)
+"""Tells a good start from a poor one."""
 
-    In brackets what was measured on seven reference logs (four made, three recorded;
-    ``scripts/reference``): the change of the error on all rows, and on those that are held out.
+SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
+"""To a loss that is right to a thousandth, which tells one local optimum from another."""
+
+TERM = SEARCH._replace(first_step=0.5)
+"""The same from a fit without a term: dry friction is found a long way from there."""
+
+PROFILE = Effort(evaluations=15, tolerance=1e-4)
+"""Tells whether a value is refuted, from a fit with a value close by."""
+
+FULL = Effort(evaluations=60, tolerance=1e-9, rounds=6, averaging=(0.3, EDGE_DISTANCE))
+"""To the optimum: parameters to a millionth of their standard deviations."""
+
+
+class Response(NamedTuple):
+    """A joint run along the logs of a grid.
 
     Attributes:
-        first_step: Share of the residuals that the first step may explain, parameter by parameter:
-            longer steps jump to delays a cycle away. On a pure sine the fit ends in a local optimum
-            at 0.1 and at 0.4; from 1 on the recording of a servo under load is fitted 8 % worse.
-            (Half: 0.00 and up to 2.4 %; twice: 0.7 and 14 %.)
-        quick: Tells a good start from a poor one (half the evaluations: 0.07 and 26 %, twice: none
-            and -1.4 %; a tenth or ten times the tolerance, or one round: 0.19 %).
-        search: To a loss that is right to a thousandth, which tells one local optimum from another
-            (half and twice the evaluations or rounds: none; a tenth of the tolerance: 0.00 and
-            -0.6 % in 1.2 times the time, ten times: 0.00 and 12 %).
-        profile: Tells whether a value is refuted, from a fit with a value close by (half and twice
-            the evaluations: none; a tenth of the tolerance: one end of 70 moves, by a third).
-        full: To the optimum: parameters to a millionth of their standard deviations (half the
-            evaluations: 0.002 %; a tenth or ten times the tolerance, half the rounds: 0.000 %).
-        settled_scale: A change of the scale by less than this share of it ends the rounds (half
-            and twice: none).
-        most_dense: Runs up to which derivatives are a dense matrix; beyond, most of it is zeros.
-            Dense, 70 runs take 1.9 times as long and 150 runs 6 times; sparse, a single run takes
-            twice as long.
+        states: Angles at all states [rad], (s,).
+        predicted: Angles at the used rows [rad], (rows,).
+        errors: Least and largest request that acts at each tick, plus sag, less the angle before it
+            [rad], (t, 2).
     """
 
-    first_step: float = 0.2
-    quick: Effort = Effort(evaluations=12, tolerance=1e-3, rounds=2)
-    search: Effort = Effort(evaluations=25, tolerance=1e-4, rounds=6)
-    profile: Effort = Effort(evaluations=15, tolerance=1e-4)
-    full: Effort = Effort(evaluations=60, tolerance=1e-9, rounds=6)
-    settled_scale: float = 1e-3
-    most_dense: int = 64
+    states: Array
+    predicted: Array
+    errors: Array
 
 
-OPTIONS = LeastSquaresOptions()
+def respond(grid: Grid, parameters: Parameters, starts: Array) -> Response:
+    """Run a joint along logs, from the angles at which the runs start [rad], (runs,)."""
+    return _run(grid, parameters, starts, np.zeros(0, dtype=np.int_), 0.0)[0]
+
+
+def servo_of(grid: Grid, at: Parameters) -> Servo:
+    """The joint by ticks of the grid."""
+    from planner.model.kernel import Servo
+
+    faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
+    return Servo(
+        at.law_per_tick(grid.tick),
+        float(at.lag),
+        float(at.acceleration_time),
+        float(at.offset),
+        float(at.compliance),
+        faster * at.asymmetry,
+        faster * at.slowing,
+        float(at.play),
+    )
+
+
+def _run(
+    grid: Grid, parameters: Parameters, starts: Array, columns: Indices, apart: float
+) -> tuple[Response, Array]:
+    from planner.model import kernel
+
+    states = np.empty(len(grid.ticks) + len(starts))
+    states[grid.starts] = starts
+    response = Response(states, np.empty(len(grid.angles)), np.empty((len(grid.ticks), 2)))
+    slopes = np.empty((len(grid.angles), len(columns)))
+    kernel.along(
+        servo_of(grid, parameters),
+        grid.track,
+        columns,
+        apart,
+        states,
+        response.errors,
+        response.predicted,
+        slopes,
+    )
+    return response, slopes
+
+
+class Slopes(NamedTuple):
+    """Derivatives of the angles at the used rows: those of the law, and what makes them ours.
+
+    Attributes:
+        of_law: By columns of :func:`planner.model.kernel.along`; the last is by the first angle of
+            the row's own run, (rows, c + 1).
+        change: Derivatives of these c columns' parameters by the free coordinates of
+            ``parameters.COORDINATES``, (c, p).
+    """
+
+    of_law: Array
+    change: Array
+
+    @property
+    def by_parameter(self) -> Array:
+        """By the free coordinates, (rows, p)."""
+        return np.asarray(self.of_law[:, :-1] @ self.change)
+
+    @property
+    def by_start(self) -> Array:
+        """Each by the first angle of its own run, (rows,)."""
+        return np.asarray(self.of_law[:, -1])
+
+
+def slopes_of(
+    grid: Grid,
+    parameters: Parameters,
+    starts: Array,
+    free: Free,
+    *,
+    averaging: float = EDGE_DISTANCE,
+) -> Slopes:
+    """Derivatives by the parameters and by the first angles: (16) of ``docs/math.md``.
+
+    Args:
+        grid: The runs.
+        parameters: The joint.
+        starts: Angle at the start of each run [rad], (runs,).
+        free: By which parameters.
+        averaging: Distance to both sides over which derivatives by lag and acceleration time are
+            averaged [ticks].
+    """
+    from planner.model import kernel
+
+    change = _by_coordinates(grid, parameters)[:, free]
+    acting = np.flatnonzero(np.any(change != 0.0, axis=1))
+    columns = np.append(acting, kernel.START)
+    _, slopes = _run(grid, parameters, starts, columns, averaging * grid.tick)
+    return Slopes(slopes, change[acting])
+
+
+def _by_coordinates(grid: Grid, at: Parameters) -> Array:
+    """Derivatives of what the kernel takes by all coordinates, (START, fields)."""
+    from planner.model import kernel
+
+    tick, v_max = grid.tick, 0.0 if math.isinf(at.v_max) else at.v_max
+    inertia = 0.0  # of the motor's share, 1 - exp(-tick / time constant), by that
+    if tick <= VANISHES * at.time_constant:
+        inertia = -tick / at.time_constant**2 * math.exp(-tick / at.time_constant)
+    entries = (
+        (kernel.GAIN, "gain", tick),
+        (kernel.V_MAX, "v_max", tick),
+        (kernel.FASTER, "v_max", tick * at.asymmetry),
+        (kernel.FASTER_LOAD, "v_max", tick * at.slowing),
+        (kernel.LAG, "lag", 1.0 / tick),
+        (kernel.WINDOW, "acceleration_time", 1.0 / tick),
+        (kernel.SAG, "offset", 1.0),
+        (kernel.BAND, "dead_band", 1.0),
+        (kernel.FASTER, "asymmetry", tick * v_max),
+        (kernel.SAG_LOAD, "compliance", 1.0),
+        (kernel.FASTER_LOAD, "slowing", tick * v_max),
+        (kernel.SHARE, "time_constant", inertia),
+        (kernel.ACCELERATION, "max_acceleration", tick**2),
+        (kernel.PLAY, "play", 1.0),
+    )
+    change = np.zeros((kernel.START, len(Parameters._fields)))
+    for column, field, value in entries:
+        change[column, Parameters._fields.index(field)] = value
+    return change * units(grid, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,22 +236,20 @@ class Fit:
         parameters: The joint.
         free: Which parameters were fitted, in their order.
         starts: Angle at the start of each run [rad].
-        active: The requests that act at each tick.
-        states: Angles at all states [rad].
+        response: The joint along the grid.
+        residuals: Predicted minus actual angle at the used rows [rad].
         scale: Standard deviation of the residuals without outliers [rad].
         cost: Huber's loss at that scale, sum over the rows [rad^2]; half a sum of squares.
-        weights: Weight of each row, 1 unless its residual is an outlier.
     """
 
     grid: Grid
     parameters: Parameters
     free: Free
     starts: Array
-    active: ActiveRequests
-    states: Array
+    response: Response
+    residuals: Array
     scale: float
     cost: float
-    weights: Array
 
     @property
     def free_names(self) -> tuple[str, ...]:
@@ -119,23 +259,22 @@ class Fit:
     @property
     def predicted(self) -> Array:
         """Angle at the used rows [rad]."""
-        return self.grid.at_rows(self.states)
+        return self.response.predicted
 
     @cached_property
-    def residuals(self) -> Array:
-        """Predicted minus actual angle at the used rows [rad]."""
-        return self.predicted - self.grid.angles
+    def weights(self) -> Array:
+        """Weight of each row, 1 unless its residual is an outlier."""
+        sizes = np.maximum(np.abs(self.residuals), 1e-300)
+        return np.minimum(1.0, CORNER * self.scale / sizes)
 
     @property
     def rms(self) -> float:
         """Root mean square of the residuals, outliers included [rad]."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
+        return rms(self.residuals)
 
-    def sensitivities(self, **options: float) -> Sensitivities:
+    def slopes(self, *, averaging: float = EDGE_DISTANCE) -> Slopes:
         """Derivatives of the predicted angles by what was fitted."""
-        return sensitivities(
-            self.grid, self.parameters, self.states, self.active, free=self.free, **options
-        )
+        return slopes_of(self.grid, self.parameters, self.starts, self.free, averaging=averaging)
 
 
 def least_squares(
@@ -145,16 +284,16 @@ def least_squares(
     free: Free = USUAL,
     starts: Array | None = None,
     scale: float | None = None,
-    effort: Effort = OPTIONS.full,
+    effort: Effort = FULL,
     enough: float = -math.inf,
 ) -> Fit:
     """Fit the free parameters and the first angle of every run: (15) of ``docs/math.md``.
 
-    SciPy's Gauss-Newton method in a trust region (More's form of Levenberg-Marquardt), with the
-    derivatives of (16). Bounds are kept by projection: a coordinate beyond its bound acts
-    as if it were on it, and has no slope. SciPy's own methods for bounds, ``trf`` and ``dogbox``,
-    stop where a corner of the loss meets a bound. The scale of the loss follows the residuals, from
-    round to round, unless it is given.
+    Gauss-Newton steps in a trust region (Moré, 1978, in *Numerical Analysis*, Lecture Notes in
+    Mathematics 630), with the derivatives of (16). The first angles, each of which acts on the rows
+    of its own run alone, are eliminated from the normal equations (Golub and Pereyra, 1973).
+    Coordinates stay within their bounds by projection. The scale of the loss follows the
+    residuals, from round to round, unless it is given.
 
     Args:
         grid: The rows.
@@ -163,7 +302,7 @@ def least_squares(
         starts: First angles of the runs, to begin with [rad]; by default those measured.
         scale: Fixed scale of Huber's loss [rad].
         effort: How far to go.
-        enough: Loss that need not be improved on [rad^2].
+        enough: Loss that need not be improved on [rad^2]; nor is one that cannot come near it.
 
     Returns:
         The best fit found; never worse than where it began.
@@ -173,83 +312,141 @@ def least_squares(
         starts = grid.measured_starts
     fit = _evaluated(grid, _within(grid, begin, free), starts, scale or math.inf, free)
     if scale is not None:
-        return _minimised(fit, effort, enough)
-    for _ in range(effort.rounds):
-        found = scale_of(fit.residuals, floor)
-        settled = abs(found - fit.scale) <= OPTIONS.settled_scale * found
-        cost, weights = huber(fit.residuals, found)
-        fit = replace(fit, scale=found, cost=cost, weights=weights)
-        if settled:
-            break
-        fit = _minimised(fit, effort, enough)
+        return _minimised(fit, effort, enough, effort.averaging[-1])
+    for averaging in effort.averaging:
+        for number in range(effort.rounds):
+            found = scale_of(fit.residuals, floor)
+            settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
+            fit = replace(fit, scale=found, cost=huber(fit.residuals, found))
+            if settled:
+                break
+            fit = _minimised(fit, effort, enough, averaging)
     return fit
 
 
-def _minimised(begin: Fit, effort: Effort, enough: float) -> Fit:
+def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> Fit:
     """The best fit at a fixed scale."""
-    if begin.cost <= enough:
-        return begin
-    grid, free, scale = begin.grid, begin.free, begin.scale
-    chosen = np.flatnonzero(free)
-    held = coordinates_of(grid, begin.parameters)
-    span, runs = grid.span, len(grid.starts)
-    size = OPTIONS.first_step * float(np.linalg.norm(begin.residuals)) or 1.0
-    rows = np.arange(len(grid.angles))
-    lower, upper = (coordinates_of(grid, ends) for ends in bounds_of(grid))
-    lower[~free], upper[~free] = -np.inf, np.inf
-    fits: dict[bytes, Fit] = {}
-    accepted = begin
+    grid, free = begin.grid, begin.free
+    lower, upper = (coordinates_of(grid, ends)[free] for ends in bounds_of(grid))
+    radius = effort.first_step * float(np.linalg.norm(begin.residuals))
+    sizes = np.zeros(len(lower))
+    fit, near = begin, None
+    for _ in range(effort.evaluations - 1):
+        if fit.cost <= enough:
+            break
+        coordinates = coordinates_of(grid, fit.parameters)
+        here = coordinates[free]
+        near = near or _Quadratic.of(fit, averaging)
+        sizes = np.maximum(sizes, near.sizes)
+        step = near.step(sizes, radius, lower - here, upper - here)
+        starts = near.starts(step, radius)
+        promised = near.reduction(step, starts)
+        if not promised > 1e-3 * effort.tolerance * fit.cost:
+            break
+        coordinates[free] += step
+        trial = _evaluated(
+            grid, parameters_at(grid, coordinates), fit.starts + starts, fit.scale, free
+        )
+        reduced = fit.cost - trial.cost
+        length = near.length(sizes, step, starts)
+        if not reduced >= 0.25 * promised:
+            radius = 0.25 * min(length, radius)
+        elif reduced > 0.75 * promised and length > 0.95 * radius:
+            radius *= 2.0
+        if reduced > 0.0:
+            done = 0.25 * promised < reduced < effort.tolerance * fit.cost
+            fit, near = trial, None
+            if done:
+                break
+    return fit
 
-    def at(unknowns: Array) -> Fit:
-        key = unknowns.tobytes()
-        if key not in fits:
-            coordinates = held.copy()
-            coordinates[chosen] += unknowns[: len(chosen)]
-            starts = begin.starts + span * unknowns[len(chosen) :]
-            joint = parameters_at(grid, np.clip(coordinates, lower, upper))
-            fits.clear()
-            fits[key] = _evaluated(grid, joint, starts, scale, free)
-        return fits[key]
 
-    def residuals(unknowns: Array) -> Array:
-        return at(unknowns).residuals / size
+class _Quadratic(NamedTuple):
+    """The loss of a fit to second order, by its free coordinates and first angles."""
 
-    def derivatives(unknowns: Array) -> Any:
-        nonlocal accepted
-        accepted = at(unknowns)
-        slopes = accepted.sensitivities()
-        by_parameter = slopes.by_parameter / size
-        by_start = span / size * slopes.by_start
-        here = held[chosen] + unknowns[: len(chosen)]
-        by_parameter *= (here >= lower[chosen]) & (here <= upper[chosen])
-        if runs > OPTIONS.most_dense:
-            ends = sparse.csr_array((by_start, (rows, grid.run)), shape=(len(rows), runs))
-            return sparse.csr_matrix(sparse.hstack([sparse.csr_array(by_parameter), ends]))
-        matrix = np.zeros((len(rows), len(chosen) + runs))
-        matrix[:, : len(chosen)] = by_parameter
-        matrix[rows, len(chosen) + grid.run] = by_start
-        return matrix
+    whole: Array  # second derivatives by the coordinates, (p, p)
+    by_parameter: Array  # first derivatives by them, (p,)
+    matrix: Array  # the same with the first angles eliminated, (p, p)
+    gradient: Array  # (p,)
+    sizes: Array  # size of each coordinate's derivatives, (p,)
+    beside: Array  # second derivatives by first angles and coordinates, (runs, p)
+    squares: Array  # second derivatives by first angles, (runs,)
+    by_start: Array  # first derivatives by them, (runs,)
 
-    def stop_early(intermediate_result: Any) -> None:
-        if size**2 * intermediate_result.cost <= enough:
-            raise StopIteration
+    @classmethod
+    def of(cls, fit: Fit, averaging: float) -> _Quadratic:
+        from planner.model import kernel
 
-    optimize.least_squares(
-        residuals,
-        np.zeros(len(chosen) + runs),
-        derivatives,
-        method="trf",
-        loss="huber",
-        f_scale=LOSS.corner * scale / size,
-        x_scale="jac",
-        ftol=effort.tolerance,
-        xtol=1e-3 * effort.tolerance,
-        gtol=None,
-        max_nfev=effort.evaluations,
-        callback=stop_early,
-    )
-    best = min((accepted, *fits.values()), key=lambda fit: fit.cost)
-    return best if best.cost < begin.cost else begin
+        grid, slopes = fit.grid, fit.slopes(averaging=averaging)
+        of_law, by_law, beside, squares, by_start = kernel.normal_equations(
+            slopes.of_law, fit.residuals, CORNER * fit.scale, grid.run, len(grid.starts)
+        )
+        change = slopes.change
+        squares[squares < 0.5] = np.inf  # one among the rows counts as 1; others are held
+        whole, beside = change.T @ of_law @ change, beside @ change
+        shares = beside / squares[:, np.newaxis]
+        by_parameter = change.T @ by_law
+        return cls(
+            whole,
+            by_parameter,
+            whole - beside.T @ shares,
+            by_parameter - shares.T @ by_start,
+            np.sqrt(np.diag(whole)),
+            beside,
+            squares,
+            by_start,
+        )
+
+    def step(self, sizes: Array, radius: float, lower: Array, upper: Array) -> Array:
+        """The step in the trust region that stays between these bounds of it."""
+        step = np.zeros(len(sizes))
+        moves = sizes > 0.0
+        moves &= ~((lower >= 0.0) & (self.gradient > 0.0))
+        moves &= ~((upper <= 0.0) & (self.gradient < 0.0))
+        while moves.any():
+            gradient = (self.gradient + self.matrix @ np.where(moves, 0.0, step))[moves]
+            unit = sizes[moves]
+            matrix = self.matrix[np.ix_(moves, moves)] / np.outer(unit, unit)
+            step[moves] = _damped(matrix, gradient / unit, radius) / unit
+            beyond = moves & ((step < lower) | (step > upper))
+            if not beyond.any():
+                break
+            step = np.where(beyond, np.clip(step, lower, upper), step)
+            moves &= ~beyond
+        return step
+
+    def starts(self, step: Array, radius: float) -> Array:
+        """How the first angles follow a step, each within the trust region [rad], (runs,)."""
+        most = radius / np.sqrt(self.squares)
+        return np.clip(-(self.by_start + self.beside @ step) / self.squares, -most, most)
+
+    def reduction(self, step: Array, starts: Array) -> float:
+        """By how much these steps lower the loss."""
+        moved = self.by_start + self.beside @ step
+        moved += np.where(np.isfinite(self.squares), 0.5 * self.squares, 0.0) * starts
+        by_step = self.by_parameter @ step + 0.5 * step @ self.whole @ step
+        return -float(by_step + moved @ starts)
+
+    def length(self, sizes: Array, step: Array, starts: Array) -> float:
+        """Length of steps, in the unit of the trust region's radius [rad]."""
+        moved = np.where(np.isfinite(self.squares), np.sqrt(self.squares), 0.0) * np.abs(starts)
+        return max(float(np.linalg.norm(sizes * step)), float(np.max(moved)))
+
+
+def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
+    """The Gauss-Newton step, damped so that it is no longer than the radius by a tenth."""
+    values, axes = np.linalg.eigh(matrix)
+    values = np.maximum(values, 1e-12 * max(values[-1], 1e-300))
+    slopes = axes.T @ gradient
+    damping = 0.0
+    for _ in range(20):  # Newton's method for the damping
+        ways = slopes / (values + damping)
+        length = float(np.linalg.norm(ways))
+        if length <= 1.1 * radius:
+            break
+        by_damping = float(np.sum(ways**2 / (values + damping))) / length
+        damping += length / radius * (length - radius) / by_damping
+    return -np.asarray(axes @ ways)
 
 
 def _within(grid: Grid, parameters: Parameters, free: Free) -> Parameters:
@@ -258,15 +455,35 @@ def _within(grid: Grid, parameters: Parameters, free: Free) -> Parameters:
     return Parameters(*(min(max(at, low), high) if moves else at for at, low, high, moves in ends))
 
 
-def _evaluated(
-    grid: Grid,
-    parameters: Parameters,
-    starts: Array,
-    scale: float,
-    free: Free = USUAL,
-) -> Fit:
-    active = active_requests(grid, parameters)
-    states = respond(grid, parameters, starts, active=active)
-    residuals = grid.at_rows(states) - grid.angles
-    cost, weights = huber(residuals, scale)
-    return Fit(grid, parameters, free, starts, active, states, scale, cost, weights)
+def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
+    response = respond(grid, parameters, starts)
+    residuals = response.predicted - grid.angles
+    return Fit(grid, parameters, free, starts, response, residuals, scale, huber(residuals, scale))
+
+
+def huber(residuals: Array, scale: float) -> float:
+    """Huber's loss of the residuals at a scale."""
+    beyond = np.maximum(np.abs(residuals) - CORNER * scale, 0.0)
+    return 0.5 * float(residuals @ residuals - beyond @ beyond)
+
+
+def rms(errors: Array) -> float:
+    """Root mean square of errors, outliers included."""
+    return math.sqrt(float(np.mean(errors**2)))
+
+
+def scale_of(residuals: Array, floor: float) -> float:
+    """Standard deviation of the residuals that are no gross outliers."""
+    return max(floor, sound_rms(residuals, gross=1.0 - TRUSTED))
+
+
+def sound_rms(residuals: Array, *, gross: float = 0.01) -> float:
+    """Root mean square of the residuals that are no gross outliers [rad], beyond 10 deviations.
+
+    At most a share ``gross`` is taken for such: in a log that mostly rests even misses of all its
+    motion are few and large.
+    """
+    sizes = np.abs(residuals)
+    quantile, most = np.quantile(sizes, [TRUSTED, 1.0 - gross]).tolist()
+    bulk = quantile / float(ndtri(0.5 + TRUSTED / 2.0))  # as of a normal distribution
+    return rms(residuals[sizes <= max(10.0 * bulk, most)])

@@ -1,7 +1,7 @@
 """The parameters of a joint that a log can show, in one table: units, bounds, logarithms.
 
 A further parameter is a field of :class:`Parameters`, a row of :data:`COORDINATES` and a column of
-(16) of ``docs/math.md`` in ``sensitivities.py``.
+(16) of ``docs/math.md`` in ``least_squares.py``.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ class Parameters(NamedTuple):
     compliance: float = 0.0  # [rad/(N m)]
     slowing: float = 0.0  # speed_per_torque / v_max [1/(N m)]
     time_constant: float = 0.0  # [s]
+    max_acceleration: float = math.inf  # [rad/s^2]: see ``unmodelled.py``
+    play: float = 0.0  # backlash between motor and angle [rad], which no model has
 
     @classmethod
     def of(cls, model: JointModel) -> Self:
@@ -64,6 +66,7 @@ class Parameters(NamedTuple):
             compliance=model.compliance,
             slowing=model.speed_per_torque / model.v_max,
             time_constant=model.time_constant,
+            max_acceleration=model.max_acceleration,
         )
 
     def law_per_tick(self, tick: float) -> Law:
@@ -74,7 +77,7 @@ class Parameters(NamedTuple):
             v_max=self.v_max,
             dead_band=self.dead_band,
             time_constant=self.time_constant,
-            max_acceleration=math.inf,
+            max_acceleration=self.max_acceleration,
         )
 
     def faster(self, load: npt.ArrayLike = 0.0) -> Array:
@@ -108,6 +111,7 @@ class Parameters(NamedTuple):
             compliance=self.compliance,
             speed_per_torque=self.slowing * self.v_max,
             time_constant=self.time_constant,
+            max_acceleration=self.max_acceleration,
         )
 
 
@@ -191,6 +195,14 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: grid.reach,
         scale=lambda _, at: at.whole_delay,
     ),
+    "max_acceleration": Coordinate(
+        unit=None,
+        lower=lambda grid: 1e-3 * grid.span / grid.reach**2,
+        upper=lambda grid: 1e3 * grid.span / grid.tick**2,
+    ),
+    "play": Coordinate(
+        unit=None, lower=lambda grid: 1e-6 * grid.span, upper=lambda grid: grid.span
+    ),
 }
 """One row for each field of :class:`Parameters`, in the same order."""
 
@@ -205,7 +217,7 @@ TERMS = {
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
 
-BASE = Parameters._fields[: -len(TERMS)]
+BASE = Parameters._fields[:5]
 """The parameters of the paper, and the offset: every fit has them."""
 
 PARAMETERS = ("v_max", "theta_0", *BASE[2:], *TERMS.values())

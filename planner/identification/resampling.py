@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from planner.identification.log import Log, pieces_of
 from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from planner.model.kernel import Track
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +99,22 @@ class Grid:
     firsts: tuple[Place, ...]
     places: tuple[Rows, ...]
     loads: Array
+
+    @cached_property
+    def track(self) -> Track:
+        """What a joint is run along, for ``model/kernel.py``."""
+        from planner.model.kernel import Track
+
+        return Track(
+            self.edges,
+            self.requests,
+            self.tick,
+            self.ticks,
+            self.loads,
+            self.states,
+            self.before,
+            self.share,
+        )
 
     def at_rows(self, states: Array) -> Array:
         """Values at the used rows, between ticks on a straight line; along the first axis."""

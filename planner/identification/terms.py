@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.fit import OPTIONS as SEARCH
-from planner.identification.fit import peak_command
+from planner.identification.fit import COMMANDED_SHARE, peak_command
 from planner.identification.intervals import (
     Uncertainty,
     correlation_time,
@@ -18,13 +17,18 @@ from planner.identification.intervals import (
     rise_allowed,
     uncertainty_of,
 )
-from planner.identification.least_squares import OPTIONS as FITTING
-from planner.identification.least_squares import Fit, least_squares
+from planner.identification.least_squares import (
+    PROFILE,
+    TERM,
+    VANISHES,
+    Fit,
+    huber,
+    least_squares,
+    rms,
+)
 from planner.identification.parameters import TERMS, Parameters
 from planner.identification.resampling import Grid
 from planner.identification.result import Interval, Term
-from planner.identification.robust_loss import huber, rms
-from planner.identification.sensitivities import VANISHES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +38,6 @@ class TermOptions:
     Attributes:
         saving: Least share by which a term must reduce the loss, besides the information criterion:
             real joints are not the model, and a smaller gain says nothing about a term.
-        first_dead_band: Where the search for the dead band begins, in standard deviations of what
-            is left without it. On the recordings of an arm 0.5, 1 and 2 lead to one optimum.
         several_loads: Torques that span less than this share of the largest are one load.
         rounded: Residuals below this, relative to the spread of the angles, are rounding: there
             is nothing to explain.
@@ -44,7 +46,6 @@ class TermOptions:
     """
 
     saving: float = 0.01
-    first_dead_band: float = 0.5
     several_loads: float = 0.1
     rounded: float = 1e-9
     test_dead_band: float = 0.5
@@ -130,8 +131,8 @@ def _shows(name: str, fit: Fit) -> bool:
         return True
     if name == "compliance":
         return _loads_differ(grid)
-    errors = fit.active.targets - fit.states[grid.states - 1]
-    saturated = (fit.active.weights > 0.0) & ~fit.parameters.inside(errors, grid.loads)
+    errors = fit.response.errors
+    saturated = ~fit.parameters.inside(errors, grid.loads[:, np.newaxis])
     if name == "slowing":
         return bool(saturated.any()) and _loads_differ(grid)
     return bool((saturated & (errors > 0.0)).any() and (saturated & (errors < 0.0)).any())
@@ -146,9 +147,10 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     free = fit.free.copy()
     free[Parameters._fields.index(name)] = True
     at = fit.parameters
+    begins = [at]
     if name == "dead_band":
-        at = at._replace(dead_band=OPTIONS.first_dead_band * fit.scale)
-    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=FITTING.search)
+        begins = [at._replace(dead_band=size * fit.scale) for size in (0.5, 2.0)]
+    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     if name == "time_constant":
         begins = [  # it takes the place of a part of the window, and of the lag
             at._replace(
@@ -158,14 +160,11 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
             )
             for share, window, lag in ((0.2, 0.5, 1.0), (0.4, 0.2, 0.5))
         ]
-        fits = [search(each, starts=fit.starts) for each in begins]
-        found = min(fits, key=lambda each: each.cost)
-    else:
-        found = search(at, starts=fit.starts)
+    found = min((search(each, starts=fit.starts) for each in begins), key=lambda each: each.cost)
     at, shown = found.parameters, peak_command(found)
     if name == "dead_band" and at.v_max > shown:
         # Friction hides how fast the joint is called to move: v_max had no slope until here.
-        lower = at._replace(v_max=SEARCH.commanded_share * shown)
+        lower = at._replace(v_max=COMMANDED_SHARE * shown)
         found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
     return least_squares(fit.grid, found.parameters, free=free, starts=found.starts)
 
@@ -176,7 +175,7 @@ def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
     In motion of one direction friction holds the joint back by as much as a sag would.
     """
     at, grid = trial.parameters, fit.grid
-    errors = fit.active.targets - fit.states[grid.states - 1]
+    errors = np.mean(fit.response.errors, axis=1)
     size = OPTIONS.test_dead_band * rms(errors)
     moved = math.copysign(size - at.dead_band, float(np.sum(errors)))
     held = least_squares(
@@ -185,14 +184,14 @@ def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:
         free=fit.free,
         starts=trial.starts,
         scale=trial.scale,
-        effort=FITTING.profile,
+        effort=PROFILE,
     )
     return held.cost <= trial.cost + rise_allowed(trial, uncertainty, "dead_band")
 
 
 def _pays(without: Fit, with_it: Fit) -> bool:
     """Whether the information criterion, and the least saving, speak for a term."""
-    before, after = (huber(fit.residuals, without.scale)[0] for fit in (without, with_it))
+    before, after = (huber(fit.residuals, without.scale) for fit in (without, with_it))
     if not after < (1.0 - OPTIONS.saving) * before:
         return False
     alike = correlation_time(with_it.weights * with_it.residuals)

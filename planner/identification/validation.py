@@ -9,20 +9,19 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
-from planner.identification.alternatives import errors_of, simple_fits
 from planner.identification.fit import (
     commanded_speed,
+    errors_of,
     fit_joint,
     moving,
     peak_command,
+    simple_fits,
     with_observed_speed,
 )
 from planner.identification.intervals import speed_bounded
-from planner.identification.least_squares import Fit
+from planner.identification.least_squares import Fit, respond, rms, sound_rms
 from planner.identification.log import Log
 from planner.identification.resampling import Grid, resampled
-from planner.identification.robust_loss import rms, sound_rms
-from planner.identification.simulation import active_requests, respond
 from planner.identification.terms import with_terms
 from planner.identification.timestamps import Timing
 from planner.trajectory import Array
@@ -100,14 +99,13 @@ def held_out(
     shown = peak_command(fit)
     fit = with_observed_speed(fit)
     at, starts = fit.parameters, _starts(grid, fit, parts)
-    active = active_requests(grid, at)
-    states = respond(grid, at, starts, active=active)
-    called = commanded_speed(at, grid, active, states)
+    response = respond(grid, at, starts)
+    called = commanded_speed(at, response)
     beyond = called > OPTIONS.faster * shown and not speed_bounded(fit)
     if beyond or faster:
         at = at._replace(v_max=whole.parameters.v_max)
-        states = respond(grid, at, starts, active=active)
-    predicted = grid.at_rows(states)
+        response = respond(grid, at, starts)
+    predicted = response.predicted
     simple = simple_fits(
         moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
     )

@@ -10,15 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import ANGLE_UNIT
-from planner.identification.alternatives import delayed_errors
-from planner.identification.fit import peak_command
+from planner.identification.fit import delayed_errors, peak_command
 from planner.identification.intervals import Uncertainty, at_edge, middle_known_within
-from planner.identification.least_squares import Fit
+from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid
 from planner.identification.result import Finding, Interval, Topic
-from planner.identification.robust_loss import sound_rms
 from planner.identification.timestamps import Timing, unequal
 from planner.identification.validation import HeldOut
 from planner.model.evidence import Verdict

@@ -10,6 +10,8 @@ Import this module where it is used, inside functions: Numba takes a quarter of 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from planner.compilation import compiled
@@ -355,210 +357,236 @@ def respond(
                 bending[first + j, k, speed_at] = unit * bends[1, j]
 
 
-@compiled
-def in_force(edges: Array, requests: Array, times: Array) -> Array:
-    """The request in force at each of some increasing times; before the first edge the first."""
-    found, at, last = np.empty(len(times)), 0, len(edges) - 1
-    for t in range(len(times)):
-        while at > 0 and edges[at] > times[t]:
-            at -= 1
-        while at < last and edges[at + 1] <= times[t]:
-            at += 1
-        found[t] = requests[at]
-    return found
+class Servo(NamedTuple):
+    """A joint along a log, by seconds, and by ticks what moves it."""
+
+    law: Law
+    lag: float  # [s]
+    window: float  # acceleration time [s]
+    sag: float  # angle at rest less request [rad]
+    sag_by_load: float  # [rad/(N m)]
+    faster: float  # how much faster the joint is in the positive direction [rad/tick]
+    faster_by_load: float  # [rad/(N m tick)]
+    play: float  # backlash between motor and angle, 2 h [rad]: no part of the model
 
 
-@compiled
-def windows_along(
-    edges: Array, requests: Array, ticks: Array, lag: float, window: float
-) -> tuple[Array, Array]:
-    """The requests of a log that act at each tick, those in force in [t - lag - window, t - lag].
+class Track(NamedTuple):
+    """The requests of a log and the ticks on which a joint runs along it.
 
-    Args:
-        edges: Times at which another request comes into force [s], increasing.
-        requests: Request in force from each of them on [rad].
-        ticks: Times of the ticks [s].
-        lag: Lag [s].
-        window: Acceleration time [s].
-
-    Returns:
-        The share of the window in which each of them is in force, and the requests [rad], oldest
-        first, each (m, t).
-    """
-    firsts = np.empty(len(ticks), dtype=np.int64)
-    width, at, last = 1, 0, len(edges) - 1
-    for t in range(len(ticks)):
-        young = ticks[t] - lag
-        old = young - window
-        while at > 0 and edges[at] > old:
-            at -= 1
-        while at < last and edges[at + 1] <= old:
-            at += 1
-        firsts[t] = final = at
-        while final < last and edges[final + 1] < young:
-            final += 1
-        width = max(width, final - at + 1)
-    weights, targets = np.zeros((width, len(ticks))), np.empty((width, len(ticks)))
-    for t in range(len(ticks)):
-        young = ticks[t] - lag
-        old = young - window
-        total, begin = 0.0, old
-        for j in range(width):
-            number = firsts[t] + j
-            end = young if number >= last else min(max(edges[number + 1], old), young)
-            weights[j, t] = end - begin
-            targets[j, t] = requests[min(number, last)]
-            total += end - begin
-            begin = end
-        for j in range(width):
-            weights[j, t] /= total
-    return weights, targets
-
-
-@compiled
-def follow(
-    law: Law,
-    weights: Array,
-    targets: Array,
-    faster: Array,
-    play: float,
-    states: Indices,
-    angles: Array,
-    speeds: Array,
-) -> None:
-    """Run a joint along a log.
-
-    Args:
-        law: The joint.
-        weights: Weight of each request that acts at each tick, (m, t).
-        targets: These requests plus sag [rad], (m, t).
-        faster: How much faster the joint is in the positive direction [rad/tick], (t,).
-        play: Backlash between motor and angle, 2 h [rad]: no part of the model, see
-            ``identification/unmodelled.py``.
+    Attributes:
+        edges: Times at which another request comes into force [s], increasing, (e,).
+        requests: Request in force from each of them on [rad], (e,).
+        tick: Time step [s].
+        ticks: Times of the ticks [s], (t,).
+        loads: Torque at each tick [N m], (t,).
         states: State that each tick leads to, from the one before it, (t,).
-        angles: Angle in each state [rad], (s,): given where a run starts, filled elsewhere.
-        speeds: The same for the speed of the motor [rad/tick].
+        before: State at or before each row of the log, increasing, (rows,).
+        share: Weight of the state after it, (rows,).
     """
-    motor, half = 0.0, play / 2.0
-    for t in range(len(states)):
-        state = states[t]
-        angle, called = angles[state - 1], 0.0
-        if t == 0 or states[t - 1] != state - 1:  # a run starts
-            motor = angle
-        for j in range(len(weights)):
-            if weights[j, t] > 0.0:
-                called += weights[j, t] * drive(law, targets[j, t] - angle, faster[t])[0]
-        speeds[state] = moved(law, called, speeds[state - 1])
-        motor += speeds[state]
-        angles[state] = min(max(angle, motor - half), motor + half) if half > 0.0 else motor
+
+    edges: Array
+    requests: Array
+    tick: float
+    ticks: Array
+    loads: Array
+    states: Indices
+    before: Indices
+    share: Array
 
 
 ROUNDING = 1e-15
 """A speed below this, relative to what the angles call for, is rounding: the joint is at rest."""
 
-PARAMETERS = 11
-"""Columns of :func:`slopes_along` by parameters."""
+GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD, SHARE, ACCELERATION, PLAY = (
+    range(12)
+)
+"""By what :func:`along` takes derivatives, in its order."""
+
+START = 12
+"""The derivative by the angle at which the run of a row starts."""
 
 
 @compiled
-def slopes_along(
-    law: Law,
-    weights: Array,
-    targets: Array,
-    faster: Array,
-    loads: Array,
-    edges: Array,
-    window: float,
-    states: Indices,
+def number_in_force(edges: Array, time: float, number: int) -> int:
+    """The number of the request in force at a time, sought from another number on."""
+    while number > 0 and edges[number] > time:
+        number -= 1
+    while number < len(edges) - 1 and edges[number + 1] <= time:
+        number += 1
+    return number
+
+
+@compiled
+def along(
+    servo: Servo,
+    track: Track,
+    columns: Indices,
+    apart: float,
     angles: Array,
-    speeds: Array,
-    before: Indices,
-    share: Array,
-) -> Array:
-    """Derivatives of the angles along a log by the parameters and the first angle: (16).
+    errors: Array,
+    predicted: Array,
+    slopes: Array,
+) -> None:
+    """Run a joint along a log, with the derivatives that are asked for: (16) of ``docs/math.md``.
+
+    At each tick the requests act that are in force in [t - lag - window, t - lag], each by its
+    share of that time.
 
     Args:
-        law: Of :func:`follow`.
-        weights: Of the same.
-        targets: Of the same.
-        faster: Of the same.
-        loads: Torque at each tick [N m], (t,).
-        edges: Requests plus sag at the youngest and the oldest edge of each window, each a moment
-            before and after it [rad], (4, t).
-        window: Acceleration time [ticks].
-        states: Of :func:`follow`.
-        angles: As filled by :func:`follow`.
-        speeds: As filled by :func:`follow`.
-        before: State at or before each row of the log, increasing, (rows,).
-        share: Weight of the state after it, (rows,).
-
-    Returns:
-        Derivatives at the rows by gain [1/tick], v_max [rad/tick], lag and acceleration time
-        [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], sag for each N m, ``faster`` for
-        each N m, the motor's share [-] and the acceleration limit [rad/tick^2], and by the angle at
-        the start of the row's run, (rows, PARAMETERS + 1).
+        servo: The joint.
+        track: The log.
+        columns: Derivatives that are asked for, from GAIN to START, (c,); none is much quicker.
+        apart: Distance to both sides of the edges of the window at which requests are read for the
+            derivatives by lag and acceleration time [s].
+        angles: Angle in each state [rad], (s,): given where a run starts, filled elsewhere.
+        errors: Filled with the least and the largest request that acts at each tick, plus sag,
+            less the angle before it [rad], (t, 2).
+        predicted: Filled with the angle at each row [rad], (rows,).
+        slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
+            acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
+            load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], and by
+            the first angle of the row's run, (rows, c).
     """
-    columns = PARAMETERS + 1
-    slopes, drives = np.empty((len(before), columns)), np.zeros(columns)
-    past, now, fast = np.zeros(columns), np.zeros(columns), np.zeros(columns)
-    row, way, band = 0, 0.0, law.friction / law.gain
+    law, edges, requests, states = servo.law, track.edges, track.requests, track.states
+    before, share = track.before, track.share
+    count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
+    window = servo.window / track.tick
+    drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
+    past, now, motion, fast = (
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros(count),
+    )
+    first, row, way, band, speed, motor = 0, 0, 0.0, law.friction / law.gain, 0.0, 0.0
     for t in range(len(states)):
         state = states[t]
+        angle = angles[state - 1]
         if t == 0 or states[t - 1] != state - 1:  # a run starts
-            now[:] = 0.0
-            fast[:] = 0.0
-            now[PARAMETERS] = 1.0
-        angle, speed = angles[state - 1], speeds[state - 1]
-        called, inside, errors, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
-        for j in range(len(weights)):
-            weight = weights[j, t]
-            if weight > 0.0:
-                error = targets[j, t] - angle
-                value, side = drive(law, error, faster[t])
-                called += weight * value
+            motor, speed = angle, 0.0
+            for p in range(count):
+                fast[p] = 0.0
+                now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
+        sag = servo.sag + servo.sag_by_load * track.loads[t]
+        faster = servo.faster + servo.faster_by_load * track.loads[t]
+        young = track.ticks[t] - servo.lag
+        old = young - servo.window
+        first = number_in_force(edges, old, first)
+        number, begin, least, most = first, old, np.inf, -np.inf
+        called, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
+        while True:
+            end = young if number == last else min(edges[number + 1], young)
+            weight = (end - begin) / servo.window
+            error = requests[number] + sag - angle
+            value, side = drive(law, error, faster)
+            called += weight * value
+            least, most = min(least, error), max(most, error)
+            if side == 0.0:
+                inside += weight
+                mean += weight * error
+            else:
                 limited += weight * side
-                saturated += weight * abs(side)
-                if side == 0.0:
-                    inside += weight
-                    errors += weight * error
-        young = drive(law, edges[0, t] - angle, faster[t])[0]
-        young = (young + drive(law, edges[1, t] - angle, faster[t])[0]) / 2.0
-        old = drive(law, edges[2, t] - angle, faster[t])[0]
-        old = (old + drive(law, edges[3, t] - angle, faster[t])[0]) / 2.0
-        # By the drive g(t)
-        drives[0] = errors + band * limited  # the limits are v_max + gain * dead band
-        drives[1] = limited
-        drives[2] = (old - young) / window
-        drives[3] = (old - called) / window
-        drives[4] = law.gain * inside
-        drives[5] = law.gain * limited
-        drives[6] = saturated
-        drives[7] = drives[4] * loads[t]
-        drives[8] = drives[6] * loads[t]
-        # The speed that is called for, and of the derivatives what is left of the speed before
-        change, accelerated, pushed = law.share * (called - speed), 1.0, 0.0
-        if abs(change) > law.acceleration:
-            accelerated, pushed = 0.0, np.sign(change)
-            change = pushed * law.acceleration
-        free = speed + change
-        if law.share == 1.0 and accelerated == 1.0:
-            free = called
-        if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
-            way = np.sign(free)  # at rest that of the side on which it came to rest
-        sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
-        by_called = law.share * accelerated
-        past[:] = now
-        for p in range(columns):
-            fast[p] -= by_called * (fast[p] + law.gain * inside * now[p] - drives[p])
-        fast[0] -= way * law.share * band
-        fast[5] -= way * law.share * law.gain
-        fast[9] += accelerated * (called - speed) - way * law.friction
-        fast[10] += pushed
-        for p in range(columns):
-            fast[p] *= sliding
-            now[p] += fast[p]
+                saturated += weight
+            if end >= young:
+                break
+            begin = end
+            number += 1
+        errors[t, 0], errors[t, 1] = least, most
+        slid, free = speed, called
+        if law.share < 1.0 or law.acceleration < np.inf:
+            change = law.share * (called - speed)
+            free = speed + min(max(change, -law.acceleration), law.acceleration)
+        speed = moved(law, called, speed)
+        motor += speed
+        follows = half == 0.0 or abs(motor - angle) > half
+        side = 1.0 if motor > angle else -1.0
+        angle_now = angle
+        if follows:
+            angle_now = motor - side * half if half > 0.0 else motor
+        angles[state] = angle_now
+        if count > 0:
+            side_old, side_young = 0.0, 0.0
+            for sign in (-1.0, 1.0):
+                at = number_in_force(edges, young + sign * apart, number)
+                side_young += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
+                at = number_in_force(edges, old + sign * apart, first)
+                side_old += drive(law, requests[at] + sag - angle, faster)[0] / 2.0
+            # By the drive g(t)
+            drives[GAIN] = mean + band * limited  # the limits are v_max + gain * dead band
+            drives[V_MAX] = limited
+            drives[LAG] = (side_old - side_young) / window
+            drives[WINDOW] = (side_old - called) / window
+            drives[SAG] = law.gain * inside
+            drives[BAND] = law.gain * limited
+            drives[FASTER] = saturated
+            drives[SAG_LOAD] = drives[SAG] * track.loads[t]
+            drives[FASTER_LOAD] = saturated * track.loads[t]
+            # By the speed that is called for, and what is left of the speed before
+            accelerated = 1.0
+            kinks[ACCELERATION] = 0.0
+            if abs(law.share * (called - slid)) > law.acceleration:
+                accelerated = 0.0
+                kinks[ACCELERATION] = np.sign(called - slid)
+            if way == 0.0 or abs(free) > ROUNDING * law.share * law.gain * abs(angle):
+                way = np.sign(free)  # at rest that of the side on which it came to rest
+            sliding = 1.0 if law.friction == 0.0 or abs(free) > law.share * law.friction else 0.0
+            kinks[GAIN] = -way * law.share * band
+            kinks[BAND] = -way * law.share * law.gain
+            kinks[SHARE] = accelerated * (called - slid) - way * law.friction
+            by_called = law.share * accelerated
+            by_angle = law.gain * inside
+            for p in range(count):
+                column = columns[p]
+                past[p] = now[p]
+                pushed = drives[column] - by_angle * now[p] - fast[p]
+                fast[p] = sliding * (fast[p] + by_called * pushed + kinks[column])
+                motion[p] += fast[p]
+                if follows:
+                    now[p] = motion[p]
+                    if column == PLAY and half > 0.0:
+                        now[p] -= side / 2.0
         while row < len(before) and before[row] == state - 1:
-            for p in range(columns):
-                slopes[row, p] = (1.0 - share[row]) * past[p] + share[row] * now[p]
+            after = share[row]
+            predicted[row] = (1.0 - after) * angle + after * angle_now
+            for p in range(count):
+                slopes[row, p] = (1.0 - after) * past[p] + after * now[p]
             row += 1
-    return slopes
+
+
+@compiled
+def normal_equations(
+    slopes: Array, residuals: Array, corner: float, run: Indices, runs: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """J'WJ and J'Wr of Huber's loss, with weights W = min(1, corner / abs(r)).
+
+    Args:
+        slopes: J, (rows, c); the last column is by the first angle of the row's own run.
+        residuals: r [rad], (rows,).
+        corner: Where the loss becomes linear [rad].
+        run: Run of each row, (rows,).
+        runs: How many there are.
+
+    Returns:
+        Without the first angles the matrix, (c - 1, c - 1), and the gradient, (c - 1,); of the
+        first angles the products with the other columns, (runs, c - 1), the squares and the
+        gradient, (runs,).
+    """
+    count = slopes.shape[1] - 1
+    matrix, gradient = np.zeros((count, count)), np.zeros(count)
+    beside, squares, by_start = np.zeros((runs, count)), np.zeros(runs), np.zeros(runs)
+    for row in range(len(residuals)):
+        size, start, number = abs(residuals[row]), slopes[row, count], run[row]
+        weight = 1.0 if size <= corner else corner / size
+        pull = weight * residuals[row]
+        for p in range(count):
+            scaled = weight * slopes[row, p]
+            gradient[p] += pull * slopes[row, p]
+            beside[number, p] += scaled * start
+            for q in range(p + 1):
+                matrix[p, q] += scaled * slopes[row, q]
+        squares[number] += weight * start * start
+        by_start[number] += pull * start
+    for p in range(count):
+        for q in range(p):
+            matrix[q, p] = matrix[p, q]
+    return matrix, gradient, beside, squares, by_start

@@ -11,8 +11,9 @@ import pytest
 
 import planner
 from planner.identification.fit import fit_joint
+from planner.identification.least_squares import respond
 from planner.identification.timestamps import timing_of
-from planner.identification.unmodelled import Enlarged, _Excerpt
+from planner.identification.unmodelled import excerpt_of
 from tests.identification.made import NOISE, hobby_servo, measured, random_servo, rich_log, servo
 
 DEFECTS = ("backlash:", "acceleration limit:")
@@ -83,11 +84,9 @@ def test_residuals_that_are_noise_show_nothing():
 def test_without_anything_more_an_enlarged_joint_is_the_model():
     log = hobby_servo(np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 20), 40), 0.02)
     fit = fit_joint([log], timing_of([log], tick=None, hold=None))
-    excerpt = _Excerpt(fit)
-    (joint,) = (Enlarged(fit.parameters, 1e-9),)
-    residuals = excerpt._residuals([joint])[:, 0]
-    # The first tick of a chunk has the speed that it is called to: the same thing here.
-    assert np.max(np.abs(residuals - fit.residuals[excerpt.compared])) <= 1e-12
+    excerpt = excerpt_of(fit)
+    found = respond(excerpt.grid, fit.parameters, excerpt.starts).predicted
+    assert np.max(np.abs(found - fit.predicted[excerpt.compared])) <= 1e-12
     assert np.mean(excerpt.compared) >= 0.8
 
 

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.parameters import Parameters
+from planner.identification.least_squares import respond, slopes_of
+from planner.identification.parameters import Parameters, units
 from planner.identification.resampling import resampled
-from planner.identification.sensitivities import sensitivities
-from planner.identification.simulation import active_requests, respond
-from planner.model import kernel
-from planner.model.joint import Law
 from tests.identification.made import rich_log
 from tests.independent import of_whole_ticks
 
@@ -52,56 +49,33 @@ def test_a_time_constant_far_below_a_tick_and_an_endless_acceleration_change_not
         )
 
 
-@pytest.mark.parametrize("field", Parameters._fields)
-def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field):
+@pytest.mark.parametrize(
+    ("field", "added"),
+    [(field, {}) for field in Parameters._fields[:-2]]
+    + [(field, {"max_acceleration": 40.0}) for field in Parameters._fields[:-1]]
+    + [(field, {"play": 0.02}) for field in Parameters._fields if field != "max_acceleration"],
+)
+def test_derivatives_by_parameters_along_a_log_are_slopes_with_inertia(field, added):
+    at = Parameters.of(INERT)._replace(**added)
     load = np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=400))
     log = replace(rich_log(INERT, load=load), load=load)
     grid = resampled([log], tick=INERT.tick, reach=0.5, burn_in=0.0)
-    at, starts = Parameters.of(INERT), log.angles[:1]
-    states = respond(grid, at, starts)
-    number = Parameters._fields.index(field)
-    only = np.arange(len(at)) == number
-    units = planner.identification.parameters.units(grid, at)[number]
-    slopes = sensitivities(grid, at, states, active_requests(grid, at), free=only).by_parameter
+    only = np.array([name == field for name in Parameters._fields])
+    found = slopes_of(grid, at, log.angles[:1], only).by_parameter[:, 0] / units(grid, at)[only]
     step = 1e-6 * max(getattr(at, field), 0.1)
     ahead, behind = (
-        respond(grid, at._replace(**{field: getattr(at, field) + way}), starts)
+        respond(grid, at._replace(**{field: getattr(at, field) + way}), log.angles[:1]).predicted
         for way in (step, -step)
     )
-    quotients = grid.at_rows(ahead - behind) / (2.0 * step)
-    apart = np.abs(quotients - slopes[:, 0] / units)
+    quotients = (ahead - behind) / (2.0 * step)
     # A tick in which a difference meets a corner of the law is off; few are.
-    assert np.quantile(apart, 0.9) <= 1e-5 * np.max(np.abs(quotients))
+    assert np.quantile(np.abs(quotients - found), 0.9) <= 1e-5 * np.max(np.abs(quotients))
 
 
-def test_the_derivative_by_the_acceleration_limit_is_a_slope():
-    rng = np.random.default_rng(2)
-    law = Law(gain=0.2, top=0.05, friction=0.002, share=0.5, acceleration=0.004)
-    count = 200
-    weights, targets = np.ones((1, count)), np.repeat(rng.uniform(-1.0, 1.0, 10), 20)[np.newaxis]
-    states, zeros = np.arange(1, count + 1), np.zeros(count)
-
-    def run(law):
-        angles, speeds = np.zeros(count + 1), np.zeros(count + 1)
-        kernel.follow(law, weights, targets, zeros, 0.0, states, angles, speeds)
-        return angles, speeds
-
-    slopes = kernel.slopes_along(
-        law,
-        weights,
-        targets,
-        zeros,
-        zeros,
-        np.repeat(targets, 4, axis=0),
-        1.0,
-        states,
-        *run(law),
-        states - 1,
-        np.ones(count),
-    )
-    step = 1e-8
-    ahead, behind = (run(law._replace(acceleration=0.004 + way))[0] for way in (step, -step))
-    np.testing.assert_allclose(
-        slopes[:, 10], (ahead - behind)[1:] / (2.0 * step), rtol=0.0, atol=1e-4
-    )
-    assert np.max(np.abs(slopes[:, 10])) > 1.0
+def test_the_derivative_by_the_first_angle_is_a_slope():
+    log = rich_log(INERT)
+    grid = resampled([log], tick=INERT.tick, reach=0.5, burn_in=0.0)
+    at, nothing = Parameters.of(INERT), np.zeros(len(Parameters._fields), dtype=bool)
+    found = slopes_of(grid, at, log.angles[:1], nothing).by_start
+    ahead, behind = (respond(grid, at, log.angles[:1] + way).predicted for way in (1e-6, -1e-6))
+    assert np.max(np.abs((ahead - behind) / 2e-6 - found)) <= 1e-5

@@ -16,10 +16,10 @@ from benchmark.plants import random_path, random_servo
 from benchmark.table import Table
 from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
+from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
 from planner.identification.resampling import Grid, resampled
 from planner.identification.result import Identification
-from planner.identification.simulation import respond
 from planner.identification.timestamps import timing_of
 from planner.trajectory import Array, rms
 
@@ -284,7 +284,7 @@ def _predicted(model: planner.JointModel, log: planner.Log) -> tuple[Grid, Array
     joint = Parameters.of(model)
     window = joint.lag + joint.acceleration_time
     grid = resampled([log], tick=model.tick, reach=max(0.5, 1.2 * window), burn_in=window)
-    return grid, grid.at_rows(respond(grid, joint, grid.measured_starts))
+    return grid, respond(grid, joint, grid.measured_starts).predicted
 
 
 def _errors(grid: Grid, predicted: Array) -> tuple[float, float]:
