@@ -24,7 +24,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import lapack
-from scipy.optimize import nnls
 
 from planner.approximation.curve import lines_in_force
 from planner.approximation.problem import (
@@ -462,6 +461,8 @@ def _inverse_factor(hessian: Array) -> Array | None:
 
 def _nearest_to_origin(normals: Array, shortfalls: Array) -> Array | None:
     """The shortest z with N z <= -s; None if non-negative least squares did not end."""
+    from scipy.optimize import nnls  # slow to import
+
     scale = float(np.abs(shortfalls).max())
     system = np.empty((normals.shape[1] + 1, shortfalls.size))
     np.negative(normals.T, out=system[:-1])

@@ -66,7 +66,6 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
         request-planner plan foot.csv --leg front-left --solver ipopt -o requests.csv
     """  # noqa: D301
     from planner.files.text import write_text
-    from planner.run.pages import plan_report
     from planner.run.plan import beyond_limits, misses
     from planner.run.plan_answer import document, summary
     from planner.run.run import prepare
@@ -79,6 +78,8 @@ def plan(*, run: Run, path: str, output: str, report: str | None, as_json: bool)
     options.warn_of(beyond_limits(made, desired))
     missed = misses(run, desired, made)
     if report is not None:
+        from planner.run.pages import plan_report
+
         files = [("requests", output)]
         page = plan_report(prepared, made, missed=missed, page=report, written=files)
         write_text(report, page)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import isotonic_regression
 
 from planner.trajectory import Array
 
@@ -33,6 +32,8 @@ def without_small_reversals(angles: Array, least: float, *, cyclic: bool) -> Arr
     Returns:
         The path to follow [rad], shape (n,).
     """
+    from scipy.optimize import isotonic_regression  # slow to import
+
     first = int(np.argmax(angles)) if cyclic else 0
     turned = np.roll(angles, -first)
     if cyclic:
@@ -79,6 +80,8 @@ def turning_points(angles: Array, least: float) -> list[TurningPoint]:
 
 def _without_turn(angles: Array, *, cyclic: bool) -> Array:
     """The nearest path that does not turn: monotone, and for a cycle constant."""
+    from scipy.optimize import isotonic_regression  # slow to import
+
     if cyclic:
         return np.full(len(angles), float(np.mean(angles[:-1])))
     both = [isotonic_regression(angles, increasing=way).x for way in (True, False)]

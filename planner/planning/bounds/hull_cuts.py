@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
 
 from planner.trajectory import Array
 
@@ -133,6 +132,8 @@ def separate(
     direction of the residual; that direction is the cut's normal, and its limit the support there.
     """
     gain, middle = requests.gain, (requests.lower + requests.upper) / 2.0
+    from scipy.optimize import nnls  # slow to import
+
     angles = np.clip(angles, requests.lower, requests.upper)
     count = len(contributions)
     target = np.concatenate([contributions, gain * (angles - middle)])
