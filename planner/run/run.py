@@ -12,7 +12,6 @@ from planner.exceptions import InvalidFile, InvalidInput, PlannerError
 from planner.files.staging import MANIFEST
 from planner.files.toml import Toml, read_toml
 from planner.planning.plan import Plan
-from planner.report.scene import import_meshcat
 from planner.robot.schedule import Schedule
 from planner.run import settings
 from planner.run.desired import (
@@ -216,6 +215,8 @@ def _check_outputs(prepared: Prepared) -> None:
     if run.output.scene:
         if desired.leg is None or set(desired.leg.joint_names) != set(desired.names):
             raise BadSetting(Key("output.scene"), ": needs a leg, and a path of all its joints")
+        from planner.report.scene import import_meshcat
+
         import_meshcat()
     if run.export or run.output.comparison:
         check_angles(desired.names, desired.units)

@@ -66,6 +66,23 @@ def test_help_and_version_import_nothing_heavy(arguments):
     assert set(imported.split()) & {*HEAVY} == set()
 
 
+def test_a_plan_of_joints_imports_what_it_needs_only(tmp_path):
+    path = tmp_path / "path.csv"
+    path.write_text("\n".join(["t_s,hip_deg", *(f"{0.008 * k},{k % 20}" for k in range(40))]))
+    code = (
+        "import sys\nfrom planner.cli import cli\n"
+        "try:\n    cli.main(['plan', sys.argv[1]])\n"
+        "except SystemExit as end:\n    assert not end.code\n"
+        "print('imported', *sorted(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, str(path)], capture_output=True, text=True, check=True
+    )
+    imported = set(done.stdout.splitlines()[-1].split())
+    needed = {"numba", "numpy", "scipy", "yaml"}  # Numba reads its configuration with yaml
+    assert imported & {*HEAVY, "scipy.optimize", "planner.report.page"} == needed
+
+
 def test_the_version_is_that_of_the_package(run):
     assert run("--version").stdout == f"request-planner {__version__}\n"
 
