@@ -288,6 +288,9 @@ SETTINGS = {
 REPLAY = "replay."
 """Before the settings that only `replay` has."""
 
+SMOOTHING = ("plan.max_step_deg", "plan.max_request_speed_deg_s", "plan.smoothness")
+"""Settings of how smooth the requests are."""
+
 LEG = tuple(f"leg.{key}" for key in ("name", "urdf", "base", "foot", "lock", "near"))
 HALF_ELLIPSE = tuple(key for key in SETTINGS if key.startswith("path.half_ellipse."))
 EXPORT = tuple(key for key in SETTINGS if key.startswith("export."))

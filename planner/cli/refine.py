@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     "plan.norm",
     "plan.solver",
     "plan.weights",
-    "plan.max_step_deg",
-    "plan.max_request_speed_deg_s",
-    "plan.smoothness",
+    *options.SMOOTHING,
     "limits",
 )
 @click.option(

@@ -13,9 +13,9 @@ import numpy as np
 from planner.evaluation.independent import independent_angles, last_speed, next_cycle
 from planner.exceptions import NoSteadyCycle
 from planner.model.joint import JointModel
+from planner.planning.arguments import SMOOTHNESS
 from planner.planning.bounds.reachable_set import Level
 from planner.planning.result import Inversion
-from planner.planning.task import SMOOTHNESS
 from planner.trajectory import Array
 
 

@@ -17,15 +17,10 @@ from planner.evaluation.foot_comparison import FootComparison, compare_foot
 from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned_methods
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel
-from planner.planning.arguments import Norm, check_norm
-from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
-from planner.planning.closed_form import closed_forms
-from planner.planning.inversion import planned
-from planner.planning.line_inverse import RULES, check_rule
-from planner.planning.result import Inversion
-from planner.planning.task import (
+from planner.planning.arguments import (
     COLUMNS,
-    Task,
+    Norm,
+    check_norm,
     checked_leg,
     joint_names,
     limits_of_each,
@@ -33,6 +28,12 @@ from planner.planning.task import (
     model_of_each,
     one_path,
 )
+from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
+from planner.planning.closed_form import closed_forms
+from planner.planning.inversion import planned
+from planner.planning.line_inverse import RULES, check_rule
+from planner.planning.result import Inversion
+from planner.planning.task import Task
 from planner.trajectory import Array
 from planner.validation import as_flag, shown
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -233,9 +233,10 @@ def _unsmoothed(together: FootInversion) -> FootInversion:
 
     Other plans are judged with that error too: the search minimises the plan's own.
     """
-    if together.smoothness == 0.0 or not depend_on_motion(together.models):
+    task = together.plan.task
+    if task.unsmoothed is task or not depend_on_motion(together.models):
         return together
-    return FootInversion(planned(replace(together.plan.task, smoothness=0.0)))
+    return FootInversion(planned(task.unsmoothed))
 
 
 def _known(together: FootInversion, angles: Array) -> float:

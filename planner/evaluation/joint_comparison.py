@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -227,10 +227,10 @@ def _unsmoothed(plan: Inversion) -> Inversion:
 
     Other plans are judged with that error too: the search minimises the plan's own.
     """
-    if plan.smoothness == 0.0 or not depend_on_motion([plan.model]):
+    task = plan.plan.joint(plan.column).task
+    if task.unsmoothed is task or not depend_on_motion([plan.model]):
         return plan
-    task = replace(plan.plan.joint(plan.column).task, smoothness=0.0)
-    return Inversion(planned(task))
+    return Inversion(planned(task.unsmoothed))
 
 
 def _known(plan: Inversion) -> float:

@@ -36,9 +36,9 @@ from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.task import Task, axis_scales
+from planner.planning.task import axis_scales
 from planner.planning.trials import Learning, Trial
-from planner.trajectory import LARGEST, Array, rms, steps
+from planner.trajectory import LARGEST, Array, rms
 from planner.validation import as_flag, as_number, as_reals, freeze, shown
 
 LONGEST_DELAY = 1e3
@@ -109,8 +109,8 @@ def refine(
     learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle;
     it does not end there where they keep no limits that the plan has been given since.
 
-    Limits, ``max_step``, ``smoothness`` and the norm stay those of the plan. After a plan for
-    several models the next one is for the nominal model, or the one that is identified anew: what
+    Limits, norm and all other options stay those of the plan. After a plan for several models the
+    next one is for the nominal model, or the one that is identified anew: what
     was measured takes the place of what their intervals leave open.
 
     Args:
@@ -265,7 +265,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
             f"by the model the next requests would lower the error by less than "
             f"{100.0 * OPTIONS.worthwhile:g} %"
         )
-    if stopped and not _keeps_limits(made.task, base.requests):
+    if stopped and not made.task.keeps(base.requests, rounding=SAME_REQUESTS):
         stopped = ""
         remarks.append(OTHER_LIMITS)
     floor = _floor(joints, made, noise, before, ended=bool(stopped))
@@ -311,14 +311,6 @@ def _size(joints: Plan, deviations: Array) -> float:
     assert task.weights is not None, "the axes of a foot have weights"
     jacobians = task.leg.jacobians(joints.predicted) * axis_scales(task.weights)[:, np.newaxis]
     return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
-
-
-def _keeps_limits(task: Task, requests: Array) -> bool:
-    """Whether requests, shape (n, k), keep the limits and the largest step of a task."""
-    lower, upper = task.lower - SAME_REQUESTS, task.upper + SAME_REQUESTS
-    changes = np.abs(steps(requests, cyclic=task.cyclic))
-    within = np.all((requests >= lower) & (requests <= upper))
-    return bool(within and np.all(changes <= task.max_step + SAME_REQUESTS))
 
 
 class Estimate(NamedTuple):

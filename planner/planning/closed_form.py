@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from planner.approximation.fit import fit_pwl
 from planner.exceptions import InvalidInput, angle_text
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
+from planner.planning.arguments import one_path
 from planner.planning.line_inverse import (
     AT_TOP_SPEED,
     RULES,
@@ -25,7 +26,7 @@ from planner.planning.line_inverse import (
 from planner.planning.pattern_search import refined_curve
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
-from planner.planning.task import Task, one_path
+from planner.planning.task import Task
 from planner.planning.tracking_problem import TrackingProblem, track
 from planner.trajectory import Array
 from planner.validation import as_flag
@@ -139,7 +140,7 @@ def closed_forms(
         curve, requests = inverted(problem, curves, rule=rule, refine=refine)
         plans.append(
             Plan(
-                task=replace(task, smoothness=0.0),
+                task=task.unsmoothed,
                 requests=requests,
                 method="closed_form",
                 approximations=(curve,),

@@ -10,14 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, about
-from planner.planning.arguments import Norm, Robust, Solver, check_solver
+from planner.planning.arguments import (
+    JointLimits,
+    ModelOrModels,
+    Models,
+    Norm,
+    Robust,
+    Solver,
+    check_solver,
+    checked_leg,
+    one_path,
+)
 from planner.planning.closed_form import closed_forms
 from planner.planning.line_inverse import Rule, check_rule
 from planner.planning.load_of_pose import LoadOfPose, settled
 from planner.planning.plan import Method, Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.solve import solve
-from planner.planning.task import Limits, ModelOrModels, Models, Task, checked_leg, one_path
+from planner.planning.task import Task
 from planner.validation import is_one_of, shown
 
 if TYPE_CHECKING:
@@ -218,7 +228,7 @@ def plan(
     desired: npt.ArrayLike,
     *,
     cyclic: bool = True,
-    limits: Limits | None = None,
+    limits: JointLimits | None = None,
     names: Sequence[str] | None = None,
     start: npt.ArrayLike | Mapping[str, float] | None = None,
     load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | LoadOfPose | None = None,
@@ -396,4 +406,4 @@ def _closed_form(task: Task, lines: Mapping[str, Any], progress: Callable[[str],
         with about(name):
             check_rule(rule, task.nominal[j])
             plans += closed_forms(task.joint(j), (rule,), **options)
-    return replace(joined(plans), task=replace(task, smoothness=0.0))
+    return replace(joined(plans), task=task.unsmoothed)

@@ -6,67 +6,51 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import (
-    Infeasible,
-    InvalidInput,
-    InvalidTrajectory,
-    about,
-    angle_text,
-    nearest,
-)
-from planner.identification.result import Identification
-from planner.model.drawn_models import drawn_models
-from planner.model.joint import JointModel, checked_model
+from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, about, angle_text
+from planner.model.joint import JointModel
 from planner.model.load import checked_load, load_columns, rest_angles
 from planner.model.response import checked_start, simulate_joints
 from planner.planning.arguments import (
+    COLUMNS,
     NEGLIGIBLE_SAG,
     ON_THE_LIMIT,
+    JointLimits,
+    Models,
     Norm,
     Robust,
+    angles_of_each,
     check_norm,
-    check_robust,
+    check_numbers,
+    check_periods,
+    checked_disturbance,
+    checked_leg,
+    checked_limits,
+    checked_smoothness,
+    checked_tolerance,
+    checked_weights,
+    joint_names,
+    joints_of,
+    limits_of_each,
+    loads_of_each,
+    models_of_joints,
+    steps_of_each,
 )
 from planner.planning.error_norm import error_norm
 from planner.robot.schedule import as_rows
-from planner.trajectory import Array, Mask, as_trajectory, check_radians
-from planner.validation import as_flag, as_number, as_positive, as_reals, freeze, shown
+from planner.trajectory import Array, Mask, steps
+from planner.validation import as_flag, freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
 
-Value = TypeVar("Value")
-
-ModelOrModels = JointModel | Sequence[JointModel] | Identification
-"""A joint: its model, several that it may have, or an identification, whose intervals give them."""
-
-Models = ModelOrModels | Sequence[ModelOrModels] | Mapping[str, ModelOrModels]
-"""One model for all joints, one for each, or models by joint; the key "" holds the default one.
-
-Instead of one model: a sequence of candidate models, nominal first, or an identification.
-"""
-
-Limits = tuple[npt.ArrayLike, npt.ArrayLike] | Mapping[str, tuple[float, float]]
-"""Smallest and largest request, as numbers or one of each joint, or pairs by joint."""
-
 Scenarios = tuple[tuple[JointModel, ...], ...]
 """Models of joints that are planned together, the nominal ones first: in each scenario one for
 each joint."""
-
-SMOOTHNESS = 0.005
-"""Relative rise of the error that smoother requests may cost where nothing else is asked for [-].
-"""
-
-MOST_SMOOTHNESS = 1e6
-"""Largest rise that is taken [-]: requests that do not move at all are reached long before."""
-
-COLUMNS = "columns of desired"
-"""What has an entry for each joint, in messages, where the joints have no leg."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,7 +114,7 @@ class Task:
         unreachable: Literal["nearest", "raise"] = "nearest",
         cyclic: bool = True,
         norm: Norm = "rms",
-        limits: Limits | None = None,
+        limits: JointLimits | None = None,
         max_step: npt.ArrayLike | Mapping[str, float] | None = None,
         start: npt.ArrayLike | Mapping[str, float] | None = None,
         smoothness: float | None = None,
@@ -156,31 +140,32 @@ class Task:
         foot = importance = solution = None
         if leg is None:
             angles = as_rows(desired, name="desired")
-            _check_length(len(angles))
+            if len(angles) < 3:
+                raise InvalidTrajectory(f"desired: got {len(angles)} samples, expected at least 3")
             names, joints = joint_names(names, models, angles.shape[1]), COLUMNS
         else:
             names, joints = checked_leg(leg).joint_names, joints_of(leg)
         several = models_of_joints(
             models, names, robust, joints=joints, independent=leg is not None
         )
-        _check_periods([each[0] for each in several], given_as="models")
+        check_periods([each[0] for each in several], given_as="models")
         many = max(map(len, several)) > 1
         if leg is not None:
-            _check_numbers(several, joints)
-            importance = _checked_weights(weights)
+            check_numbers(several, joints)
+            importance = checked_weights(weights)
             limits = leg.limits if limits is None else limits
         lower, upper = limits_of_each(limits, names, joints=joints)
         if leg is not None:
             for name, low, high in zip(names, lower, upper, strict=True):
                 checked_limits((low, high), of=f"limits of {name}")
-        steps = steps_of_each(max_step, names, joints=joints)
+        largest = steps_of_each(max_step, names, joints=joints)
         share = checked_smoothness(smoothness)
         if leg is not None:
             solution = leg.inverse(desired, unreachable=unreachable)
             foot, angles = np.array(desired, dtype=np.float64), solution.angles
             if len(foot) < 3:
                 raise InvalidInput(f"foot: got {len(foot)} points, expected at least 3")
-        added = _checked_disturbance(disturbance, angles)
+        added = checked_disturbance(disturbance, angles)
         resting = angles_of_each("start", start, names)
         for j, name in enumerate(names if leg is None else ()):
             with about(name):
@@ -197,7 +182,7 @@ class Task:
             norm=norm,
             lower=lower,
             upper=upper,
-            max_step=steps,
+            max_step=largest,
             smoothness=share,
             goal="angles" if leg is None else "foot",
             leg=leg,
@@ -292,6 +277,17 @@ class Task:
             return np.array([error_norm(away, self.norm)])
         errors = (np.ascontiguousarray(column) for column in (angles - self.desired).T)
         return np.array([error_norm(each, self.norm) for each in errors])
+
+    @property
+    def unsmoothed(self) -> Task:
+        """The same task for requests as rough as they come."""
+        return self if self.smoothness == 0.0 else replace(self, smoothness=0.0)
+
+    def keeps(self, requests: Array, *, rounding: float) -> bool:
+        """Whether requests [rad], (n, k), keep the limits and the largest step, up to rounding."""
+        changes = np.abs(steps(requests, cyclic=self.cyclic))
+        within = np.all((requests >= self.lower - rounding) & (requests <= self.upper + rounding))
+        return bool(within and np.all(changes <= self.max_step + rounding))
 
     def with_models(self, models: Sequence[JointModel]) -> Task:
         """The same task for one model of each joint."""
@@ -406,401 +402,3 @@ def axis_scales(weights: Array) -> Array:
     """Factors of a foot's three axes, the heaviest 1: the root of each weight, shape (3,)."""
     scales: Array = np.sqrt(weights / np.max(weights))
     return scales
-
-
-def checked_leg(leg: object) -> Leg:
-    """The leg, or InvalidInput where it is none."""
-    from kinematics.leg import Leg  # with Pinocchio
-
-    if not isinstance(leg, Leg):
-        raise InvalidInput(f"leg: got {shown(leg)}, expected a kinematics.Leg")
-    return leg
-
-
-def joints_of(leg: Leg) -> str:
-    """The joints of a leg, in words."""
-    return f"leg's joints ({', '.join(leg.joint_names)})"
-
-
-def one_path(desired: npt.ArrayLike) -> Array:
-    """The desired angles of one joint [rad], (n,); raise InvalidTrajectory where they are none."""
-    angles = as_trajectory(desired, name="desired", minimum=3)
-    check_radians(angles, name="desired")
-    return angles
-
-
-def joint_names(
-    names: Sequence[str] | None, models: object, count: int, *, joints: str = COLUMNS
-) -> tuple[str, ...]:
-    """The names of joints, all different; by default the keys of models, or joint_1 and so on."""
-    if names is not None:
-        given = tuple(names) if isinstance(names, list | tuple) else ()
-        are_texts = all(isinstance(name, str) for name in given)
-        if not are_texts or len(given) != count or len(set(given)) != count:
-            raise InvalidInput(
-                f"names: got {shown(names)}, expected {count} different names, one for each of the "
-                f"{joints}"
-            )
-        return given
-    if isinstance(models, Mapping) and (named := tuple(name for name in models if name)):
-        if len(named) != count:
-            raise InvalidInput(
-                f"desired: got {count} columns for the models of {', '.join(named)}; name the "
-                "joints of the columns with names="
-            )
-        return named
-    return tuple(f"joint_{j + 1}" for j in range(count))
-
-
-def checked_models(
-    model: ModelOrModels, robust: Robust | None = None, *, seed: int = 0
-) -> tuple[JointModel, ...]:
-    """The models that a joint may have, the nominal one first.
-
-    A model by itself is the only one, unless ``robust`` asks for those that its intervals allow. A
-    sequence has all of them: of one, the joint has that model in any case. Those of an
-    identification are always drawn from its intervals.
-
-    Args:
-        model: The joint.
-        robust: Which error over several models counts.
-        seed: That of :func:`drawn_models`.
-
-    Raises:
-        InvalidInput: There is none, one is no JointModel, their request periods differ, or one by
-            itself has no intervals.
-    """
-    if isinstance(model, Identification):
-        return drawn_models(model.model, seed=seed)
-    if isinstance(model, JointModel) or not isinstance(model, Sequence) or isinstance(model, str):
-        only = checked_model(model)
-        return (only,) if robust is None else drawn_models(only, seed=seed)
-    models = tuple(checked_model(each) for each in model)
-    if not models or len({each.period for each in models}) > 1:
-        raise InvalidInput(
-            f"model: got {len(models)} models with periods of "
-            f"{', '.join(f'{each.period:g}' for each in models) or 'nothing'} s, expected at least "
-            "one, all of one joint with one request period"
-        )
-    return models
-
-
-def models_of_joints(
-    models: Models,
-    names: Sequence[str],
-    robust: Robust | None = None,
-    *,
-    joints: str = COLUMNS,
-    independent: bool = False,
-) -> list[tuple[JointModel, ...]]:
-    """The models that each joint may have, the nominal one first, in the order of the joints.
-
-    Args:
-        models: See :data:`Models`. For one joint a flat sequence of more than one has its models.
-        names: The joints.
-        robust: Whether others are drawn for models by themselves.
-        joints: What has a joint each, in words.
-        independent: Whether the models of different joints are drawn independently of one another.
-            Joints with the same model share what is not known of it.
-
-    Raises:
-        InvalidInput: They do not fit the joints, see :func:`checked_models`, or ``robust`` is no
-            error over models, or is given where every joint has one model in any case.
-    """
-    check_robust(robust)
-    given: list[Any]
-    if isinstance(models, Mapping):
-        if missing := [name for name in names if name not in models and "" not in models]:
-            raise InvalidInput(
-                f"models: none for joint '{missing[0]}'; got "
-                f"{', '.join(map(str, models)) or 'none'}"
-            )
-        given = [models[name] if name in models else models[""] for name in names]
-    elif isinstance(models, JointModel | Identification):
-        given = [models] * len(names)
-    else:
-        try:
-            given = list(models)
-        except TypeError:
-            given = []
-        if len(names) == 1 and len(given) > 1:
-            given = [given]
-        fit = all(isinstance(each, JointModel | Identification | Sequence) for each in given)
-        fit = fit and not any(isinstance(each, str) for each in given)
-        if len(given) != len(names) or (not fit and names != ("",)):
-            raise InvalidInput(
-                f"models: got {len(given)} of them for {len(names)} joints, expected one "
-                f"JointModel, or one for each of the {joints}"
-            )
-    known = [_what_is_known(each) for each in given]
-    seeds = [known.index(each) if independent else 0 for each in known]
-    pairs = zip(given, seeds, strict=True)
-    several = [checked_models(each, robust, seed=seed) for each, seed in pairs]
-    if robust is not None and all(len(each) == 1 for each in several):
-        raise InvalidInput(
-            f"robust: got {robust!r} for a sequence of one model, which the joint has in any case; "
-            "expected several models, or the model by itself, from whose intervals others are drawn"
-        )
-    return several
-
-
-def _what_is_known(model: ModelOrModels) -> object:
-    """What models are drawn from, to compare."""
-    model = model.model if isinstance(model, Identification) else model
-    return (model, model.evidence) if isinstance(model, JointModel) else model
-
-
-def _check_periods(models: Sequence[JointModel], *, given_as: str) -> None:
-    """Raise InvalidInput where joints are not requested at one rate."""
-    periods = sorted({model.period for model in models})
-    if len(periods) > 1:
-        raise InvalidInput(
-            f"{given_as}: their periods are {', '.join(f'{p:g}' for p in periods)} s, expected one "
-            "period: joints that are requested at different rates are not planned together"
-        )
-
-
-def _check_numbers(several: Sequence[tuple[JointModel, ...]], joints: str) -> None:
-    """Raise InvalidInput where joints of one leg have different numbers of models."""
-    if len({len(each) for each in several} - {1}) > 1:
-        raise InvalidInput(
-            f"models: got {', '.join(str(len(each)) for each in several)} of the {joints}, "
-            "expected as many of each, taken in their order, or one where a joint has but one"
-        )
-
-
-def model_of_each(
-    models: JointModel | Sequence[JointModel], count: int, *, given_as: str, joints: str
-) -> tuple[JointModel, ...]:
-    """One model for every joint; raise InvalidInput where they do not fit.
-
-    Args:
-        models: One for all of them, or one for each.
-        count: How many joints there are.
-        given_as: What the caller calls the models.
-        joints: What has a joint each, in words.
-    """
-    try:
-        each = (models,) * count if isinstance(models, JointModel) else tuple(models)
-    except TypeError:
-        each = ()
-    if len(each) != count or not all(isinstance(model, JointModel) for model in each):
-        raise InvalidInput(
-            f"{given_as}: got {len(each)} of them for {count} joints, expected one JointModel, or "
-            f"one for each of the {joints}"
-        )
-    _check_periods(each, given_as=given_as)
-    return each
-
-
-def checked_limits(limits: object, *, of: str = "limits") -> tuple[float, float]:
-    """The limits as floats.
-
-    Raises:
-        InvalidInput: The limits are not two numbers.
-        Infeasible: The lower limit is above the upper one.
-    """
-    try:
-        lower, upper = (as_number(limit, infinite=True) for limit in limits)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        lower = upper = math.nan
-    if math.isnan(lower) or math.isnan(upper):
-        raise InvalidInput(
-            f"{of}: got {shown(limits)}, "
-            "expected (lower, upper) [rad]; use -inf or inf for no limit"
-        )
-    if lower > upper:
-        raise Infeasible(
-            f"{of}: the lower one, {angle_text(lower)}, is above the upper one, "
-            f"{angle_text(upper)}; swap them, or check their units"
-        )
-    return lower, upper
-
-
-def limits_of_each(
-    limits: Limits | None, names: Sequence[str], *, joints: str = COLUMNS
-) -> tuple[Array, Array]:
-    """Smallest and largest request of every joint [rad], each of shape (k,), not yet compared.
-
-    Raises:
-        InvalidInput: They are no pair of numbers, or of as many as there are joints, or of a joint
-            that is not planned.
-    """
-    if limits is None:
-        limits = {}
-    if isinstance(limits, Mapping):
-        _check_known("limits", limits, names)
-        pairs = []
-        for name in names:
-            with about(name):
-                pairs.append(checked_limits(limits.get(name, (-math.inf, math.inf))))
-        lower, upper = np.array(pairs).T
-        return lower, upper
-    if names == ("",):
-        checked_limits(limits)
-    try:
-        lower, upper = (np.broadcast_to(as_reals(limit), len(names)).copy() for limit in limits)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"limits: got {shown(limits)}, "
-            f"expected (lower, upper) [rad], each a number or one for each of the {joints}"
-        ) from error
-    return lower, upper
-
-
-def angles_of_each(
-    what: str,
-    given: npt.ArrayLike | Mapping[str, float] | None,
-    names: Sequence[str],
-    *,
-    joints: str = COLUMNS,
-    expected: str = "a number [rad] or one",
-) -> list[float | None]:
-    """An angle of every joint [rad]; None where it has none.
-
-    Raises:
-        InvalidInput: They are no numbers, not as many as there are joints, or of one that is not
-            planned.
-    """
-    if given is None:
-        return [None] * len(names)
-    if isinstance(given, Mapping):
-        _check_known(what, given, names)
-        return [given.get(name) for name in names]
-    if names == ("",):
-        return [given]  # type: ignore[list-item]  # checked by the caller
-    try:
-        return list(np.broadcast_to(as_reals(given), len(names)).tolist())
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"{what}: got {shown(given)}, expected {expected} for each of the {joints}"
-        ) from error
-
-
-def steps_of_each(
-    max_step: npt.ArrayLike | Mapping[str, float] | None,
-    names: Sequence[str],
-    *,
-    joints: str = COLUMNS,
-) -> Array:
-    """Largest change of every joint's request [rad], shape (k,), inf where there is no limit.
-
-    Raises:
-        InvalidInput: They are not above 0, or not as many as there are joints.
-    """
-    expected = "an angle above 0 [rad], or one"
-    given = angles_of_each("max_step", max_step, names, joints=joints, expected=expected)
-    steps = np.full(len(names), math.inf)
-    for j, (name, step) in enumerate(zip(names, given, strict=True)):
-        if step is not None:
-            steps[j] = as_number(step, infinite=True)
-        with about(name):
-            if not steps[j] > 0.0:
-                raise InvalidInput(
-                    f"max_step: got {shown(step)}, expected an angle above 0 [rad], the largest "
-                    "change from one request to the next; leave it out for no limit"
-                )
-    return steps
-
-
-def loads_of_each(
-    load: npt.ArrayLike | Mapping[str, npt.ArrayLike] | None,
-    names: Sequence[str],
-    shape: tuple[int, ...],
-    *,
-    joints: str = COLUMNS,
-) -> list[npt.ArrayLike | None]:
-    """Torque on each joint [N m], a number or shape (n,), or None; not yet held against models.
-
-    Args:
-        load: A number, one for each joint, or one for each joint at every sample; for one joint
-            also shape (n,); or by joint.
-        names: The joints.
-        shape: Samples and joints, (n, k).
-        joints: What has a joint each, in words.
-
-    Raises:
-        InvalidInput: It has another shape, or a joint that is not planned.
-    """
-    if load is None:
-        return [None] * len(names)
-    if isinstance(load, Mapping):
-        _check_known("load", load, names)
-        return [load.get(name) for name in names]
-    if names == ("",):
-        return [load]
-    try:
-        torques = as_reals(load)
-        if torques.ndim == 1 and shape[1] == 1:
-            torques = torques[:, np.newaxis]
-        return list(np.broadcast_to(torques, shape).T)
-    except (TypeError, ValueError) as error:
-        raise InvalidInput(
-            f"load: got {shown(load)}, expected torques [N m] of shape {tuple(shape)} or "
-            f"({shape[1]},), one for each of the {joints}, or a number"
-        ) from error
-
-
-def checked_smoothness(smoothness: float | None) -> float:
-    """The relative rise of the error that smoother requests may cost [-].
-
-    Raises:
-        InvalidInput: It is no number from 0 to :data:`MOST_SMOOTHNESS`.
-    """
-    if smoothness is None:
-        return SMOOTHNESS
-    number = as_number(smoothness)
-    if not 0.0 <= number <= MOST_SMOOTHNESS:
-        raise InvalidInput(
-            f"smoothness: got {shown(smoothness)}, expected the share of the error that may be "
-            f"added, from 0 to {MOST_SMOOTHNESS:g}; 0.005 is half a per cent"
-        )
-    return number
-
-
-def checked_tolerance(tolerance: float) -> float:
-    """The tolerance as a float; raise InvalidInput for no number above 0."""
-    return as_positive("tolerance", tolerance, "a finite number above 0")
-
-
-def _check_known(what: str, values: Mapping[str, Value], names: Sequence[str]) -> None:
-    """Raise InvalidInput unless values by joint are of joints that are planned."""
-    if strange := [name for name in values if name not in names]:
-        hint = nearest(str(strange[0]), names)
-        raise InvalidInput(
-            f"{what}: no joint {shown(strange[0])}{hint}; joints: {', '.join(names)}"
-        )
-
-
-def _check_length(samples: int) -> None:
-    if samples < 3:
-        raise InvalidTrajectory(f"desired: got {samples} samples, expected at least 3")
-
-
-def _checked_weights(weights: npt.ArrayLike) -> Array:
-    try:
-        importance = as_reals(weights)
-    except (TypeError, ValueError):
-        importance = np.empty(0)
-    fit = importance.shape == (3,) and bool(np.all(np.isfinite(importance)))
-    if not fit or np.any(importance < 0.0) or not np.any(importance > 0.0):
-        raise InvalidInput(
-            f"weights: got {shown(weights)}, expected three numbers, 0 or more and not all 0"
-        )
-    return importance
-
-
-def _checked_disturbance(disturbance: npt.ArrayLike | None, angles: Array) -> Array | None:
-    """The disturbance [rad], a copy of the shape of the angles (n, k); None where there is none."""
-    if disturbance is None:
-        return None
-    try:
-        added = as_reals(disturbance)
-    except (TypeError, ValueError):
-        added = np.empty(0)
-    if added.shape != angles.shape or not np.all(np.isfinite(added)):
-        raise InvalidInput(
-            f"disturbance: got {shown(disturbance)}, expected finite angles [rad] of shape "
-            f"{angles.shape}, a column for each joint"
-        )
-    return added

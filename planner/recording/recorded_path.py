@@ -15,9 +15,9 @@ from planner.identification.log import Log, as_logs, check_periods, pieces_of, u
 from planner.identification.resampling import sound_rows
 from planner.identification.timestamps import timing_of
 from planner.model.joint import JointModel
+from planner.planning.arguments import JointLimits, limits_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.load_of_pose import LoadOfPose
-from planner.planning.task import Limits, limits_of_each
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, freeze, is_one_of, shown
 
@@ -204,7 +204,7 @@ def recorded_path(
     begin: float | None = None,
     end: float | None = None,
     rate: float | None = None,
-    limits: Limits | None = None,
+    limits: JointLimits | None = None,
 ) -> RecordedPath:
     """A recording with the models of its joints, ready for any speed; see :func:`replay`."""
     if not is_one_of(track, get_args(Track)):
@@ -422,7 +422,7 @@ def _remarks(logs: Sequence[Log], origin: float, first: float, last: float) -> l
 
 
 def _limits(
-    paths: Sequence[Path], limits: Limits | None, names: Sequence[str]
+    paths: Sequence[Path], limits: JointLimits | None, names: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
     """Limits by joint: those given, or of a share of a range the range itself."""
     found = {}

@@ -13,12 +13,12 @@ from scipy.optimize import minimize_scalar
 
 from planner.model.joint import JointModel
 from planner.model.response import path_speeds, simulate
+from planner.planning.arguments import JointLimits
 from planner.planning.bounds.certify import lower_bound
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
 from planner.planning.result import Inversion
-from planner.planning.task import Limits
 from planner.recording.recorded_path import (
     Models,
     Path,
@@ -63,7 +63,7 @@ def replay(
     begin: float | None = None,
     end: float | None = None,
     rate: float | None = None,
-    limits: Limits | None = None,
+    limits: JointLimits | None = None,
     load: LoadOfPose | None = None,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
@@ -158,8 +158,9 @@ def replay_at(
     inversions = dict(known or {}) if load is None else {}  # a pose is that of all joints
     planned = [each for each in path.planned if each.name not in inversions]
     names = [each.name for each in planned]
-    if isinstance(steps := options.get("max_step"), Mapping):
-        options["max_step"] = {name: step for name, step in steps.items() if name in names}
+    for option, value in options.items():
+        if isinstance(value, Mapping):
+            options[option] = {name: value[name] for name in names if name in value}
     loads = {name: torque for name, torque in path.loads(moments).items() if name in names}
     made = plan(
         [each.model for each in planned if each.model],

@@ -19,8 +19,8 @@ from planner.files.table import Table, read_table
 from planner.files.units import split_unit
 from planner.learning.refine import refine
 from planner.model.load import load_columns
+from planner.planning.arguments import limits_of_each
 from planner.planning.plan import Plan
-from planner.planning.task import limits_of_each
 from planner.planning.trials import Learning
 from planner.report.learning import LearningOutcome, Progress, learning_page
 from planner.report.page import linked_files

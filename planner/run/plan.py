@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.model.drawn_models import has_intervals
+from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan
-from planner.planning.task import Task, checked_leg, limits_of_each
+from planner.planning.task import Task
 from planner.run import settings
 from planner.run.desired import Desired, Limits
 from planner.run.faults import BadSetting, FailedCheck, Key
@@ -180,14 +181,29 @@ def misses(run: settings.Run, desired: Desired, plan: Plan) -> list[str]:
     return found
 
 
-def max_step_of(given: settings.Plan, period: float) -> float | None:
-    """The largest change from one request to the next [rad]; None where there is no limit."""
-    steps = []
-    if given.max_step_deg is not None:
-        steps.append(math.radians(given.max_step_deg))
+def options_of(
+    given: settings.Plan, period: float, *, units: Mapping[str, float] | None = None
+) -> dict[str, Any]:
+    """What the settings say of the search, as :func:`planner.plan` takes it.
+
+    Args:
+        given: The settings.
+        period: Time between requests [s].
+        units: By joint what is a degree in the settings, in parts of the joint's unit; without it
+            all are angles [rad].
+    """
+    steps = [math.inf if given.max_step_deg is None else given.max_step_deg]
     if given.max_request_speed_deg_s is not None:
-        steps.append(math.radians(given.max_request_speed_deg_s) * period)
-    return min(steps, default=None)
+        steps.append(given.max_request_speed_deg_s * period)
+    degrees = min(steps)
+    return {
+        "norm": given.norm or "rms",
+        "max_step": math.radians(degrees)
+        if units is None
+        else {name: degrees / each for name, each in units.items()},
+        "smoothness": given.smoothness,
+        "robust": given.robust,
+    }
 
 
 def task_of(
@@ -210,14 +226,8 @@ def task_of(
     Raises:
         PlannerError: They do not fit together.
     """
-    options: dict[str, Any] = {
-        "cyclic": desired.cyclic,
-        "norm": given.norm or "rms",
-        "max_step": max_step_of(given, desired.period),
-        "smoothness": given.smoothness,
-        "robust": given.robust,
-        "load": None if callable(load) else load,
-    }
+    options = options_of(given, desired.period)
+    options |= {"cyclic": desired.cyclic, "load": None if callable(load) else load}
     if given.method == "foot-optimal":
         assert desired.foot is not None, "this method plans for a foot path"
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)

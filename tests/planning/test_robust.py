@@ -14,8 +14,8 @@ from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.arguments import models_of_joints
 from planner.planning.inversion import invert_optimal, plan
-from planner.planning.task import models_of_joints
 from tests.instances import REFERENCE_JOINTS
 
 ERS210A = JointModel.ers210a()

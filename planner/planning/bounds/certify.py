@@ -12,7 +12,7 @@ from planner.exceptions import InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel, checked_model
 from planner.model.load import checked_load
 from planner.model.response import checked_start
-from planner.planning.arguments import Norm, check_norm
+from planner.planning.arguments import Norm, check_norm, one_path
 from planner.planning.bounds.branch_and_bound import TIME_LIMIT, exact_bound
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import (
@@ -23,7 +23,8 @@ from planner.planning.bounds.reachable_set import (
 )
 from planner.planning.bounds.saturation_relaxation import without_load
 from planner.planning.error_norm import error_norm, relative_gap
-from planner.planning.inversion import invert_optimal
+from planner.planning.inversion import planned
+from planner.planning.task import Task
 from planner.trajectory import as_trajectory
 from planner.validation import as_positive
 
@@ -155,15 +156,9 @@ def planned_error(problem: BoundProblem) -> float:
     """The error of a plan [rad]; of a joint that does not move, where no plan is found."""
     model, desired, cyclic, norm, start, load = problem
     try:
-        return invert_optimal(
-            model,
-            desired,
-            cyclic=cyclic,
-            norm=norm,
-            start=start,
-            load=load,
-            smoothness=0.0,
-        ).error
+        path = one_path(desired)
+        task = Task.of([model], path, names=("",), cyclic=cyclic, norm=norm, start=start, load=load)
+        return float(planned(task.unsmoothed).error[0])
     except (InvalidTrajectory, SolverFailed):  # too short, or no steady cycle
         angles = np.full(len(desired), float(np.mean(desired)) if start is None else start)
         return error_norm(angles - desired, norm)

@@ -19,8 +19,8 @@ from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
 from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
 from planner.model.sensitivity import request_ages_of_all
+from planner.planning.arguments import checked_limits, limits_of_each, steps_of_each
 from planner.planning.closed_form import switching_time
-from planner.planning.task import checked_limits, limits_of_each, steps_of_each
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
 from planner.validation import as_reals, as_whole, is_one_of, shown
 

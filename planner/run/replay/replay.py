@@ -24,6 +24,7 @@ from planner.run import settings
 from planner.run.desired import find_leg, load_leg
 from planner.run.faults import BadSetting, Key
 from planner.run.load import with_load
+from planner.run.plan import options_of
 from planner.run.replay.models import JointModels, joint_models
 
 if TYPE_CHECKING:
@@ -136,15 +137,9 @@ class ReplayTask:
 
     def options(self, path: RecordedPath) -> dict[str, Any]:
         """What :func:`planner.plan` takes beside models, path and limits."""
-        chosen = self.given.plan
-        found: dict[str, Any] = {
-            "norm": chosen.norm or "rms",
-            "solver": chosen.solver or "gauss-newton",
-            "smoothness": chosen.smoothness,
-        }
-        if (step := chosen.max_step_deg) is not None:
-            found["max_step"] = {each.name: step / UNITS[each.unit][1] for each in path.planned}
-        return found
+        given, units = self.given.plan, {each.name: UNITS[each.unit][1] for each in path.planned}
+        solver = {"solver": given.solver or "gauss-newton"}
+        return options_of(given, path.period, units=units) | solver
 
 
 def tasks_of(

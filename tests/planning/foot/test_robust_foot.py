@@ -14,9 +14,9 @@ from planner.model.drawn_models import drawn_models
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.arguments import models_of_joints
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.robust import ReachInAll, RobustProblem
-from planner.planning.task import models_of_joints
 from planner.planning.tracking_problem import FollowAngles, track
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 
