@@ -88,7 +88,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
         simple = _searched(rows, found.parameters, best.scale)
         # Where the log does not tell which ticks the joint has, the two agree to a tenth of that.
         best = simple if simple.cost < 0.995 * best.cost else best
-    best = least_squares(best.grid, best.parameters, starts=best.starts)
+    best = least_squares(best.grid, best.parameters, starts=best.starts, effort=SEARCH)
     return _without_saturation(best)
 
 
@@ -154,7 +154,7 @@ def _without_saturation(best: Fit) -> Fit:
     for begin in begins:
         found = least_squares(grid, begin, starts=best.starts, scale=best.scale, effort=SEARCH)
         if _better(best, found) is found:
-            best = least_squares(grid, found.parameters, starts=found.starts)
+            best = least_squares(grid, found.parameters, starts=found.starts, effort=SEARCH)
     return best
 
 
@@ -342,5 +342,7 @@ def delayed_errors(grid: Grid, delay: float) -> Array:
 
     A request that comes into force at the very time of a row counts for that row.
     """
-    number = np.searchsorted(grid.edges, grid.times - delay + 1e-6 * grid.tick, side="right") - 1
-    return np.asarray(grid.requests[np.maximum(number, 0)] - grid.angles)
+    from planner.model.kernel import in_force
+
+    times = grid.times - (delay - 1e-6 * grid.tick)
+    return in_force(grid.edges, grid.requests, times) - grid.angles

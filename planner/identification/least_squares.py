@@ -45,6 +45,9 @@ EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
 
+HOPELESS = 5.0
+"""A search ends that would have to lower the loss by so many times what its quadratic promises."""
+
 VANISHES = 40.0
 """Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
 
@@ -83,7 +86,7 @@ TERM = SEARCH._replace(first_step=0.5)
 PROFILE = Effort(evaluations=15, tolerance=1e-4)
 """Tells whether a value is refuted, from a fit with a value close by."""
 
-FULL = Effort(evaluations=60, tolerance=1e-9, rounds=6, averaging=(0.3, EDGE_DISTANCE))
+FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DISTANCE))
 """To the optimum: parameters to a millionth of their standard deviations."""
 
 
@@ -338,6 +341,8 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         here = coordinates[free]
         near = near or _Quadratic.of(fit, averaging)
         sizes = np.maximum(sizes, near.sizes)
+        if fit.cost - HOPELESS * near.most_reduction() > enough > 0.0:
+            break
         step = near.step(sizes, radius, lower - here, upper - here)
         starts = near.starts(step, radius)
         promised = near.reduction(step, starts)
@@ -396,6 +401,11 @@ class _Quadratic(NamedTuple):
             squares,
             by_start,
         )
+
+    def most_reduction(self) -> float:
+        """By how much the Gauss-Newton step would lower the loss, were it free."""
+        found, *_ = np.linalg.lstsq(self.matrix, self.gradient, rcond=1e-12)
+        return float(0.5 * (self.gradient @ found + np.sum(self.by_start**2 / self.squares)))
 
     def step(self, sizes: Array, radius: float, lower: Array, upper: Array) -> Array:
         """The step in the trust region that stays between these bounds of it."""

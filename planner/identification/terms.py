@@ -100,6 +100,7 @@ def with_terms(fit: Fit) -> Trial:
             )
         )
         fit = trial if kept else fit
+    fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     final = _without_vanished_inertia(fit)
     if final is not fit:
         terms = [
@@ -166,7 +167,7 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
         # Friction hides how fast the joint is called to move: v_max had no slope until here.
         lower = at._replace(v_max=COMMANDED_SHARE * shown)
         found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
-    return least_squares(fit.grid, found.parameters, free=free, starts=found.starts)
+    return found
 
 
 def _any_dead_band_does(fit: Fit, trial: Fit, uncertainty: Uncertainty) -> bool:

@@ -417,6 +417,16 @@ def number_in_force(edges: Array, time: float, number: int) -> int:
 
 
 @compiled
+def in_force(edges: Array, requests: Array, times: Array) -> Array:
+    """The request in force at each of some increasing times; before the first edge the first."""
+    found, number = np.empty(len(times)), 0
+    for k in range(len(times)):
+        number = number_in_force(edges, times[k], number)
+        found[k] = requests[number]
+    return found
+
+
+@compiled
 def along(
     servo: Servo,
     track: Track,
@@ -450,7 +460,7 @@ def along(
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
     count, last, half = len(columns), len(edges) - 1, servo.play / 2.0
-    window = servo.window / track.tick
+    window, by_window = servo.window / track.tick, 1.0 / servo.window
     drives, kinks = np.zeros(START + 1), np.zeros(START + 1)
     past, now, motion, fast = (
         np.zeros(count),
@@ -476,7 +486,7 @@ def along(
         called, inside, mean, limited, saturated = 0.0, 0.0, 0.0, 0.0, 0.0
         while True:
             end = young if number == last else min(edges[number + 1], young)
-            weight = (end - begin) / servo.window
+            weight = (end - begin) * by_window
             error = requests[number] + sag - angle
             value, side = drive(law, error, faster)
             called += weight * value
