@@ -316,7 +316,7 @@ def _first_order(grid: Grid, delay: float) -> Fit:
     ]
     fits = [least_squares(grid, begin, free=FIRST_ORDER, effort=QUICK) for begin in begins]
     best = min(fits, key=lambda fit: fit.rms)
-    return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts)
+    return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts, effort=SEARCH)
 
 
 def best_delay(grid: Grid) -> tuple[float, float]:

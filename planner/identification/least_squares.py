@@ -45,7 +45,7 @@ EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
 
-HOPELESS = 5.0
+HOPELESS = 3.0
 """A search ends that would have to lower the loss by so many times what its quadratic promises."""
 
 VANISHES = 40.0
@@ -83,7 +83,7 @@ SEARCH = Effort(evaluations=25, tolerance=1e-4, rounds=6)
 TERM = SEARCH._replace(first_step=0.5)
 """The same from a fit without a term: dry friction is found a long way from there."""
 
-PROFILE = Effort(evaluations=15, tolerance=1e-4)
+PROFILE = Effort(evaluations=15, tolerance=1e-3)
 """Tells whether a value is refuted, from a fit with a value close by."""
 
 FULL = Effort(evaluations=60, tolerance=1e-7, rounds=6, averaging=(0.3, EDGE_DISTANCE))

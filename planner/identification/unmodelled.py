@@ -149,10 +149,11 @@ class Excerpt(NamedTuple):
     starts: Array
 
     def best(self, begins: Iterable[Parameters]) -> Fit:
-        """The best joint of those that a few evaluations lead to, fitted."""
+        """The better of the two best joints that a few evaluations lead to, fitted."""
         trials = [self.fitted(begin, TRIAL) for begin in begins]
-        best = min(trials, key=lambda trial: trial.cost)
-        return self.fitted(best.parameters, ENOUGH)
+        trials.sort(key=lambda trial: trial.cost)
+        fits = [self.fitted(trial.parameters, ENOUGH) for trial in trials[:2]]
+        return min(fits, key=lambda fit: fit.cost)
 
     def fitted(self, begin: Parameters, effort: Effort) -> Fit:
         """The fit from there; an acceleration that is infinite, and a play of 0, stay so."""
