@@ -14,6 +14,7 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from planner.planning.bounds.hull_cuts import (
     TRIED_REQUESTS,
@@ -33,6 +34,7 @@ from planner.planning.bounds.saturation_relaxation import (
 )
 from planner.planning.bounds.tightening import tighten
 from planner.planning.error_norm import error_norm
+from planner.trajectory import Array
 
 TIME_LIMIT = 60.0
 """About how long the search takes before it stops with what it has proved [s]."""
@@ -43,6 +45,12 @@ WORK_PER_SECOND = 600_000
 
 INACTIVE = 1e-9
 """A cut whose multiplier is smaller is dropped: what an interior-point method leaves of zero."""
+
+DIFFERENCE = 1e-6
+"""Step of the difference quotients of a response [v_max ticks]."""
+
+POLISHING_STEPS = 30
+"""Steps of least squares at most that make an incumbent better [-]."""
 
 REFINEMENTS = 3
 """Grids, each within the one before, on which the request nearest to a mixture is sought [-]: to
@@ -113,6 +121,7 @@ def exact_bound(problem: BoundProblem, incumbent: float, *, time_limit: float) -
         _, _, node = heapq.heappop(nodes)
         if scaled.start is None and not scaled.cyclic:
             scaled.incumbent = min(scaled.incumbent, response_error(scaled, node))
+            node = node._replace(ranges=node.ranges.within(scaled.initial_ranges()))
         for child in branch(scaled, node):
             heapq.heappush(nodes, (child.bound, next(order), child))
     logging.getLogger(__name__).debug(
@@ -183,8 +192,11 @@ def branch(problem: ScaledProblem, node: Node) -> list[Node]:
 
 
 def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
-    """The request whose mixture of contributions weighs most, and a value near to the mixture."""
-    weights = dict.fromkeys(problem.windows, 0.0)
+    """The request whose mixture of contributions weighs most, and a value near to the mixture.
+
+    While the bound is 0, cuts have no weights: then it is the request of the widest mixture.
+    """
+    weights = dict.fromkeys(problem.windows, 0.0 if node.bound > 0.0 else 1.0)
     owner = {id(window): request for request, window in problem.windows.items()}
     for cut, weight in _weighted(node.cuts, node.solution):
         weights[owner[id(cut.window)]] += float(weight * np.linalg.norm(cut.hull.nu))
@@ -203,12 +215,15 @@ def branching_request(problem: ScaledProblem, node: Node) -> tuple[int, float]:
 
 
 def response_error(problem: ScaledProblem, node: Node) -> float:
-    """The error of the response to the requests nearest to the node's mixtures [v_max ticks].
+    """The error of a response near to the node's mixtures [v_max ticks]: an incumbent.
 
-    It begins at the node's first angle, in motion, which a plan from rest cannot. Without it the
-    search for a bound that holds for every start would go on although its bound is attained.
+    It begins at any angle, in motion, which a plan from rest cannot. Without it the search for a
+    bound that holds for every start would go on although its bound is attained. It begins with the
+    requests nearest to the mixtures, at the node's first angle; where it is better than the
+    incumbent, least squares make it better still.
     """
-    requests = np.zeros(max(problem.windows) + 1)
+    unknowns = np.zeros(max(problem.windows) + 2)  # the first angle, and the requests
+    unknowns[0] = node.solution.angles[0]
     for request, window in problem.windows.items():
         angles = node.solution.angles[window.angles]
         contributions = node.solution.contributions[window.contributions]
@@ -218,15 +233,35 @@ def response_error(problem: ScaledProblem, node: Node) -> float:
             width = np.ptp(breakpoints(angles, within)) / TRIED_REQUESTS
             low, high = within.interval
             within = within._replace(interval=(max(low, value - width), min(high, value + width)))
-        requests[request] = value
-    angles = node.solution.angles.copy()
+        unknowns[1 + request] = value
+
+    def errors(chosen: Array) -> Array:
+        return np.asarray(_response_errors(problem, chosen[:, np.newaxis])[:, 0])
+
+    def slopes(chosen: Array) -> Array:
+        ways = DIFFERENCE * np.eye(len(chosen))
+        sides = (_response_errors(problem, chosen[:, np.newaxis] + way) for way in (ways, -ways))
+        return np.asarray(np.subtract(*sides) / (2.0 * DIFFERENCE))
+
+    found = error_norm(errors(unknowns), problem.norm)
+    if found >= problem.incumbent:
+        return found
+    better = least_squares(errors, unknowns, jac=slopes, max_nfev=POLISHING_STEPS).x
+    return min(found, error_norm(errors(better), problem.norm))
+
+
+def _response_errors(problem: ScaledProblem, unknowns: Array) -> Array:
+    """Errors of responses at the samples, (n, m), by first angles and requests, (1 + r, m)."""
     ends = np.searchsorted(problem.pairs.tick, np.arange(problem.ticks + 1))
+    angles = np.empty((problem.ticks, unknowns.shape[1]))
+    angles[0] = unknowns[0]
+    top, excess = 1.0, problem.excess
     for tick in range(1, problem.ticks):
         acting = slice(ends[tick], ends[tick + 1])
-        errors = requests[problem.pairs.request[acting]] - angles[tick - 1]
-        speed = problem.pairs.weight[acting] @ within.contributions(errors)
-        angles[tick] = angles[tick - 1] + speed
-    return error_norm(angles[problem.sampled] - problem.desired, problem.norm)
+        behind = unknowns[1 + problem.pairs.request[acting]] - angles[tick - 1]
+        called = np.clip(problem.gain * behind, excess - top, excess + top)
+        angles[tick] = angles[tick - 1] + problem.pairs.weight[acting] @ called
+    return np.asarray(angles[problem.sampled] - problem.desired[:, np.newaxis])
 
 
 def _weighted(cuts: list[Cut], solution: RelaxedSolution) -> list[tuple[Cut, float]]:

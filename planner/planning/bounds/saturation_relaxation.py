@@ -66,6 +66,15 @@ class Ranges(NamedTuple):
         """The same ranges, to be narrowed on their own."""
         return Ranges(*(each.copy() for each in self))
 
+    def within(self, others: Ranges) -> Ranges:
+        """What these ranges and others have in common."""
+        return Ranges(
+            np.maximum(self.lower, others.lower),
+            np.minimum(self.upper, others.upper),
+            np.maximum(self.slowest, others.slowest),
+            np.minimum(self.fastest, others.fastest),
+        )
+
 
 class ScaledProblem:
     """A bound's problem in units of v_max a tick, with what its relaxations share.

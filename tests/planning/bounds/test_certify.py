@@ -422,6 +422,44 @@ def test_a_bound_that_a_joint_in_motion_attains_ends_the_search_and_leaves_an_in
     assert "exact bound: closed" in caplog.text
 
 
+@pytest.mark.parametrize("norm", ["rms", "max"])
+@pytest.mark.parametrize(
+    ("lag", "acceleration", "desired"),
+    [
+        (4, 6, [0.0, 0.04, 0.08]),
+        (4, 6, [0.0, 0.01, 0.02, 0.03]),
+        (0, 3, [-0.007, 0.0137, 0.0185]),
+        (0, 1, [0.0, 0.022, 0.044, 0.066]),
+    ],
+)
+def test_a_short_path_that_a_joint_in_motion_almost_follows_ends_the_search(
+    lag, acceleration, desired, norm, caplog
+):
+    caplog.set_level("DEBUG", logger="planner.planning.bounds")
+    joint = replace(
+        JointModel.ers210a(), lag=0.008 * lag, acceleration_time=0.008 * acceleration, hold=2
+    )
+    certify(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=1.0)
+    assert "exact bound: closed" in caplog.text
+
+
+def test_the_bound_for_every_start_is_that_of_the_best_start():
+    """Within the lag one request drives the joint: the best start and request are found on a grid.
+
+    The joint is in motion when the path begins, so all of the window is that request.
+    """
+    joint, desired = JointModel.ers210a(), np.array([0.0, 0.04, 0.08])
+    starts, ahead = np.meshgrid(np.linspace(-0.01, 0.01, 401), np.linspace(0.0, 0.2, 2001))
+    angles = [starts]
+    for _ in desired[1:]:
+        error = starts + ahead - angles[-1]
+        angles.append(angles[-1] + joint.v_max_per_tick * np.minimum(error / joint.theta_0, 1.0))
+    errors = np.abs(np.stack(angles) - desired[:, None, None])
+    for norm, each in (("max", errors.max(0)), ("rms", np.sqrt((errors**2).mean(0)))):
+        bound = lower_bound(joint, desired, cyclic=False, norm=norm, level="exact", time_limit=2.0)
+        assert each.min() - 1e-4 < bound <= each.min()
+
+
 def test_a_start_that_is_no_angle_of_a_joint_is_refused():
     with pytest.raises(InvalidInput, match="start: got 1e\\+300, expected an angle"):
         certify(JointModel.ers210a(), np.zeros(9), cyclic=False, start=1e300)
