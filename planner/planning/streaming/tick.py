@@ -121,6 +121,18 @@ class Data(NamedTuple):
     load: Array  # asked [N m], (preview, k)
 
 
+class Problem(NamedTuple):
+    """What one joint's plan is to do."""
+
+    joint: Record
+    law: Law
+    weights: Array  # of its requests, (hold, W)
+    samples: Any  # SAMPLE, (n,)
+    angle: float  # before the first of them [rad]
+    speed: float  # before it [rad/tick]
+    begins: bool  # whether this is the first tick, whose request stays
+
+
 @compiled
 def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     """Plan the requests of all joints for now.
@@ -186,7 +198,8 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 asked.sag, asked.faster, asked.goal = sag, faster, rows[j, sample]
                 asked.count = 1.0 if sample < preview else shares[j]
                 asked.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
-        improve(joint, state, law, own, period_samples, angle, speed, its_sent, its_plan, begins)
+        problem = Problem(joint, law, own, period_samples, angle, speed, begins)
+        improve(problem, state, its_sent, its_plan)
         last = its_sent[-1]
         its_plan[0] = last if rested[j] or begins else within(joint, its_plan[0], last)
         state.request = its_plan[0]
@@ -282,33 +295,17 @@ def within(joint: Record, request: float, last: float) -> float:
 
 
 @compiled
-def improve(
-    joint: Record,
-    state: Record,
-    law: Law,
-    weights: Array,
-    samples: Any,
-    angle: float,
-    speed: float,
-    sent: Array,
-    plan: Array,
-    begins: bool,
-) -> None:
+def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     """Put the best of plan, shares of its Gauss-Newton steps and inverted lines in its place.
 
     Args:
-        joint: The joint.
-        state: Its damping changes.
-        law: Of the joint.
-        weights: Of its requests, (hold, W).
-        samples: What the plan is to do, (n,).
-        angle: Before the first sample [rad].
-        speed: Before it [rad/tick].
+        problem: What the plan is to do.
+        state: Of the joint; its damping changes.
         sent: Requests that still act or will, oldest first [rad].
         plan: The plan of the tick before, shifted [rad], (n,).
-        begins: Whether this is the first tick, whose request stays.
     """
-    count, past = len(plan), max(weights.shape[1] - 1, 1)
+    joint, samples, begins = problem.joint, problem.samples, problem.begins
+    count, past = len(plan), max(problem.weights.shape[1] - 1, 1)
     best, now = np.empty(past + count), np.empty(past + count)
     lines, trial = np.empty(past + count), np.empty(past + count)
     step = np.empty(count)
@@ -325,9 +322,7 @@ def improve(
         now[k] = min(max(now[k], joint.lower), joint.upper)
         lines[k] = min(max(lines[k], joint.lower), joint.upper)
     for _ in range(FIRST_STEPS if begins else STEPS):
-        before = gauss_newton_step(
-            joint, law, weights, samples, angle, speed, now, state.damping, begins, step
-        )
+        before = gauss_newton_step(problem, now, state.damping, step)
         least, found = before, -1
         for number in range(1 + len(SHARES)):
             for k in range(count):
@@ -335,7 +330,7 @@ def improve(
                 if number:
                     request = now[past + k] - SHARES[number - 1] * step[k]
                 trial[past + k] = min(max(request, joint.lower), joint.upper)
-            costs = cost(joint, law, weights, samples, angle, speed, trial, least)
+            costs = cost(problem, trial, least)
             if costs < least:
                 least, found, best, trial = costs, number, trial, best
         if found >= 0:
@@ -373,17 +368,9 @@ def cost_of_request(joint: Record, change: float, away: float) -> float:
 
 
 @compiled
-def cost(
-    joint: Record,
-    law: Law,
-    weights: Array,
-    samples: Any,
-    angle: float,
-    speed: float,
-    requests: Array,
-    enough: float,
-) -> float:
+def cost(problem: Problem, requests: Array, enough: float) -> float:
     """The cost of a plan by the exact model [rad^2]; beyond ``enough`` it does not matter."""
+    joint, law, weights, samples, angle, speed, _ = problem
     past, first = len(requests) - len(samples), len(requests) - len(samples) + 1 - weights.shape[1]
     of_errors, of_requests = 0.0, 0.0
     for k in range(len(samples)):
@@ -400,18 +387,7 @@ def cost(
 
 
 @compiled
-def gauss_newton_step(
-    joint: Record,
-    law: Law,
-    weights: Array,
-    samples: Any,
-    angle: float,
-    speed: float,
-    requests: Array,
-    damping: float,
-    begins: bool,
-    step: Array,
-) -> float:
+def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: Array) -> float:
     """Fill ``step`` with minus the Gauss-Newton step of a plan; return what the plan costs [rad^2].
 
     Requests on a limit that the gradient would move beyond it stay, and so does the first one where
@@ -427,17 +403,12 @@ def gauss_newton_step(
     all but a band of Q is zero.
 
     Args:
-        joint: The joint.
-        law: Of :func:`improve`.
-        weights: Of the same.
-        samples: Of the same.
-        angle: Of the same.
-        speed: Of the same.
+        problem: What the plan is to do.
         requests: Those before the plan that act, then the plan [rad].
         damping: Levenberg-Marquardt term.
-        begins: Whether the first request stays.
         step: Filled, (n,).
     """
+    joint, law, weights, samples, angle, speed, begins = problem
     count, width = len(step), weights.shape[1]
     past, band = len(requests) - count, max(width, 2)  # requests of a period, or of a change
     inert = law.share < 1.0 or law.acceleration < np.inf

@@ -14,6 +14,7 @@ from planner.planning.streaming.tick import (
     JOINT,
     RESTING,
     SAMPLE,
+    Problem,
     cost,
     gauss_newton_step,
 )
@@ -61,11 +62,18 @@ class Plan:
             ("smoothing", SMOOTHING),
         ):
             joints[name] = value
-        state = weights_by_tick(model), self.samples, self.angle, self.speed, self.requests
+        problem = Problem(
+            joints[0],
+            model.law,
+            weights_by_tick(model),
+            self.samples,
+            self.angle,
+            self.speed,
+            begins,
+        )
         self.step = np.zeros(SAMPLES)
-        arguments = joints[0], model.law, *state
-        self.cost = gauss_newton_step(*arguments, DAMPING, begins, self.step)
-        self.exact_cost = cost(*arguments, np.inf)
+        self.cost = gauss_newton_step(problem, self.requests, DAMPING, self.step)
+        self.exact_cost = cost(problem, self.requests, np.inf)
 
 
 def linearised(plan):
