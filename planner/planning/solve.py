@@ -11,7 +11,6 @@ import numpy as np
 
 from planner.exceptions import about
 from planner.planning.arguments import Robust, Solver
-from planner.planning.foot.invert import foot_problem, foot_requests, longer
 from planner.planning.gauss_newton import OPTIONS as SEARCH
 from planner.planning.optimal import best_requests, first_request_freed
 from planner.planning.reversals import LEAST_REVERSAL, without_small_reversals
@@ -107,6 +106,8 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
 
 def solve_foot(task: Task) -> Solved:
     """The requests for all joints of a leg, (n, k), from those for its joints one by one."""
+    from planner.planning.foot.invert import foot_problem, foot_requests, longer  # with kinematics
+
     problem = foot_problem(task)
     singly = [solve_joint(_alone(task, problem, j)).requests for j in range(len(task.names))]
     problem, requests = foot_requests(problem, np.hstack(singly), smoothness=task.smoothness)

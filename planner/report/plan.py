@@ -49,7 +49,7 @@ from planner.report.style import (
     REQUESTED,
     Role,
 )
-from planner.report.table import percent
+from planner.report.table import NO_BOUND, percent
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
@@ -62,9 +62,6 @@ METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_
 
 VIEWS = {"side": (0, "x"), "front": (1, "y")}
 """What a view has across [index and name of the axis]; upward it has z."""
-
-NO_BOUND = "a load that depends on the pose: other requests would meet another load"
-"""Why there is no lower bound where there is none."""
 
 ROUNDING = 1e-12
 """What the division by a decimal step may add to a quotient, as a share of it."""

@@ -13,6 +13,9 @@ from operator import attrgetter
 NOTHING = "–"
 """What stands in a cell that has no value."""
 
+NO_BOUND = "a load that depends on the pose: other requests would meet another load"
+"""Why there is no lower bound where there is none."""
+
 _WIDTH: ContextVar[int | None] = ContextVar("_WIDTH", default=None)
 """Characters of a line; None, as for files, for any number."""
 

@@ -22,8 +22,6 @@ from planner.files.paths import (
     write_joint_path,
 )
 from planner.files.units import LEAST_DEG, SHARES
-from planner.gait.half_ellipse import half_ellipse
-from planner.gait.stride import stride
 from planner.model.evidence import refusal
 from planner.model.joint import JointModel
 from planner.run import settings
@@ -521,6 +519,9 @@ def repeats(rows: Array, cyclic: bool | None) -> tuple[bool, tuple[Remark, ...]]
 def _half_ellipse(
     run: settings.Run, walk: settings.HalfEllipse, leg: Leg | None, folder: str
 ) -> Desired:
+    from planner.gait.half_ellipse import half_ellipse  # with kinematics
+    from planner.gait.stride import stride
+
     if leg is None:
         keys = (Key("leg.urdf"), ", ", Key("leg.base"), " and ", Key("leg.foot"))
         half = Key("path.half_ellipse")

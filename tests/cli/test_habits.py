@@ -80,7 +80,7 @@ def test_a_plan_of_joints_imports_what_it_needs_only(tmp_path):
     )
     imported = set(done.stdout.splitlines()[-1].split())
     needed = {"numba", "numpy", "scipy", "yaml"}  # Numba reads its configuration with yaml
-    assert imported & {*HEAVY, "scipy.optimize"} == needed
+    assert imported & {*HEAVY, "kinematics.leg", "scipy.optimize"} == needed
 
 
 def test_the_version_is_that_of_the_package(run):
