@@ -482,9 +482,18 @@ def test_a_load_at_every_step_is_planned_for():
     assert one.status == two.status == ("planned", "planned")
     last = stream.step(path[:PREVIEW], load=0.5)
     assert stream.status == ("planned",)
-    assert np.array_equal(stream.step(path[:PREVIEW], load=1e6), last)
-    assert "load" in stream.problem
-    assert np.array_equal(stream.step(path[:PREVIEW], load="heavy"), last)
+    for load in (1e6, math.nan, math.inf, "heavy"):
+        assert np.array_equal(stream.step(path[:PREVIEW], load=load), last)
+        assert stream.status == ("held",)
+        assert "load" in stream.problem
+
+
+def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
+    model = replace(planner.JointModel.ers210a(), dead_band=0.05)
+    stream = planner.Stream(model, preview=PREVIEW, limits=(-1.0, 1.0))
+    for angle, status in ((1.04, "planned"), (-1.04, "planned"), (1.06, "unreachable")):
+        stream.step([angle])
+        assert stream.status == (status,)
 
 
 def test_a_lag_longer_than_the_preview_is_followed_late():
