@@ -50,9 +50,6 @@ whose speed changes 6.0, 12.0, 7.3 %. Ticks take longer, too."""
 STATUS: tuple[Status, ...] = ("planned", "held", "held", "unreachable", "planned")
 """What is said of a joint with each of the faults of a tick."""
 
-FORGOTTEN = 10 * 1000
-"""Missed ticks after which nothing that was known before matters."""
-
 MOST_PREVIEW = 1000
 """Longest preview [rows]: the time of a tick grows with it."""
 
@@ -134,11 +131,10 @@ class Stream:
         if not is_one_of(on_bad, get_args(OnBad)):
             raise InvalidInput(f"on_bad: got {shown(on_bad)}, expected 'hold' or 'raise'")
         self._raises = on_bad == "raise"
-        self._lower, self._upper = limits_of_each(limits, self.names, joints="joints")
-        for name, low, high in zip(self.names, self._lower, self._upper, strict=True):
+        self._limits = limits_of_each(limits, self.names, joints="joints")
+        for name, low, high in zip(self.names, *self._limits, strict=True):
             checked_limits((low, high), of=f"limits of {name}")
-        self._step = steps_of_each(max_step, self.names, joints="joints")
-        self._feels_load = any(model.feels_load for model in self.models)
+        self._max_step = steps_of_each(max_step, self.names, joints="joints")
         self._lay_out()
         self.reset()
         self._plan(0)  # loads, or compiles, what a tick calls: the first one takes no longer
@@ -159,7 +155,6 @@ class Stream:
             first = request_ages(model).youngest - ages.youngest
             own = weights_by_tick(model)
             weights[j, : model.hold, first : first + own.shape[1]] = own
-
         joints = np.zeros(count, dtype=tick.JOINT)
         for name in ("offset", "compliance", "theta_0", "dead_band", "hold"):
             joints[name] = [getattr(model, name) for model in models]
@@ -171,7 +166,7 @@ class Stream:
         joints["faster_by_load"] = ticks * [model.speed_per_torque for model in models]
         joints["v_max"] = [model.v_max_per_tick for model in models]
         joints["travel"] = [model.v_max_per_period for model in models]
-        joints["lower"], joints["upper"], joints["max_step"] = self._lower, self._upper, self._step
+        joints["lower"], joints["upper"], joints["max_step"] = *self._limits, self._max_step
         joints["smoothing"] = SMOOTHING + CROSSING * joints["dead_band"] / joints["theta_0"]
         effects = np.array([switching_time(model) for model in models]) / self.period
         joints["effect"] = effects - ages.youngest
@@ -187,21 +182,20 @@ class Stream:
             load=np.zeros((preview, count)),
         )
         self._all_planned: tuple[Status, ...] = tuple("planned" for _ in models)
-        self._status, self._problem = self._all_planned, ""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle: what it was made from and what it has learnt, not compiled buffers."""
         options = {
             "preview": self.preview,
-            "limits": (self._lower, self._upper),
-            "max_step": None if np.isinf(self._step).all() else self._step,
+            "limits": self._limits,
+            "max_step": None if np.isinf(self._max_step).all() else self._max_step,
             "cycle": self.cycle,
             "on_bad": "raise" if self._raises else "hold",
         }
         known = dict(zip(self.names, self.models, strict=True))
         return _made_again, (known, options), (self._memory(), self._status, self._problem)
 
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
+    def __setstate__(self, state: tuple[tuple[Any, ...], tuple[Status, ...], str]) -> None:
         """Take a copy of another stream's state."""
         memory, self._status, self._problem = state
         for mine, others in zip(self._memory(), memory, strict=True):
@@ -308,8 +302,7 @@ class Stream:
         """Whether the tick has planned what is asked; it has not where something is wrong."""
         from planner.planning.streaming.tick import tick
 
-        periods = min(missed, FORGOTTEN)
-        return tick(self._data, self._path, periods, self._raises)
+        return tick(self._data, self._path, min(missed, 10_000), self._raises)
 
     def _take(self, desired: Any, measured: Any, load: Any) -> list[str]:
         """Lay the arguments of a step out for the tick; return what is wrong with them."""
@@ -321,7 +314,8 @@ class Stream:
                 f"({preview}, {joints})"
             )
         asked.load[:] = 0.0
-        if load is not None and self._feels_load and not _fill(asked.load, load, constant=True):
+        felt = load is not None and any(model.feels_load for model in self.models)
+        if felt and not _fill(asked.load, load, constant=True):
             problems.append(f"load: got {shown(load)}, expected torques [N m], {joints} or rows")
         states["measured"] = math.nan
         if measured is not None:

@@ -213,7 +213,7 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
     finite, blocked, far = True, False, 0.0
     for row in range(len(desired)):
         faster = joint.faster + joint.faster_by_load * load[row, j]
-        if not (abs(faster) < joint.v_max and abs(load[row, j]) < np.inf):
+        if not abs(faster) < joint.v_max:  # also where the load is no number
             blocked = True
         if not abs(desired[row, j]) <= LARGEST:
             finite = False

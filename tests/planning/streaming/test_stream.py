@@ -68,8 +68,9 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     joint = planner.JointModel.ers210a()
     degrees = np.degrees(smooth_path(300))
     stream = planner.Stream(joint, preview=PREVIEW)
-    told = [(stream.step(rows), stream.problem)[1] for rows in stretches(degrees)]
-    assert any("joint_1 got" in text and "degrees" in text for text in told)
+    told = [(stream.step(rows), stream.problem, stream.status)[1:] for rows in stretches(degrees)]
+    assert any("joint_1 got" in text and "degrees" in text for text, _ in told)
+    assert all((status == ("held",)) == (text != "") for text, status in told)
     assert np.max(np.abs(stream.angles)) < 4.0 * np.pi
     with pytest.raises(planner.InvalidInput, match=r"desired: joint_1 got 45 rad, 7\.2 turns"):
         planner.Stream(joint, preview=PREVIEW, on_bad="raise").step(np.full(PREVIEW, 45.0))
@@ -486,6 +487,14 @@ def test_a_load_at_every_step_is_planned_for():
         assert np.array_equal(stream.step(path[:PREVIEW], load=load), last)
         assert stream.status == ("held",)
         assert "load" in stream.problem
+
+
+def test_a_load_that_is_no_number_is_held_where_it_only_makes_the_joint_sag():
+    stream = planner.Stream(replace(planner.JointModel.ers210a(), compliance=0.1), preview=PREVIEW)
+    last = stream.step([0.3], load=0.2)
+    for load in (math.nan, math.inf):
+        assert np.array_equal(stream.step([0.4], load=load), last)
+        assert stream.status == ("held",)
 
 
 def test_an_angle_that_friction_holds_is_within_reach_of_the_limits():
