@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.exceptions import InvalidInput
+from planner.identification.grid import Grid, Place, Timing, evenly_timed, resampled, unequal
 from planner.identification.least_squares import (
     QUICK,
     SEARCH,
@@ -22,8 +23,6 @@ from planner.identification.least_squares import (
 )
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
-from planner.identification.resampling import Grid, Place, resampled
-from planner.identification.timestamps import Timing, evenly_timed, unequal
 from planner.trajectory import Array
 
 COMMANDED_SHARE = 0.7

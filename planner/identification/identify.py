@@ -12,37 +12,52 @@ import numpy as np
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
     Simple,
+    commanded_speed,
     errors_of,
     fit_joint,
+    moving,
+    peak_command,
     simple_fits,
     with_even_rows,
     with_observed_speed,
     with_speed_of,
 )
+from planner.identification.grid import (
+    Grid,
+    Timing,
+    measured_speed,
+    resampled,
+    sound_rows,
+    timing_of,
+)
 from planner.identification.intervals import (
-    Uncertainty,
+    all_intervals,
+    correlations_of,
+    covariance_of,
     intervals_of,
-    model_interval,
     noise_of,
+    speed_bounded,
     uncertainty_of,
 )
-from planner.identification.least_squares import Fit, rms
-from planner.identification.log import Log, as_logs, check_periods, unwrapped
-from planner.identification.parameters import PARAMETERS, TERMS, Parameters, model_derivatives
-from planner.identification.resampling import measured_speed, sound_rows
-from planner.identification.residual_patterns import patterns, shaken, stops
-from planner.identification.result import Alternative, Finding, Identification, Interval, LogFit
-from planner.identification.terms import Trial, with_terms
-from planner.identification.timestamps import Timing, timing_of
-from planner.identification.unmodelled import unmodelled
-from planner.identification.validation import HeldOut, held_out
-from planner.identification.verdict import (
+from planner.identification.judgement import (
     exchanged_columns,
     notes_on,
     opposite_sign,
     said,
     verdict_on,
 )
+from planner.identification.least_squares import Fit, respond, rms, sound_rms
+from planner.identification.log import Log, as_logs, check_periods, unwrapped
+from planner.identification.residual_patterns import patterns, shaken, stops
+from planner.identification.result import (
+    Alternative,
+    Finding,
+    HeldOut,
+    Identification,
+    Interval,
+    LogFit,
+)
+from planner.identification.terms import Trial, unmodelled, with_terms
 from planner.trajectory import Array
 from planner.validation import as_flag
 
@@ -51,9 +66,6 @@ SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
 
 MOSTLY_FREE = 0.5
 """Share of the rows of a log that have to remain beside those at a mechanical stop."""
-
-CORRELATION_DIGITS = 4
-"""Decimals of correlations: a model file has a row of them for each parameter."""
 
 
 @np.errstate(under="ignore")  # too small to matter, whatever the caller has set
@@ -135,7 +147,7 @@ def identify(
         friction=_possible_friction(trial),
         shaken=shaken(model, fits, unit),
     )
-    intervals = _intervals(fit, bounds, uncertainty)
+    intervals = all_intervals(fit, bounds, uncertainty)
     notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
     notes += [
         f"{log.name}: left out are {count} measured angles that no joint takes: they jump away and "
@@ -167,8 +179,8 @@ def identify(
         signal=signal,
         intervals=intervals,
         gain_interval=bounds["gain"],
-        covariance=_covariance(fit, bounds, uncertainty),
-        correlations=_correlations(fit, uncertainty),
+        covariance=covariance_of(fit, bounds, uncertainty),
+        correlations=correlations_of(fit, uncertainty),
         alternatives=_alternatives(simple, errors, held),
         findings=(
             *judged.findings,
@@ -311,61 +323,6 @@ def _signal(fit: Fit) -> float:
     return rms(grid.angles - means[grid.run])
 
 
-def _intervals(
-    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
-) -> dict[str, Interval]:
-    known = dict(bounds)
-    for name, term in TERMS.items():
-        if name in ("asymmetry", "slowing") and name in bounds:
-            known[term] = model_interval(fit, uncertainty, name)
-            if not (bounds[name].bounded and bounds["v_max"].bounded):
-                known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
-    known["theta_0"] = _theta_0(fit, bounds, uncertainty)
-    return {name: known[name] for name in PARAMETERS if name in known}
-
-
-def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
-    """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
-    gain, v_max = bounds["gain"], bounds["v_max"]
-    if v_max.bounded and gain.bounded:
-        way = np.array([-1.0, 1.0])
-        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance[:2, :2] @ way))
-        value = fit.parameters.v_max / fit.parameters.gain
-        if half < 1.0:
-            return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
-    upper = v_max.upper / gain.lower if gain.lower > 0.0 else np.inf
-    return Interval(v_max.lower / gain.upper, upper)
-
-
-def _covariance(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Array | None:
-    """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
-    if not all(interval.bounded for interval in bounds.values()):
-        return None
-    fitted = np.ix_(fit.free, fit.free)
-    if not np.isfinite(uncertainty.covariance[fitted]).all():  # a parameter without effect
-        return None
-    change = model_derivatives(fit.grid, fit.parameters)[fitted]
-    covariance = change @ uncertainty.covariance[fitted] @ change.T
-    covariance.setflags(write=False)
-    return np.asarray(covariance)
-
-
-def _correlations(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
-    """Correlations of what was fitted of :data:`PARAMETERS`, the gain in the place of theta_0."""
-    change = model_derivatives(fit.grid, fit.parameters)
-    theta_0, gain = PARAMETERS.index("theta_0"), Parameters._fields.index("gain")
-    change[theta_0] = np.eye(len(change))[gain]
-    known = fit.free & np.isfinite(np.diag(uncertainty.covariance))
-    change = change[np.ix_(fit.free, known)]
-    covariance = change @ uncertainty.covariance[np.ix_(known, known)] @ change.T
-    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)
-    np.fill_diagonal(found, 1.0)
-    rounded = np.round((found + found.T) / 2.0, CORRELATION_DIGITS) + 0.0  # no -0.0
-    return tuple(map(tuple, rounded.tolist()))
-
-
 def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogFit, ...]:
     grid = fit.grid
     rows = np.zeros(len(grid.angles), dtype=bool) if held is None else held.rows
@@ -394,3 +351,85 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
         )
         for log, used, predicted, out, out_predicted, weights, residuals in columns
     )
+
+
+def held_out(
+    logs: Sequence[Log], timing: Timing, whole: Fit, *, faster: bool = False
+) -> HeldOut | None:
+    """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
+
+    A top speed that the first part does not bound, and the rest may exceed, cannot be predicted
+    from it: there that of the fit to all rows is taken, and the rest tests the other parameters.
+
+    Args:
+        logs: The logs.
+        timing: Their ticks.
+        whole: The fit to all rows that are used in the end.
+        faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
+    """
+    grid = whole.grid
+    middles = [_middle(log) for log in logs]
+    parts = [_first_rows(log, middle) for log, middle in zip(logs, middles, strict=True)]
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    try:
+        fit = with_terms(fit_joint(known, timing)).fit
+    except InvalidInput:
+        return None
+    rows = np.concatenate(
+        [np.flatnonzero(used) >= middle for used, middle in zip(grid.places, middles, strict=True)]
+    )
+    if not rows.any():
+        return None
+    shown = peak_command(fit)
+    fit = with_observed_speed(fit)
+    at, starts = fit.parameters, _starts(grid, fit, parts)
+    response = respond(grid, at, starts)
+    called = commanded_speed(at, response)
+    beyond = called > 1.1 * shown and not speed_bounded(fit)
+    if beyond or faster:
+        at = at._replace(v_max=whole.parameters.v_max)
+        response = respond(grid, at, starts)
+    predicted = response.predicted
+    simple = simple_fits(
+        moving(resampled(known, tick=timing.tick, reach=timing.reach, burn_in=0.0))
+    )
+    first = grid.measured_starts
+    others = {other.name: rms(errors_of(other, grid, first)[rows]) for other in simple}
+    errors = (predicted - grid.angles)[rows]
+    return HeldOut(
+        rows=rows,
+        predicted=predicted[rows],
+        rms=rms(errors),
+        sound_rms=sound_rms(errors),
+        alternatives=others,
+        beyond=beyond,
+    )
+
+
+def _middle(log: Log) -> int:
+    """First row that is held out."""
+    powered = np.flatnonzero(log.torque_on)
+    if not len(powered):
+        return 0
+    return int(powered[min(int(np.ceil(0.5 * len(powered))), len(powered) - 1)])
+
+
+def _first_rows(log: Log, middle: int) -> Log | None:
+    if middle < 3:
+        return None
+    columns = ("times", "requests", "angles", "torque_on", "measured")
+    first = replace(log, load=None, **{name: getattr(log, name)[:middle] for name in columns})
+    return first if log.load is None else replace(first, load=log.load[:middle])
+
+
+def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:
+    """Where the runs start: as fitted where the fit has seen it, else as measured."""
+    numbers = [i for i, part in enumerate(parts) if part is not None]
+    fitted_starts = {
+        (numbers[log], row): start
+        for (log, row), start in zip(fit.grid.firsts, fit.starts, strict=True)
+    }
+    pairs = zip(grid.firsts, grid.measured_starts, strict=True)
+    return np.array([fitted_starts.get(first, angle) for first, angle in pairs])

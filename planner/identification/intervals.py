@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from planner.identification.least_squares import PROFILE, Fit, huber, least_squa
 from planner.identification.parameters import (
     COORDINATES,
     COUNT,
+    PARAMETERS,
     TERMS,
     Parameters,
     bounds_of,
@@ -24,50 +24,26 @@ from planner.identification.parameters import (
 from planner.identification.result import Interval
 from planner.trajectory import Array
 
+MISFIT = 0.01
+"""Share by which the loss has to rise before a value counts as refuted, however many the rows: real
+joints are not the model, and what fits better by less says nothing about the parameter."""
 
-@dataclass(frozen=True, kw_only=True)
-class IntervalOptions:
-    """What counts as determined, as refuted and as independent.
+STRUCTURE = 0.2
+"""The same share where all of the residuals are alike from row to row: structure that the model
+does not have, and that other motions have otherwise. On 29 recordings of an arm of which 25 do not
+saturate, an unlimited top speed raises the loss by 0 to 0.18 of it, in those of the gripper that do
+by 1.3 and more (at half two top speeds count as bounded that are not)."""
 
-    In brackets by what factor half and twice the value change the widths of the intervals of seven
-    reference logs (four made, three recorded; ``scripts/reference``).
+CERTAIN = 0.05
+"""A logarithm with a standard deviation below this is determined; no profile is asked."""
 
-    Attributes:
-        confidence: Probability with which an interval holds the truth.
-        window: Autocorrelations are summed up to so many correlation times (Sokal's window; 0.2 to
-            1.1, and 0.8 to 1.1).
-        misfit: Share by which the loss has to rise before a value counts as refuted, however
-            many the rows: real joints are not the model, and what fits better by less says
-            nothing about the parameter (1, 1: no profile of these logs ends there).
-        structure: The same share where all of the residuals are alike from row to row: structure
-            that the model does not have, and that other motions have otherwise. On 29 recordings of
-            an arm of which 25 do not saturate, an unlimited top speed raises the loss by 0 to 0.18
-            of it, in those of the gripper that do by 1.3 and more (half: two top speeds count as
-            bounded that are not).
-        rounded: Errors below this share of the motion refute nothing, as in logs without noise.
-        certain: A logarithm with a standard deviation below this is determined; no profile is
-            asked (1, 1).
-        profile_steps: Steps with which a profile widens at most; what is not refuted then is
-            reported as open (half: 3 ends more of 70 are open; twice: 1).
-        widening: By how much each of these steps is longer than the one before (half: 3 ends more
-            of 70 are open; twice: up to 1.6).
-        bisections: Halvings that narrow the end of an interval, each one fit (half: up to 1.8;
-            twice: down to 0.6, in 1.1 times the time).
-    """
+WIDENING = 2.5
+"""By how much each of four steps of a profile is longer than the one before; what is not refuted
+then is open. (At half 3 ends more of 70 are open; at twice intervals are up to 1.6 times wider.)"""
 
-    confidence: float = 0.95
-    window: float = 5.0
-    misfit: float = 0.01
-    structure: float = 0.2
-    rounded: float = 1e-6
-    certain: float = 0.05
-    profile_steps: int = 4
-    widening: float = 2.5
-    bisections: int = 2
-
-
-OPTIONS = IntervalOptions()
-
+BISECTIONS = 2
+"""Halvings that narrow the end of an interval, each one fit (half: up to 1.8 times as wide; twice:
+down to 0.6, in 1.1 times the time)."""
 
 GAIN = Parameters._fields.index("gain")
 V_MAX = Parameters._fields.index("v_max")
@@ -136,7 +112,7 @@ def middle_known_within(fit: Fit, uncertainty: Uncertainty, window: Interval) ->
 
 def _certain(uncertainty: Uncertainty, index: int) -> bool:
     """Whether the covariance determines a logarithm."""
-    return ROWS[index].unit is None and bool(uncertainty.deviations[index] <= OPTIONS.certain)
+    return ROWS[index].unit is None and bool(uncertainty.deviations[index] <= CERTAIN)
 
 
 def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
@@ -187,7 +163,7 @@ def _end(
     profile = _Profile(fit, index, fit.cost + rise, possible)
     logarithmic = ROWS[index].unit is None
     inner, step = value, _first_step(fit, uncertainty, index)
-    for _ in range(OPTIONS.profile_steps):
+    for _ in range(4):
         outer = value * math.exp(way * step) if logarithmic else value + way * step
         beyond = (outer - limit) * way >= 0.0
         if beyond and not profile.refutes(limit):
@@ -195,12 +171,10 @@ def _end(
         outer = limit if beyond else outer
         if beyond or profile.refutes(outer):
             break
-        inner, step = outer, OPTIONS.widening * step
+        inner, step = outer, WIDENING * step
     else:
         return reported
-    for _ in range(
-        OPTIONS.bisections if inner != value or step > _wald(uncertainty, fit, index) else 0
-    ):
+    for _ in range(BISECTIONS if inner != value or step > _wald(uncertainty, fit, index) else 0):
         middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
         inner, outer = (inner, middle) if profile.refutes(middle) else (middle, outer)
     return outer
@@ -231,7 +205,7 @@ def _open_at_the_edge(fit: Fit, index: int, interval: Interval) -> Interval:
 def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
     """Rise of the loss from which on a value of a parameter is refuted: (18) [rad^2]."""
     threshold = float(uncertainty.threshold[Parameters._fields.index(name)])
-    return max(threshold, OPTIONS.misfit * fit.cost)
+    return max(threshold, MISFIT * fit.cost)
 
 
 class _Profile:
@@ -352,9 +326,9 @@ def uncertainty_of(fit: Fit) -> Uncertainty:
         root = np.sqrt(inflation[acting])
         covariance[np.ix_(acting, acting)] = white * np.outer(root, root)
     effective = max(count / float(np.median(inflation[fit.free])) - fitted, 2.0)
-    quantile = float(stdtrit(effective, 0.5 + OPTIONS.confidence / 2.0))
-    rounding = (OPTIONS.rounded * float(np.std(fit.grid.angles))) ** 2 / max(variance, 1e-300)
-    least = max(OPTIONS.structure * structure_of(fit), rounding) * count / quantile**2
+    quantile = float(stdtrit(effective, 0.975))
+    rounding = (1e-6 * float(np.std(fit.grid.angles))) ** 2 / max(variance, 1e-300)
+    least = max(STRUCTURE * structure_of(fit), rounding) * count / quantile**2
     more = np.maximum(least / inflation, 1.0)
     root = np.sqrt(np.where(np.isfinite(np.diag(covariance)), more, 1.0))
     covariance = covariance * np.outer(root, root)
@@ -408,5 +382,63 @@ def correlation_time(series: Array) -> float:
         return 1.0
     times = 2.0 * np.cumsum(products / products[0]) - 1.0
     furthest = math.isqrt(count)
-    ended = np.flatnonzero(np.arange(furthest) >= OPTIONS.window * times[:furthest])
+    ended = np.flatnonzero(np.arange(furthest) >= 5.0 * times[:furthest])
     return max(1.0, float(times[ended[0] if len(ended) else furthest]))
+
+
+def all_intervals(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+) -> dict[str, Interval]:
+    """Intervals of :data:`PARAMETERS` in SI units, from those of what was fitted."""
+    known = dict(bounds)
+    for name, term in TERMS.items():
+        if name in ("asymmetry", "slowing") and name in bounds:
+            known[term] = model_interval(fit, uncertainty, name)
+            if not (bounds[name].bounded and bounds["v_max"].bounded):
+                known[term] = Interval(-math.inf if name == "asymmetry" else 0.0, math.inf)
+    known["theta_0"] = _theta_0(fit, bounds, uncertainty)
+    return {name: known[name] for name in PARAMETERS if name in known}
+
+
+def _theta_0(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> Interval:
+    """theta_0 = v_max / gain: by their covariance where it holds, else from their ends."""
+    gain, v_max = bounds["gain"], bounds["v_max"]
+    if v_max.bounded and gain.bounded:
+        way = np.array([-1.0, 1.0])
+        half = uncertainty.quantile * float(np.sqrt(way @ uncertainty.covariance[:2, :2] @ way))
+        value = fit.parameters.v_max / fit.parameters.gain
+        if half < 1.0:
+            return Interval(value * float(np.exp(-half)), value * float(np.exp(half)))
+    upper = v_max.upper / gain.lower if gain.lower > 0.0 else np.inf
+    return Interval(v_max.lower / gain.upper, upper)
+
+
+def covariance_of(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+) -> Array | None:
+    """Covariance of what was fitted of :data:`PARAMETERS`, in SI units, shape (p, p)."""
+    if not all(interval.bounded for interval in bounds.values()):
+        return None
+    fitted = np.ix_(fit.free, fit.free)
+    if not np.isfinite(uncertainty.covariance[fitted]).all():  # a parameter without effect
+        return None
+    change = model_derivatives(fit.grid, fit.parameters)[fitted]
+    covariance = change @ uncertainty.covariance[fitted] @ change.T
+    covariance.setflags(write=False)
+    return np.asarray(covariance)
+
+
+def correlations_of(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
+    """Correlations of what was fitted of :data:`PARAMETERS`, the gain in the place of theta_0."""
+    change = model_derivatives(fit.grid, fit.parameters)
+    theta_0, gain = PARAMETERS.index("theta_0"), Parameters._fields.index("gain")
+    change[theta_0] = np.eye(len(change))[gain]
+    known = fit.free & np.isfinite(np.diag(uncertainty.covariance))
+    change = change[np.ix_(fit.free, known)]
+    covariance = change @ uncertainty.covariance[np.ix_(known, known)] @ change.T
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    shares = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+    found = np.clip(covariance * np.outer(shares, shares), -1.0, 1.0)
+    np.fill_diagonal(found, 1.0)
+    rounded = np.round((found + found.T) / 2.0, 4) + 0.0  # no -0.0
+    return tuple(map(tuple, rounded.tolist()))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
+from planner.identification.grid import Grid
 from planner.identification.parameters import (
     BASE,
     Free,
@@ -20,7 +21,6 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
-from planner.identification.resampling import Grid
 from planner.trajectory import Array, Indices
 
 if TYPE_CHECKING:

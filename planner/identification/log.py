@@ -14,32 +14,12 @@ from planner.exceptions import InvalidInput, InvalidTrajectory
 from planner.trajectory import LARGEST, TURN, Array, as_trajectory
 from planner.validation import is_one_of, shown
 
-"""What an encoder loses or gains when it starts again [rad]."""
+GAP = 10.0
+"""Pause between rows, in median periods, after which nothing is assumed of what was requested."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class UnwrapOptions:
-    """When a pause is a gap, and when a step is the start of an encoder's next turn.
-
-    Half and twice the values change nothing on seven reference logs (four made, three recorded;
-    ``scripts/reference``), which have no gaps and no turns.
-
-    Attributes:
-        gap: Pause between rows, in median periods, after which nothing is assumed of what was
-            requested.
-        sudden: A step between two rows beyond this is the encoder's [rad], where it is too fast for
-            a joint.
-        fastest: No joint moves at this speed for three quarters of a turn from row to row [rad/s]:
-            servos turn at up to 20.
-    """
-
-    gap: float = 10.0
-    sudden: float = 0.75 * TURN
-    fastest: float = 25.0
-
-
-OPTIONS = UnwrapOptions()
-
+SUDDEN = 0.75 * TURN
+"""A step between two rows beyond this [rad] is an encoder's that starts its next turn, where it is
+too fast for a joint."""
 
 UNITS = ("rad", "1")
 """What angles are in: radians, or shares of the joint's range where it is no angle."""
@@ -245,7 +225,7 @@ def check_periods(logs: Sequence[Log]) -> None:
 
 def pieces_of(log: Log) -> list[slice]:
     """Rows of a log between its gaps."""
-    breaks = np.flatnonzero(np.diff(log.times) > OPTIONS.gap * log.period) + 1
+    breaks = np.flatnonzero(np.diff(log.times) > GAP * log.period) + 1
     ends = [0, *breaks.tolist(), len(log.times)]
     return [slice(first, beyond) for first, beyond in pairwise(ends)]
 
@@ -265,7 +245,7 @@ def unwrapped(log: Log) -> tuple[Log, int]:
         return log, 0
     angles = log.angles + TURN * turns
     requests = min(
-        (log.requests, *(np.unwrap(log.requests, discont=step) for step in (OPTIONS.sudden, 0.0))),
+        (log.requests, *(np.unwrap(log.requests, discont=step) for step in (SUDDEN, 0.0))),
         key=lambda each: float(np.std(each - angles)),
     )
     if np.std(requests - angles) >= np.std(log.requests - log.angles):
@@ -275,9 +255,12 @@ def unwrapped(log: Log) -> tuple[Log, int]:
 
 
 def _turns(log: Log) -> Array:
-    """Turns to add to each row; none for glitches, which jump away and back within two rows."""
+    """Turns to add to each row; none for glitches, which jump away and back within two rows.
+
+    No joint moves at 25 rad/s for three quarters of a turn from row to row: servos reach 20.
+    """
     steps = np.diff(log.angles)
-    fast = np.abs(steps) > np.maximum(OPTIONS.sudden, OPTIONS.fastest * np.diff(log.times))
+    fast = np.abs(steps) > np.maximum(SUDDEN, 25.0 * np.diff(log.times))
     turns: Array = np.concatenate([[0.0], -np.cumsum(np.where(fast, np.round(steps / TURN), 0.0))])
     padded = np.pad(turns, 2, mode="edge")
     lasting = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)

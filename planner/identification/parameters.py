@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.resampling import Grid
+from planner.identification.grid import Grid
 from planner.model.joint import JointModel, Law
 from planner.trajectory import Array
 
@@ -49,7 +49,7 @@ class Parameters(NamedTuple):
     compliance: float = 0.0  # [rad/(N m)]
     slowing: float = 0.0  # speed_per_torque / v_max [1/(N m)]
     time_constant: float = 0.0  # [s]
-    max_acceleration: float = math.inf  # [rad/s^2]: see ``unmodelled.py``
+    max_acceleration: float = math.inf  # [rad/s^2]: see ``terms.py``
     play: float = 0.0  # backlash between motor and angle [rad], which no model has
 
     @classmethod

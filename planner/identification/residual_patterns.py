@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from planner.identification.judgement import said as _said
 from planner.identification.result import LogFit
-from planner.identification.unmodelled import Departure
-from planner.identification.verdict import said as _said
+from planner.identification.terms import Departure
 from planner.model.joint import JointModel
 
 
@@ -129,7 +129,7 @@ def patterns(
         fits: What it makes of each log.
         noise: Standard deviation of the noise [rad].
         unit: Unit of the angles in words; empty for shares of a range.
-        departures: What :func:`planner.identification.unmodelled.unmodelled` found.
+        departures: What :func:`planner.identification.terms.unmodelled` found.
     """
     found = [_departure(each, fits, unit) for each in departures]
     if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:

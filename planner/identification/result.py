@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
+from planner.identification.grid import sound_rows
 from planner.identification.log import Log, pieces_of
-from planner.identification.resampling import sound_rows
 from planner.model.evidence import (
     ACCEPTED,
     GAIN,
@@ -156,6 +156,27 @@ class LogFit:
     def residuals(self) -> Array:
         """Actual minus predicted angle [rad], NaN where not used."""
         return np.asarray(self.log.angles - self.predicted)
+
+
+class HeldOut(NamedTuple):
+    """What the rows that were held out say.
+
+    Attributes:
+        rows: Which of the grid's rows were held out.
+        predicted: Angle at them by the model fitted to the others [rad].
+        rms: Its error [rad].
+        sound_rms: The same without gross outliers [rad].
+        alternatives: Error of each simpler description, fitted to the others too [rad].
+        beyond: Whether they call for faster motion than the other rows, which do not say how fast
+            the joint can be: the top speed then is that of the fit to all rows.
+    """
+
+    rows: npt.NDArray[np.bool_]
+    predicted: Array
+    rms: float
+    sound_rms: float
+    alternatives: dict[str, float]
+    beyond: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,9 +11,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from planner.exceptions import InvalidInput, InvalidModel, nearest
+from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
-from planner.identification.resampling import sound_rows
-from planner.identification.timestamps import timing_of
 from planner.model.joint import JointModel
 from planner.planning.arguments import JointLimits, limits_of_each
 from planner.planning.error_norm import error_norm

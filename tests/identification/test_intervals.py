@@ -10,10 +10,10 @@ import pytest
 
 import planner
 from planner.identification.fit import with_observed_speed
+from planner.identification.grid import resampled
 from planner.identification.intervals import correlation_time
 from planner.identification.least_squares import Effort, least_squares
 from planner.identification.parameters import Parameters, only
-from planner.identification.resampling import resampled
 from tests.identification.made import (
     AIBO,
     NOISE,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.grid import timing_of
 from planner.identification.log import TURN, unwrapped
-from planner.identification.timestamps import timing_of
 from tests.identification.made import AIBO, NOISE, changed, rich_log
 
 SAME = 1e-12

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planner
+from planner.identification.grid import glitches, resampled
 from planner.identification.least_squares import respond, slopes_of
-from planner.identification.log import OPTIONS
+from planner.identification.log import GAP
 from planner.identification.parameters import Parameters, units
-from planner.identification.resampling import glitches, resampled
 from tests.identification.made import changed, rich_log
 from tests.strategies import models, trajectories
 
@@ -112,7 +112,7 @@ def test_torque_that_returns_starts_anew_with_the_requests_that_came_before():
 
 def test_after_a_gap_nothing_is_assumed_of_the_requests_before():
     log = rich_log(rows=300)
-    times = np.where(np.arange(300) < 150, log.times, log.times + 2.0 * OPTIONS.gap * log.period)
+    times = np.where(np.arange(300) < 150, log.times, log.times + 2.0 * GAP * log.period)
     grid = resampled([changed(log, times=times)], tick=0.008, reach=0.5, burn_in=0.1)
     rows = np.ceil(0.1 / 0.008)
     assert [first for _, first in grid.firsts] == [rows, 150 + rows]

@@ -7,7 +7,7 @@ import pytest
 
 import planner
 from planner.identification.fit import evenly_timed
-from planner.identification.timestamps import timing_of
+from planner.identification.grid import timing_of
 from tests.identification.made import AIBO, NOISE, changed, measured, rich_log, step_logs
 
 JITTER = 1e-3

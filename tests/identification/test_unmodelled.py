@@ -11,9 +11,9 @@ import pytest
 
 import planner
 from planner.identification.fit import fit_joint
+from planner.identification.grid import timing_of
 from planner.identification.least_squares import respond
-from planner.identification.timestamps import timing_of
-from planner.identification.unmodelled import excerpt_of
+from planner.identification.terms import excerpt_of
 from tests.identification.made import NOISE, hobby_servo, measured, random_servo, rich_log, servo
 
 DEFECTS = ("backlash:", "acceleration limit:")

@@ -9,10 +9,10 @@ import pytest
 
 import planner
 from planner.identification.fit import fit_joint
+from planner.identification.grid import timing_of
 from planner.identification.intervals import uncertainty_of
+from planner.identification.judgement import open_delays
 from planner.identification.result import Interval
-from planner.identification.timestamps import timing_of
-from planner.identification.verdict import open_delays
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.grid import resampled
 from planner.identification.least_squares import respond, slopes_of
 from planner.identification.parameters import Parameters, units
-from planner.identification.resampling import resampled
 from tests.identification.made import rich_log
 from tests.independent import of_whole_ticks
 

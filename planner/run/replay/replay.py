@@ -12,8 +12,8 @@ import numpy as np
 
 from planner.files.logs.lerobot import find_dataset
 from planner.files.logs.recordings import Recording
+from planner.identification.grid import measured_speed
 from planner.identification.log import Log
-from planner.identification.resampling import measured_speed
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.error_norm import error_norm
 from planner.recording.recorded_path import WHY, RecordedPath, check_length, recorded_path

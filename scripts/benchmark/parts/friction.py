@@ -19,7 +19,7 @@ from benchmark.parts.pairs import errors_of
 from benchmark.table import Table
 from kinematics import Leg
 from planner.identification.fit import fit_joint
-from planner.identification.timestamps import timing_of
+from planner.identification.grid import timing_of
 from planner.virtual.pendulum import Pendulum, Sts3215
 from planner.virtual.robot import VirtualRobot
 

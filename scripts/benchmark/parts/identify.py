@@ -15,9 +15,9 @@ import planner
 from benchmark.parts import Options
 from benchmark.table import Table
 from planner.identification.fit import fit_joint, with_observed_speed
+from planner.identification.grid import timing_of
+from planner.identification.terms import unmodelled as departures_of
 from planner.identification.terms import with_terms
-from planner.identification.timestamps import timing_of
-from planner.identification.unmodelled import unmodelled as departures_of
 from tests.identification.made import random_servo
 
 SEEDS = 10

@@ -16,11 +16,10 @@ from benchmark.plants import random_path, random_servo
 from benchmark.table import Table
 from planner.identification.excitation import excite
 from planner.identification.fit import fit_joint
+from planner.identification.grid import Grid, resampled, timing_of
 from planner.identification.least_squares import respond
 from planner.identification.parameters import Parameters
-from planner.identification.resampling import Grid, resampled
 from planner.identification.result import Identification
-from planner.identification.timestamps import timing_of
 from planner.trajectory import Array, rms
 
 JOINTS = ("Rotation", "Pitch", "Elbow", "Wrist_Pitch", "Wrist_Roll", "Jaw")

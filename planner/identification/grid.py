@@ -1,56 +1,181 @@
-"""Logs on the model's ticks: which rows count, and when which request was in force."""
+"""Logs on the model's ticks: their clock, which rows count, which request was in force when."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from planner.exceptions import InvalidInput
 from planner.identification.log import Log, pieces_of
-from planner.trajectory import Array
+from planner.model.joint import MOST_HOLD
+from planner.trajectory import Array, Indices, Mask
+from planner.validation import as_number, as_whole, shown
 
 if TYPE_CHECKING:
     from planner.model.kernel import Track
 
+SLACK = 1.05
+"""A tick may be longer by this factor: periods of 20.06 and 20.55 ms are 4 ticks of 5 ms, not 5."""
 
-@dataclass(frozen=True, kw_only=True)
-class ResamplingOptions:
-    """Which rows count.
+SURE = 3.0
+"""Standard deviations by which a period estimated from uneven pauses may be off."""
 
-    Half and twice the values change nothing on seven reference logs (four made, three recorded;
-    ``scripts/reference``), which have no glitches and no short runs.
+FEWEST_USED = 3
+"""Rows with torque below which a run tells nothing: its first angle is free."""
 
-    Attributes:
-        fewest_used: Rows with torque below which a run tells nothing: its first angle is free.
-        glitch_steps: A row that is off the median of five by more than so many of the largest
-            steps that this median takes is no position of a joint. A real turning point is off
-            by less than one such step.
-        glitch_noise: Standard deviations of the noise that a row may be off in addition.
-        noisy_rows: Share of the rows that may be faster than what counts as the highest speed.
-        speed_over: Time over which the speed of a joint is measured [s]: noise and jitter of the
-            times hardly count.
-        on_a_tick: Rows this close to a tick [ticks] are taken to be on it.
-    """
+ON_A_TICK = 1e-9
+"""Rows this close to a tick [ticks] are taken to be on it."""
 
-    fewest_used: int = 3
-    glitch_steps: float = 2.0
-    glitch_noise: float = 6.0
-    noisy_rows: float = 0.002
-    speed_over: float = 0.1
-    on_a_tick: float = 1e-9
-
-
-OPTIONS = ResamplingOptions()
-
-
-Rows = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int_]
 Place = tuple[int, int]
 """A row of a log: number of the log, number of the row."""
+
+
+class Timing(NamedTuple):
+    """Ticks and periods.
+
+    Attributes:
+        period: Time between the rows of all logs [s].
+        tick: Time step of the model [s].
+        hold: Ticks in a period.
+        reach: Longest lag plus acceleration time that is looked for [s].
+    """
+
+    period: float
+    tick: float
+    hold: int
+    reach: float
+
+    def ticking(self, tick: float) -> Timing:
+        """The same with ticks of about this length [s], a whole number in a period."""
+        hold = round(self.period / tick)
+        return self._replace(tick=self.period / hold, hold=hold)
+
+
+def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Timing:
+    """The ticks of the logs, as given or chosen.
+
+    Raises:
+        InvalidInput: Tick and hold do not make the log's period.
+    """
+    pauses = np.concatenate([np.diff(log.times) for log in logs])
+    median = float(np.median(pauses))
+    mean = _mean_period(pauses, median)
+    period = mean if all(_keeps_to(mean, log.times) for log in logs) else median
+    unsure = SURE * min(float(np.std(pauses)) / math.sqrt(len(pauses)), 0.01 * period)
+    period = round(period, 9) or period  # differences of times that count up are no better
+    longest = max(float(log.times[-1] - log.times[0]) for log in logs)
+    reach = max(min(max(50.0 * period, 0.75), 0.25 * longest), 4.0 * period)
+    if hold is None:
+        hold = _default_hold(period) if tick is None else _ticks(period, _positive(tick))
+    hold = _count(hold)
+    made = period / hold if tick is None else _positive(tick)
+    if abs(made * hold - period) > 1e-3 * period + unsure:
+        raise InvalidInput(
+            f"tick, hold: got {hold} ticks of {made:g} s, expected the log's period of "
+            f"{period:g} s; give one of the two, or neither"
+        )
+    return Timing(made * hold, made, hold, reach)
+
+
+def unequal(logs: Sequence[Log]) -> bool:
+    """Whether logs are of several clocks."""
+    periods = [log.period for log in logs]
+    return max(periods) > 1.05 * min(periods)
+
+
+def _mean_period(pauses: Array, median: float) -> float:
+    """The mean of pauses that are about whole numbers of their median, up to ten [s]."""
+    period = median
+    for _ in range(3):
+        whole = np.round(pauses / period)
+        near = (whole >= 1.0) & (whole <= 10.0)
+        near &= np.abs(pauses - whole * period) <= 0.4 * period
+        if near.any():
+            period = float(np.sum(pauses[near]) / np.sum(whole[near]))
+    return period
+
+
+def _keeps_to(period: float, times: Array) -> bool:
+    """Whether times stay with a clock of this period, so that the mean pause tells it.
+
+    Times that jitter, or are rounded to milliseconds, do, and the median pause is off. Those of a
+    loop that is late now and then do not, and most pauses are as long as the median says.
+    """
+    whole = np.round(np.diff(times) / period)
+    apart = np.diff(times) - whole * period
+    beside = np.concatenate([[0.0], np.cumsum(apart)])
+    trend = np.polynomial.Polynomial.fit(np.arange(len(times)), beside, 1)
+    wandering = float(np.std(beside - trend(np.arange(len(times)))))
+    return wandering <= float(np.std(apart))
+
+
+def _ticks(period: float, tick: float) -> int:
+    """The whole number of ticks that comes nearest to a period."""
+    return round(min(period / tick, 2.0 * MOST_HOLD))
+
+
+def _default_hold(period: float) -> int:
+    """One tick a row for the paper's robot and faster logs, else ticks of about 5 ms.
+
+    A joint that closes in by 50 a second then covers a quarter of its error a tick, and finer ticks
+    predict recordings no better (``docs/math.md``). Logs of less than 10 rows a second do not show
+    what more than 20 ticks a row would.
+    """
+    if period <= SLACK * 0.008:
+        return 1
+    return min(math.ceil(period / (SLACK * 0.005)), 20)
+
+
+def _positive(tick: object) -> float:
+    value = as_number(tick)
+    if not value > 0.0:
+        raise InvalidInput(f"tick: got {shown(tick)}, expected a time of more than 0 s")
+    return value
+
+
+def _count(hold: object) -> int:
+    count = as_whole(hold) or 0
+    if not 1 <= count <= MOST_HOLD:
+        raise InvalidInput(
+            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
+        )
+    return count
+
+
+def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], float]:
+    """The logs with each row at the next whole period, and by how much times were off [s], rms.
+
+    Pauses of several periods are dropped rows, and every piece between two gaps begins anew. The
+    period is that of all pieces together, or the one given where the times agree with it.
+    """
+    lines = []
+    for log in logs:
+        for piece in pieces_of(log):
+            steps = np.maximum(np.floor(np.diff(log.times[piece]) / period + 0.3), 1.0)
+            places = np.concatenate([[0.0], np.cumsum(steps)])
+            since = log.times[piece] - log.times[piece.start]
+            lines.append((places - np.mean(places), since - np.mean(since)))
+    places, since = (np.concatenate(column) for column in zip(*lines, strict=True))
+    weight = max(float(places @ places), 1.0)
+    slope = float(places @ since) / weight
+    unsure = float(np.std(since - slope * places)) / np.sqrt(weight)
+    if abs(slope - period) <= SURE * unsure:
+        slope = period
+    off = slope * places - since
+    moved, done = [], 0
+    for log in logs:
+        times = log.times + off[done : done + len(log.times)]
+        done += len(log.times)
+        if not np.all(np.diff(times) > 0.0):
+            return tuple(logs), 0.0
+        moved.append(replace(log, times=times))
+    return tuple(moved), float(np.sqrt(np.mean(off**2)))
 
 
 class Run(NamedTuple):
@@ -97,7 +222,7 @@ class Grid:
     run: Indices
     angles: Array
     firsts: tuple[Place, ...]
-    places: tuple[Rows, ...]
+    places: tuple[Mask, ...]
     loads: Array
 
     @cached_property
@@ -152,7 +277,7 @@ class Grid:
     @cached_property
     def fastest(self) -> float:
         """Highest speed of the joint but for single rows, which are noise [rad/s]."""
-        return self.speed_exceeded_by(OPTIONS.noisy_rows)
+        return self.speed_exceeded_by(0.002)
 
     @cached_property
     def heaviest(self) -> float:
@@ -180,42 +305,42 @@ def runs_of(logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()
     found = []
     for number, log in enumerate(logs):
         for piece in pieces_of(log):
-            unknown = (
-                0.0 if (number, piece.start) in settled else burn_in * (1.0 - OPTIONS.on_a_tick)
-            )
+            unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
             usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
             usable[: piece.start] = usable[piece.stop :] = False
             turns = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
             found += [
                 Run(number, slice(int(first), int(beyond)))
                 for first, beyond in turns.reshape(-1, 2)
-                if beyond - first >= OPTIONS.fewest_used
+                if beyond - first >= FEWEST_USED
             ]
     return found
 
 
-def glitches(angles: Array) -> Rows:
-    """Rows that are no position of the joint: single or double jumps away and back."""
+def glitches(angles: Array) -> Mask:
+    """Rows that are no position of the joint: single or double jumps away and back.
+
+    They are off the median of five by more than twice the largest step that this median takes, and
+    six standard deviations of the noise; a real turning point is off by less than one such step.
+    """
     if len(angles) < 5:
         return np.zeros(len(angles), dtype=bool)
     padded = np.concatenate([angles[1:3][::-1], angles, angles[-3:-1][::-1]])
     middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
     off = np.abs(angles - middle)
     noise = float(np.quantile(off, 0.9)) / 1.645
-    allowed = (
-        OPTIONS.glitch_steps * float(np.max(np.abs(np.diff(middle)))) + OPTIONS.glitch_noise * noise
-    )
+    allowed = 2.0 * float(np.max(np.abs(np.diff(middle)))) + 6.0 * noise
     return np.asarray(off > allowed)
 
 
-def sound_rows(log: Log) -> Rows:
+def sound_rows(log: Log) -> Mask:
     """Rows whose angle was measured, and is no glitch."""
     sound = np.array(log.measured)
     sound[log.measured] = ~glitches(log.angles[log.measured])
     return sound
 
 
-def measured_speed(log: Log, among: Rows | None = None) -> float:
+def measured_speed(log: Log, among: Mask | None = None) -> float:
     """Highest mean speed over 0.1 s, or three rows of slower logs, with torque [rad/s].
 
     Of all rows, whether their requests are known or not: no joint is as fast in the mean as it can
@@ -226,7 +351,7 @@ def measured_speed(log: Log, among: Rows | None = None) -> float:
         among: Only motion with some of these rows in it, shape (n,); by default all.
     """
     rows = np.flatnonzero(sound_rows(log) & log.torque_on)
-    far = max(3, round(OPTIONS.speed_over / log.period))
+    far = max(3, round(0.1 / log.period))
     if len(rows) <= far:
         return 0.0
     times, angles = log.times[rows], log.angles[rows]
@@ -272,14 +397,14 @@ def resampled(
     total = 0
     for run in runs_of(logs, burn_in, settled):
         kept = np.flatnonzero(sound[run.log][run.rows]) + run.rows.start
-        if len(kept) < OPTIONS.fewest_used:
+        if len(kept) < FEWEST_USED:
             continue
         used[run.log][kept] = True
         times = axis.shifted[run.log][kept]
         places: Array = (times - times[0]) / tick
         whole = np.round(places)
         places = np.where(
-            np.abs(places - whole) <= OPTIONS.on_a_tick * np.maximum(1.0, whole), whole, places
+            np.abs(places - whole) <= ON_A_TICK * np.maximum(1.0, whole), whole, places
         )
         count = int(np.ceil(places[-1]))
         below = np.minimum(np.floor(places).astype(int), count - 1)
@@ -314,7 +439,7 @@ def _torques(log: Log, times: Array, ticks: Array, tick: float) -> Array:
     """Torque at ticks of a log [N m]: that of the row which ends the time it acts in."""
     if log.load is None:
         return np.zeros(len(ticks))
-    rows = np.searchsorted(times, ticks - OPTIONS.on_a_tick * tick)
+    rows = np.searchsorted(times, ticks - ON_A_TICK * tick)
     return np.asarray(log.load[np.minimum(rows, len(times) - 1)])
 
 

@@ -11,19 +11,22 @@ import numpy as np
 
 from planner.exceptions import ANGLE_UNIT
 from planner.identification.fit import delayed_errors, peak_command
+from planner.identification.grid import Grid, Timing, unequal
 from planner.identification.intervals import Uncertainty, at_edge, middle_known_within
 from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
-from planner.identification.resampling import Grid
-from planner.identification.result import Finding, Interval, Topic
-from planner.identification.timestamps import Timing, unequal
-from planner.identification.validation import HeldOut
+from planner.identification.result import Finding, HeldOut, Interval, Topic
 from planner.model.evidence import Verdict
 from planner.trajectory import Array
 
 SAME_LIKENESS = 1e-9
 """Correlations closer than this differ by rounding."""
+
+
+SIGN_LIKENESS = 1.05
+"""Both signs, or requests before and after, explain the angles if what they leave unexplained is
+within this factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,21 +49,10 @@ class VerdictOptions:
             factor is worse than a delay.
         simpler_wins: A simpler description that predicts held-out rows better by this factor is
             pointed out (six warnings more; none).
-        little_motion: A joint that spans less than this [rad, or share of its range] in a log
-            that is refused hardly moves: eleven degrees (none; none).
-        spans: Times its error that a motion should span: one that comes and goes evenly has a
-            standard deviation of a third of its span, of which an error of a tenth is no reason
-            for doubt (none; none).
         scaled: Correlation from which on angles of another span are requests in another scale: what
             holds a joint up bends its motion, too.
         loose: A time whose interval is wider than this share of it, and than two ticks, is
             pointed out (two warnings more; none).
-        sudden: A step of the requests is sudden beyond this share of the span of requests and
-            angles (none; none).
-        sign_likeness: Both signs, or requests before and after, explain the angles if what they
-            leave unexplained is within this factor (none; none).
-        least_likeness: Correlation below which a delay explains nothing (none; none).
-        delays: Delays that are compared; more around the best follow (none; none).
     """
 
     refused: float = 0.25
@@ -69,14 +61,8 @@ class VerdictOptions:
     no_better: float = 0.9
     delay_wins: float = 1.05
     simpler_wins: float = 1.02
-    little_motion: float = 0.2
-    spans: float = 30.0
     scaled: float = 0.9
     loose: float = 0.5
-    sudden: float = 0.1
-    sign_likeness: float = 1.05
-    least_likeness: float = 0.7
-    delays: int = 200
 
 
 OPTIONS = VerdictOptions()
@@ -174,11 +160,11 @@ def verdict_on(
         )
     elif missed > OPTIONS.suspect:
         note("columns" if scale else "error", f"the model misses {share}; {reasons}")
-    if not fits and (span := float(np.ptp(fit.grid.angles))) < OPTIONS.little_motion:
+    if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
         note(
             "motion",
             f"the joint hardly moves in this log, by {said(span, unit)} in all: record requests "
-            f"that span {said(OPTIONS.spans * error, unit, digits=1)} or more, of which friction, "
+            f"that span {said(30.0 * error, unit, digits=1)} or more, of which friction, "
             "play and the sensor's steps are a smaller part",
         )
     if against is not None:
@@ -306,7 +292,7 @@ def open_delays(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertain
 def _sudden(grid: Grid) -> bool:
     """Whether most of the way that requests go is in sudden steps."""
     steps = np.abs(np.diff(grid.requests))
-    sudden = steps >= OPTIONS.sudden * grid.span
+    sudden = steps >= 0.1 * grid.span
     return float(np.sum(steps[sudden])) > 0.5 * float(np.sum(steps))
 
 
@@ -369,7 +355,7 @@ class OppositeSign(NamedTuple):
     @property
     def repeats(self) -> bool:
         """Whether the motion repeats itself, so that only the delay tells the signs apart."""
-        return _unlike(self.same_likeness) <= OPTIONS.sign_likeness * _unlike(self.likeness)
+        return _unlike(self.same_likeness) <= SIGN_LIKENESS * _unlike(self.likeness)
 
     @property
     def words(self) -> str:
@@ -389,7 +375,7 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
     Half a cycle of motion that repeats itself looks like the other sign. There the shorter delay
     is taken for the true one: what a joint is late by is less than half a cycle.
     """
-    delays = np.linspace(0.0, grid.reach, OPTIONS.delays)
+    delays = np.linspace(0.0, grid.reach, 200)
     coarse = _likeness(grid, delays)
     best = []
     for sign in (1.0, -1.0):
@@ -398,8 +384,8 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
         fine = sign * _likeness(grid, near)
         best.append((float(near[_first_best(fine)]), float(np.max(fine))))
     (same_delay, same), (delay, other) = best
-    as_good = _unlike(other) <= OPTIONS.sign_likeness * _unlike(same)
-    if other < OPTIONS.least_likeness or not as_good or delay >= same_delay:
+    as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
+    if other < 0.7 or not as_good or delay >= same_delay:
         return None
     return OppositeSign(delay, other, same_delay, same)
 
@@ -412,7 +398,7 @@ def _other_scale(grid: Grid, unit: str) -> str:
     requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
     if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
         return ""
-    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, OPTIONS.delays))) < OPTIONS.scaled:
+    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
         return ""
     return (
         f"the angles are like the requests but span {said(actual, unit)} beside "
@@ -427,13 +413,13 @@ def exchanged_columns(grid: Grid) -> str:
 
     Motion that repeats itself is as like the requests before as those after.
     """
-    delays = np.linspace(0.0, grid.reach, OPTIONS.delays)
+    delays = np.linspace(0.0, grid.reach, 200)
     before, after = _likeness(grid, delays), _likeness(grid, -delays)
     k = _first_best(after)
     past, future = float(np.max(before)), float(after[k])
-    if future < OPTIONS.least_likeness:
+    if future < 0.7:
         return ""
-    if OPTIONS.sign_likeness * _unlike(future) >= _unlike(past):
+    if SIGN_LIKENESS * _unlike(future) >= _unlike(past):
         return ""
     return (
         f"the joint seems to move before it is requested to: its angles correlate by {future:.2f} "
