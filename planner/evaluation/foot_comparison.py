@@ -38,7 +38,7 @@ from planner.planning.error_norm import relative_gap
 from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.planning.inversion import invert_foot, planned
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.smoothing import ENCODER_STEP, known_errors
+from planner.planning.search import ENCODER_STEP, known_errors
 from planner.planning.task import axis_scales
 from planner.trajectory import Array
 

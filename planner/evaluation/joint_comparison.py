@@ -36,7 +36,7 @@ from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
 from planner.planning.error_norm import relative_gap
 from planner.planning.inversion import planned
 from planner.planning.result import Inversion
-from planner.planning.smoothing import ENCODER_STEP, known_errors
+from planner.planning.search import ENCODER_STEP, known_errors
 from planner.trajectory import Array
 
 METHODS: Mapping[str, str] = {

@@ -25,9 +25,9 @@ from planner.planning.line_inverse import (
 )
 from planner.planning.pattern_search import refined_curve
 from planner.planning.plan import Plan
+from planner.planning.problem import Problem, track
 from planner.planning.result import Inversion
 from planner.planning.task import Task
-from planner.planning.tracking_problem import TrackingProblem, track
 from planner.trajectory import Array
 from planner.validation import as_flag
 
@@ -149,7 +149,7 @@ def closed_forms(
     return plans
 
 
-def best_closed_form(problem: TrackingProblem) -> Array:
+def best_closed_form(problem: Problem) -> Array:
     """The requests of :func:`invert_closed_form`, by whichever rule does better [rad], (n, 1).
 
     They are planned without limits and then clipped to them.
@@ -164,7 +164,7 @@ def best_closed_form(problem: TrackingProblem) -> Array:
 
 
 def approximations(
-    problem: TrackingProblem, *, segments: int | None, refine: bool
+    problem: Problem, *, segments: int | None, refine: bool
 ) -> Sequence[PiecewiseLinear]:
     """The approximation, and where neither count nor knots are fixed one of two more segments."""
     (model,) = problem.models
@@ -190,7 +190,7 @@ def approximations(
 
 
 def inverted(
-    problem: TrackingProblem, curves: Sequence[PiecewiseLinear], *, rule: Rule, refine: bool
+    problem: Problem, curves: Sequence[PiecewiseLinear], *, rule: Rule, refine: bool
 ) -> tuple[PiecewiseLinear, Array]:
     """The curve whose lines track best, and its admissible requests [rad], (n, 1).
 
@@ -209,7 +209,7 @@ def inverted(
 
 
 def _one_inverted(
-    problem: TrackingProblem, curve: PiecewiseLinear, rule: Rule, refine: bool
+    problem: Problem, curve: PiecewiseLinear, rule: Rule, refine: bool
 ) -> tuple[PiecewiseLinear, Array]:
     (model,) = problem.models
     load = problem.loads[0]

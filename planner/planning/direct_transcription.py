@@ -31,8 +31,8 @@ from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import JointModel, acting, request_ages
 from planner.model.symbolic import period
 from planner.planning.arguments import Norm
-from planner.planning.gauss_newton import State
-from planner.planning.tracking_problem import TrackingProblem
+from planner.planning.problem import Problem
+from planner.planning.search import State
 from planner.trajectory import Array
 
 
@@ -62,7 +62,7 @@ class TranscriptionOptions:
 OPTIONS = TranscriptionOptions()
 
 
-def transcribed_requests(problem: TrackingProblem, state: State) -> Array:
+def transcribed_requests(problem: Problem, state: State) -> Array:
     """The best requests that IPOPT finds for one joint.
 
     Args:
@@ -103,7 +103,7 @@ def transcribed_requests(problem: TrackingProblem, state: State) -> Array:
         point, solved = found, True
         requests = problem.resting.copy()
         requests[:samples, 0] = unit * found[samples : 2 * samples]
-        if problem.limited_step and not problem.cyclic:  # those that act after the end
+        if problem.spec.limited and not problem.cyclic:  # those that act after the end
             requests[samples - 1 :] = requests[samples - 1]
         requests = problem.admissible(requests)
         error = problem.exact_error(requests)
@@ -133,7 +133,7 @@ class _Scaled(NamedTuple):
     loads: Array  # (n,)
 
     @classmethod
-    def of(cls, problem: TrackingProblem, state: State, weight: float) -> Self:
+    def of(cls, problem: Problem, state: State, weight: float) -> Self:
         (model,) = problem.models
         unit = model.theta_0
         return cls(

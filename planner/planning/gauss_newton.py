@@ -1,35 +1,79 @@
-"""Gauss-Newton with Levenberg-Marquardt terms, on a saturation whose corners sharpen in stages.
+"""The descent within the stages of a search, compiled: damped Gauss-Newton steps, a line search.
 
-Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
-one carries on from its answer with sharper corners and less regularisation: a homotopy. Angles and
-requests are unknowns both, so no step waits for a simulation (direct multiple shooting: J. T.
-Betts, *Practical Methods for Optimal Control Using Nonlinear Programming*, 2010). Until the steps
-have closed them, the dynamics have defects; an augmented Lagrangian judges the steps (J. Nocedal,
-S. J. Wright, *Numerical Optimization*, 2006, section 17.3), and the exact models the answers.
-Requests at a limit are held there by an active set; where their changes are limited, or smoothed,
-each step is a quadratic programme.
+A stage minimises (10) of ``docs/math.md`` on the model with corners of one radius. Until the steps
+have closed them, the dynamics have defects (direct multiple shooting: J. T. Betts, *Practical
+Methods for Optimal Control Using Nonlinear Programming*, 2010); an augmented Lagrangian judges the
+steps (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2006, section 17.3).
+
+A *joint* has requests of its own. A *drive* is a model that answers to them: there is one for each
+joint in each scenario, scenario after scenario. The states are the angles of all drives and, where
+one has inertia, then the speeds of all, in the unit of an angle. In shapes n is the number of
+samples, J of joints, A of drives, S of states; s = S / A is 1 or 2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.planning.kkt_step import (
-    Damping,
-    Iterate,
-    Quadratic,
-    Regularisation,
-    Step,
-    cost_of,
-    kkt_step,
-)
-from planner.planning.qp_step import qp_step
-from planner.planning.tracking_problem import Errors, TrackingProblem
-from planner.trajectory import Array, Mask
+from planner.compilation import compiled
+from planner.model.joint import Law
+from planner.model.kernel import period
+from planner.planning.factorisation import Factor, factorise, pattern_of_factor, solved, stored
+from planner.trajectory import Array, Indices, Mask
+
+ROOM_FOR_ROUNDING = 1e-9
+"""Share of the largest step that is left unused, so that rounding never exceeds it [-]."""
+
+
+class Spec(NamedTuple):
+    """A problem as arrays.
+
+    Attributes:
+        cyclic: Whether the path repeats for ever.
+        youngest: Age of the youngest request that acts before a sample.
+        parts: States of a drive, s: 2 with inertia.
+        together: Whether the errors of all scenarios count together: powers of them.
+        bounded: Whether a request has a limit.
+        limited: Whether a change of requests has one.
+        centring: Weight of distances from ``resting`` beside second differences [-].
+        ridge: Curvature added to the goal's, where it does not see every angle.
+        drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
+            radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
+            rest the angle before the first sample [rad], (A, 9).
+        weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
+        periods: In each period angle at rest less request [rad], and how much faster the drive is
+            in the positive direction [rad/tick], (2, A, n).
+        bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, J).
+        resting: Requests that would hold the desired angles [rad], (n, J).
+        goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and what is added to
+            each angle before the position is computed [rad], (n, 3 + J).
+        leg: Origin, axial, cosine and sine part of each link, then the foot in the last one and the
+            errors for a metre along each axis [rad/m], (J + 1, 10, 3); for angles (0, 10, 3).
+        shares: Weight of each scenario, together 1.
+    """
+
+    cyclic: bool
+    youngest: int
+    parts: int
+    together: bool
+    bounded: bool
+    limited: bool
+    centring: float
+    ridge: float
+    drives: Array
+    weights: Array
+    periods: Array
+    bounds: Array
+    resting: Array
+    goal: Array
+    leg: Array
+    shares: Array
+
+
+FIRST, LOWER, UPPER, LARGEST_CHANGE = 0, 1, 2, 3  # rows of Spec.bounds
 
 
 class Stage(NamedTuple):
@@ -51,299 +95,988 @@ class Stage(NamedTuple):
     smoothing: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class GaussNewtonOptions:
-    """What steers the search.
+class Search(NamedTuple):
+    """Where a search is, and what it has learnt for its next step: changed in place.
+
+    Attributes:
+        requests: R [rad], (n, J).
+        states: X, (n, S).
+        multipliers: Of the last step, lambda of ``docs/math.md``, (n, S).
+        active: Requests at their lower limit, -1, at their upper one, 1, or free, 0; then changes
+            to the next request at the largest one, likewise, (2, n, J).
+        damping: Weight of the Levenberg-Marquardt term, and 1 once there are multipliers, (2,).
+    """
+
+    requests: Array
+    states: Array
+    multipliers: Array
+    active: Indices
+    damping: Array
+
+
+class Options(NamedTuple):
+    """What steers the descent.
 
     In brackets what half and twice the value do to the errors of 50 plans that saturate, half of
     them outside Equation 13: mean and worst change in per cent.
 
     Attributes:
-        narrow: The stages. A regularisation keeps the first ones out of the plains where saturated
-            requests no longer count, and the last ones from jumping where nothing is gained. Fewer
-            than seven stages cost up to 13 %.
-        wide: The stages of a search that leaves the place where it begins: under corners so wide
-            every request counts. Hardly any regularisation is left at the end, which matters where
-            next to no error is. Without this search plans lose up to 18 %.
-        largest: Where the largest error counts, the stages that follow those of wide corners: it
-            is approached through sums of powers of the errors.
-        simulated: Radius below which what a stage ends with is worth a simulation [theta_0] (0.000
-            and 0.01; 0 and 0).
-        least_decrease: A stage ends when a step lowers its merit by less than this fraction (-0.002
+        least_decrease: A stage ends when a step lowers its merit by less than this share (-0.002
             and 0.04; 0.002 and 0.07, and worse where next to no error is).
         first_damping: Least weight of the Levenberg-Marquardt term in the first step of a stage,
             relative to that of the errors (0.01 and 1.0; 0.01 and 1.7).
-        factor: By this the weight grows after a step that failed, or that gained less than ``poor``
-            of what was predicted, and falls after one that gained more than ``good`` of it.
+        factor: By this the weight grows after a step that failed, or that gained less than 0.2 of
+            what was predicted, and falls after one that gained more than 0.6 of it.
         short_factor: By this it grows after a step that had to be shortened; with 3 the errors are
             the same, but requests for the largest error change up to 14 % more.
-        good: See ``factor`` [-].
-        poor: See ``factor`` [-].
         defect_penalty: Weight on the squares of the defects in the merit, relative to the largest
             curvature of the cost (0.006 and 0.4; 0.000 and 0.02, and 2.5 where it does not
             saturate).
         shortening: Share of a step that is tried after one that was too long (0.02 and 1.7; -0.01
             and 0.2, with requests that change 7 % more).
-        lengths: Lengths of a step that are tried before it is computed anew (0.003 and 0.3; 0.001
-            and 0.02).
-        active_set_rounds: How often a step is taken anew with the requests held that it would take
-            beyond their limits (one: 0.000 and 0.01, and 3.4 where it does not saturate; six: 0).
-        negligible_prediction: A stage also ends when a step fails of which less than this share of
-            ``least_decrease`` was predicted [-]: damped more, the next one would gain even less.
-        least_weight: Least weight on an error where powers are summed, relative to that on an error
-            of one unit in a sum of squares [-]: with none the matrix of (12) could be singular.
-        largest_share: Error in units from which on a cost counts as this large [-]: its highest
-            power is still a number.
     """
 
-    narrow: tuple[Stage, ...] = (
-        Stage(0.5, 1e-2),
-        Stage(0.2, 1e-3),
-        Stage(0.1, 1e-4),
-        Stage(0.04, 5e-5),
-        Stage(0.02, 5e-5),
-        Stage(0.008, 5e-5),
-        Stage(0.006, 1e-5, steps=2),
-    )
-    wide: tuple[Stage, ...] = (
-        Stage(2.0, 1e-3),
-        Stage(1.0, 1e-3),
-        Stage(0.5, 1e-4),
-        Stage(0.2, 1e-4),
-        Stage(0.08, 1e-4),
-        Stage(0.02, 1e-5),
-        Stage(0.008, 1e-8),
-    )
-    largest: tuple[Stage, ...] = tuple(
-        Stage(radius, 1e-5, power=power, steps=8)
-        for radius, power in ((0.1, 4), (0.1, 8), (0.1, 16), (0.05, 32), (0.02, 64), (0.006, 64))
-    )
-    simulated: float = 0.1
     least_decrease: float = 5e-4
     first_damping: float = 3e-4
     factor: float = 3.0
     short_factor: float = 2.0
-    good: float = 0.6
-    poor: float = 0.2
     defect_penalty: float = 60.0
     shortening: float = 0.4
-    lengths: int = 4
-    active_set_rounds: int = 3
-    negligible_prediction: float = 0.1
-    least_weight: float = 1e-6
-    largest_share: float = 1e4
 
 
-OPTIONS = GaussNewtonOptions()
+OPTIONS = Options()
+
+LENGTHS = 4  # of a step that are tried before it is computed anew
+ROUNDS = 8  # sets of active limits that are tried before the interior-point method
+INITIAL = 1e-2  # first slacks [rad] and forces of the interior-point method
+INTERIOR_STEPS = 40  # of the interior-point method; some ten are usual
+INTERIOR_GAP = 1e-12  # mean product of slack and force at which it ends [rad^2]
+TO_THE_BOUNDARY = 0.99  # share of the way to the nearest limit that its steps go
+NEGLIGIBLE = 0.1  # a stage ends where less than this share of the least decrease was predicted
+LEAST_WEIGHT = 1e-6  # of an error where powers are summed: the curvature is definite
+LARGEST_SHARE = 1e4  # error in units from which on a cost counts as this large: a finite number
+SLACK = 1e-11  # taken from the diagonal of the conditions: those of a saturated cycle are singular
+SPEED_TERM = 1e-6  # Levenberg-Marquardt term of the speeds, which no error sees
+TOUCHING = 1e-9  # distance from a limit that counts as none [rad]
 
 
-class State(NamedTuple):
-    """Where a search is, and what it has learnt for its next step."""
+class Point(NamedTuple):
+    """Requests and states, with what the smoothed models and the stage make of them.
 
-    requests: Array  # (n, joints) [rad]
-    angles: Array  # states, (n, states): angles [rad], and where joints have inertia speeds
-    damping: float = 0.0
-    multipliers: Array | None = None
-    held: Mask | None = None  # requests that stay at their limits
-
-
-def minimise(
-    problem: TrackingProblem, state: State, stages: Sequence[Stage]
-) -> tuple[State, float]:
-    """The best of where the stages lead, judged by the exact models, and that error.
-
-    Args:
-        problem: What to reach, and within which limits.
-        state: Where to start; its requests within the limits.
-        stages: The stages to go through.
+    Attributes:
+        requests: R [rad], (n, J).
+        states: X, (n, S).
+        defects: What the states before lead to, less the states, (n, S).
+        slopes: Derivatives of each drive's states by those before, by each request, and second
+            ones by each request's distance from the angle, (n, A, s, s + 2 width).
+        quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
+            the last column half the gradient, (n, blocks, size, size + 1).
+        away: What S makes of the requests, less their centre [rad], (.., J).
+        costs: Cost of the errors, and with the regularisation, (2,).
     """
-    best, least = state, problem.exact_error(state.requests)
-    for stage in stages_for(problem, stages):
-        state = descend(problem, state, stage)
-        if stage.radius >= OPTIONS.simulated:
-            continue
-        error = problem.exact_error(state.requests)
-        if error < least:
-            best, least = state, error
-    return best, least
+
+    requests: Array
+    states: Array
+    defects: Array
+    slopes: Array
+    quadratic: Array
+    away: Array
+    costs: Array
 
 
-def stages_for(problem: TrackingProblem, stages: Sequence[Stage]) -> Sequence[Stage]:
-    """The stages, and where the largest error counts those that turn to it."""
-    if problem.norm == "rms":
-        return stages
-    widest = OPTIONS.largest[0].radius
-    return [*(stage for stage in stages if stage.radius >= widest), *OPTIONS.largest]
+class Pattern(NamedTuple):
+    """The KKT matrix: rows and columns of its entries, stored diagonal entries, and its factor."""
+
+    rows: Indices
+    columns: Indices
+    diagonal: Indices
+    factor: Factor
 
 
-def descend(problem: TrackingProblem, state: State, stage: Stage) -> State:
-    """Lower one stage's cost by damped Gauss-Newton steps."""
-    unit = 1.0
-    if stage.power > 2.0:
-        distances = problem.goal.distances(problem.angles_of(state.angles))
-        unit = max(float(np.max(distances)), np.finfo(np.float64).tiny)
-    damping = max(state.damping, OPTIONS.first_damping)
-    multipliers, held = state.multipliers, state.held
-    current = iterate(problem, state.requests, problem.states_of(state.angles), stage, unit)
-    penalty = OPTIONS.defect_penalty * float(current.cost.curvature.max())
-    negligible = OPTIONS.negligible_prediction * OPTIONS.least_decrease
-    for _ in range(stage.steps):
-        try:
-            step, held = _step_within_limits(problem, current, damping, multipliers, held)
-        except np.linalg.LinAlgError:  # the matrix is singular to working precision
-            damping *= OPTIONS.factor
-            continue
-        merit = merit_of(current, step, penalty)
-        predicted_reduction = merit - step.predicted
-        following, length = _line_search(problem, current, step, stage, unit, penalty)
-        if following is None:
-            damping *= OPTIONS.factor
-            if predicted_reduction < negligible * merit:
-                break
-            continue
-        after = merit_of(following, step, penalty)
-        reduction = merit - after
-        if length < 1.0:
-            damping *= OPTIONS.short_factor
-        elif reduction > OPTIONS.good * predicted_reduction:
-            damping /= OPTIONS.factor
-        elif reduction < OPTIONS.poor * predicted_reduction:
-            damping *= OPTIONS.factor
-        current, multipliers = following, step.multipliers
-        if reduction < OPTIONS.least_decrease * after:
-            break
-    return State(current.requests, current.angles, damping, multipliers, held)
+@compiled
+def acting_request(spec: Spec, sample: int, place: int) -> int:
+    """Number of the request that acts before a sample, youngest first; from rest -1 before all."""
+    number = sample - spec.youngest - place
+    return number % len(spec.resting) if spec.cyclic else max(number, -1)
 
 
-def merit_of(current: Iterate, step: Step, penalty: float) -> float:
-    """The augmented Lagrangian: to first order, the cost once the defects are closed.
+@compiled
+def foot_of(spec: Spec, angles: Array, sample: int, foot: Array, jacobian: Array) -> None:
+    """Fill the foot's position [m], (3,), and its derivatives by the joints' angles, (J, 3).
 
-    Args:
-        current: Where the search is.
-        step: The step whose multipliers count.
-        penalty: Weight on the squares of the defects.
+    ``p -> origin + (A + cos C + sin S) p`` from the last joint to the first: see
+    :class:`kinematics.chain.Link`.
     """
-    worth = np.vdot(penalty * current.defects - 2.0 * step.multipliers, current.defects)
-    return current.value + float(worth)
+    joints = len(spec.leg) - 1
+    foot[:] = spec.leg[joints, 0]
+    before = np.empty(3)
+    for joint in range(joints - 1, -1, -1):
+        link = spec.leg[joint]
+        angle = angles[joint] + spec.goal[sample, 3 + joint]
+        cosine, sine = np.cos(angle), np.sin(angle)
+        for moved in range(joint, joints + 1):  # the derivative by this angle, others, the foot
+            before[:] = foot if moved in (joint, joints) else jacobian[moved]
+            for i in range(3):
+                total = 0.0
+                for j in range(3):
+                    along, across = link[4 + i, j], link[7 + i, j]
+                    if moved == joint:
+                        total += (cosine * across - sine * along) * before[j]
+                    else:
+                        total += (link[1 + i, j] + cosine * along + sine * across) * before[j]
+                if moved == joints:
+                    foot[i] = link[0, i] + total
+                else:
+                    jacobian[moved, i] = total
 
 
-def iterate(
-    problem: TrackingProblem, requests: Array, angles: Array, stage: Stage, unit: float = 1.0
-) -> Iterate:
-    """What the smoothed models and the stage make of requests and angles.
-
-    Args:
-        problem: What to reach.
-        requests: Requests [rad], shape (n, joints).
-        angles: Angles [rad], shape (n, joints).
-        stage: Corners, regularisation and power.
-        unit: Error that counts as one where powers are summed [rad].
-    """
-    response = problem.respond(angles, requests, radius=stage.radius)
-    errors = problem.errors(angles)
-    cost = power_cost(errors, power=stage.power, unit=unit, ridge=problem.ridge)
-    if stage.smoothing:
-        regularisation = Regularisation(
-            stage.weight, problem.roughness_terms(requests), second_differences=True
-        )
-    else:
-        regularisation = Regularisation(stage.weight, requests - problem.resting)
-    defects = response.reached - angles
-    value = cost.value + cost_of(regularisation)
-    return Iterate(requests, angles, response, defects, cost, regularisation, value)
+@compiled
+def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
+    """Fill the errors of every sample and scenario [rad], (n, C, m), and their derivatives by J."""
+    samples, scenarios, size = values.shape
+    joints = spec.resting.shape[1]
+    foot, jacobian = np.empty(3), np.empty((joints, 3))
+    for k in range(samples):
+        for c in range(scenarios):
+            if len(spec.leg) == 0:
+                values[k, c, 0], jacobians[k, c, 0, 0] = states[k, c] - spec.goal[k, 0], 1.0
+                continue
+            foot_of(spec, states[k, c * joints : (c + 1) * joints], k, foot, jacobian)
+            for i in range(size):
+                scale = spec.leg[joints, 1, i]
+                values[k, c, i] = (foot[i] - spec.goal[k, i]) * scale
+                for j in range(joints):
+                    jacobians[k, c, i, j] = jacobian[j, i] * scale
 
 
-def _line_search(
-    problem: TrackingProblem,
-    current: Iterate,
-    step: Step,
-    stage: Stage,
-    unit: float,
-    penalty: float,
-) -> tuple[Iterate | None, float]:
-    """The first share of the step that lowers the merit, and how large a share; None if none."""
-    length, merit = 1.0, merit_of(current, step, penalty)
-    for _ in range(OPTIONS.lengths):
-        requests = problem.admissible(current.requests + length * step.requests)
-        angles = current.angles + length * step.angles
-        following = iterate(problem, requests, angles, stage, unit)
-        if merit_of(following, step, penalty) < merit:
-            return following, length
-        length *= OPTIONS.shortening
-    return None, length
-
-
-def _step_within_limits(
-    problem: TrackingProblem,
-    current: Iterate,
-    damping: float,
-    multipliers: Array | None,
-    held: Mask | None,
-) -> tuple[Step, Mask | None]:
-    """The Gauss-Newton step, and the requests held at the limits that they would leave."""
-    if problem.coupled or current.regularisation.second_differences:
-        return qp_step(problem, current, _damping(problem, current, damping, multipliers)), None
-    below, above = current.requests <= problem.lower, current.requests >= problem.upper
-    free = problem.movable if held is None else problem.movable & ~(held & (below | above))
-    for _ in range(OPTIONS.active_set_rounds):
-        weights = _damping(problem, current, damping, multipliers)
-        step = kkt_step(problem.windows, current, weights, free=free)
-        if not problem.limited:
-            return step, None
-        gradient = step.reduced_gradient
-        outward = (below & (gradient > 0.0)) | (above & (gradient < 0.0))
-        before, free = free, problem.movable & ~outward
-        if np.all(free >= before):  # those that may come back do so in the next step
-            break
-    return step, problem.movable & ~free
-
-
-def _damping(
-    problem: TrackingProblem, current: Iterate, damping: float, multipliers: Array | None
-) -> Damping:
-    """An even weight, and the curvature of the Lagrangian at the corners where it is positive.
-
-    See ``docs/math.md``, section 6.
-    """
-    even = np.full_like(current.requests, damping)
-    if multipliers is None:
-        return Damping(even, np.zeros_like(current.angles))
-    bending = -multipliers * current.response.bending
-    angles = len(problem.models)
-    if problem.has_speeds:
-        bending = bending[..., :angles] + bending[..., angles:]
-    bending = np.maximum(bending, 0.0)
-    after = np.zeros_like(current.angles)  # bends by the angle before each sample
-    after[:, :angles] = bending.sum(axis=0)[problem.windows.after]
-    bending = problem.over_driven(bending)
-    return Damping(even + problem.windows.gathered(bending), after)
-
-
-def power_cost(errors: Errors, *, power: float, unit: float, ridge: float) -> Quadratic:
+@compiled
+def set_cost(
+    spec: Spec, stage: Stage, unit: float, values: Array, jacobians: Array, point: Point
+) -> None:
     """The sum of ``unit^2 |error / unit|^power`` to second order in the angles: (13).
 
     Gauss-Newton: the errors themselves are taken to be linear in the angles.
+    """
+    samples, scenarios, size = values.shape
+    joints, cost, count = spec.resting.shape[1], 0.0, point.quadratic.shape[2]
+    quadratic = point.quadratic
+    quadratic[:] = 0.0
+    for k in range(samples):
+        squared = 0.0
+        for c in range(scenarios):
+            block, offset = (0, c * joints) if spec.together else (c, 0)
+            for i in range(size):
+                squared += spec.shares[c] * values[k, c, i] ** 2
+                for j in range(joints):
+                    slope = spec.shares[c] * jacobians[k, c, i, j]
+                    quadratic[k, block, offset + j, count] += slope * values[k, c, i]
+                    for h in range(joints):
+                        quadratic[k, block, offset + j, offset + h] += slope * jacobians[k, c, i, h]
+        if stage.power == 2.0:
+            cost += squared
+        else:
+            share = min(np.sqrt(squared) / unit, LARGEST_SHARE)
+            cost += unit**2 * share**stage.power
+            weight = stage.power / 2.0 * max(share ** (stage.power - 2.0), LEAST_WEIGHT)
+            radial = (stage.power - 2.0) / max(squared, 1e-300)
+            for block in range(quadratic.shape[1]):
+                own = quadratic[k, block]
+                for j in range(count):
+                    for h in range(count):
+                        own[j, h] = weight * (own[j, h] + radial * own[j, count] * own[h, count])
+                for j in range(count):
+                    own[j, count] *= weight
+        for block in range(quadratic.shape[1]):
+            for j in range(count):
+                quadratic[k, block, j, j] += spec.ridge
+    point.costs[0] = cost
+
+
+@compiled
+def around(spec: Spec, sample: int) -> tuple[int, int, int]:
+    """The requests of a second difference: from rest the one before the first is the first."""
+    samples = len(spec.resting)
+    if spec.cyclic:
+        return (sample - 1) % samples, sample, (sample + 1) % samples
+    return max(sample - 1, 0), sample, sample + 1
+
+
+@compiled
+def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
+    """Fill what S makes of the requests, less their centre: distances, or second differences.
+
+    The latter are one for every sample, from rest none for the last one; with a centring follow the
+    distances from the requests that rest.
+    """
+    samples, joints = requests.shape
+    rows = 0
+    if smoothing:
+        rows = samples if spec.cyclic else samples - 1
+        for k in range(rows):
+            before, here, after = around(spec, k)
+            for j in range(joints):
+                away[k, j] = requests[before, j] - 2.0 * requests[here, j] + requests[after, j]
+    scale = spec.centring if smoothing else 1.0
+    for k in range(len(away) - rows):
+        for j in range(joints):
+            away[rows + k, j] = scale * (requests[k, j] - spec.resting[k, j])
+
+
+@compiled
+def away_rows(spec: Spec, smoothing: bool) -> int:
+    """How many rows S has."""
+    samples = len(spec.resting)
+    if not smoothing:
+        return samples
+    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
+
+
+@compiled
+def squares(away: Array) -> float:
+    """The sum of squares."""
+    total = 0.0
+    for k in range(len(away)):
+        for j in range(away.shape[1]):
+            total += away[k, j] ** 2
+    return total
+
+
+@compiled
+def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
+    """Fill the rest of a point from its requests and states."""
+    samples, joints = point.requests.shape
+    drives, _, width = spec.weights.shape
+    parts, states, requests = spec.parts, point.states, point.requests
+    slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty(width)
+    for a in range(drives):
+        row = spec.drives[a]
+        law, weights = Law(row[0], row[1], row[2], row[3], row[4]), spec.weights[a, : int(row[5])]
+        rounded = (law.gain * stage.radius * row[6]) ** 2
+        for k in range(samples):
+            for j in range(width):
+                window[j] = requests[max(acting_request(spec, k, j), 0), a % joints]
+            follows = k > 0 or spec.cyclic
+            angle = states[k - 1, a] if follows else row[8]
+            speed = states[k - 1, drives + a] / row[7] if parts == 2 and follows else 0.0
+            sag, faster = spec.periods[0, a, k], spec.periods[1, a, k]
+            angle, speed = period(
+                law, weights, window, sag, faster, rounded, angle, speed, slopes, bends
+            )
+            point.defects[k, a] = angle - states[k, a]
+            if parts == 2:
+                point.defects[k, drives + a] = row[7] * speed - states[k, drives + a]
+            for s in range(parts):
+                scale = row[7] if s else 1.0
+                for t in range(parts):
+                    each = slopes[s, t] * scale / (row[7] if t else 1.0)
+                    point.slopes[k, a, s, t] = each if follows else 0.0
+                for j in range(width):
+                    point.slopes[k, a, s, parts + j] = slopes[s, 2 + j] * scale
+                    point.slopes[k, a, s, parts + width + j] = bends[s, j] * scale
+    size = 1 if len(spec.leg) == 0 else 3
+    values = np.empty((samples, len(spec.shares), size))
+    jacobians = np.empty((samples, len(spec.shares), size, joints))
+    errors_of(spec, states, values, jacobians)
+    set_cost(spec, stage, unit, values, jacobians, point)
+    set_away(spec, requests, stage.smoothing, point.away)
+    point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
+
+
+@compiled
+def set_entries(
+    spec: Spec,
+    stage: Stage,
+    point: Point,
+    terms: Array,
+    eased: Array,
+    tight: Indices,
+    pattern_rows: Indices,
+    pattern_columns: Indices,
+    values: Array,
+) -> int:
+    """Fill the entries of the KKT matrix, each of one triangle or on the diagonal; how many.
+
+    Unknowns are the requests, the states, the multipliers of the dynamics and, where changes are
+    limited, those of the changes. The first entries are the diagonal of the requests.
 
     Args:
-        errors: Errors and their derivatives.
-        power: 2 for least squares; large powers approach the largest error.
-        unit: Error that counts as one.
-        ridge: Added to the curvature, so that it is definite where the errors do not see an angle.
+        spec: The problem.
+        stage: Regularisation.
+        point: Where the search is.
+        terms: Levenberg-Marquardt terms of the requests, Delta, (n, J).
+        eased: Those of the angles, E, (n, A).
+        tight: Changes that are at their limits, (n, J).
+        pattern_rows: Filled with the number of one unknown of each entry.
+        pattern_columns: Filled with that of the other.
+        values: Filled with the entries.
     """
-    gradient = np.einsum("kmi,km->ki", errors.jacobians, errors.values)
-    curvature = np.einsum("kmi,kmj->kij", errors.jacobians, errors.jacobians)
-    if power == 2.0:
-        value = float(np.vdot(errors.values, errors.values))
-    else:
-        lengths = np.linalg.norm(errors.values, axis=1)
-        # Beyond this a power overflows; such a step is refused for its cost in any case.
-        share = np.minimum(lengths / unit, OPTIONS.largest_share)
-        value = unit**2 * float(np.sum(share**power))
-        weights = power / 2.0 * np.maximum(share ** (power - 2.0), OPTIONS.least_weight)
-        radial = gradient / np.maximum(lengths, np.finfo(np.float64).tiny)[:, np.newaxis]
-        curvature += (power - 2.0) * radial[:, :, np.newaxis] * radial[:, np.newaxis]
-        gradient = weights[:, np.newaxis] * gradient
-        curvature *= weights[:, np.newaxis, np.newaxis]
-    if ridge > 0.0:
-        curvature = curvature + ridge * np.eye(curvature.shape[-1])
-    return Quadratic(value, gradient, curvature)
+    rows, columns = pattern_rows, pattern_columns
+    samples, joints = spec.resting.shape
+    drives, _, width = spec.weights.shape
+    states, parts = drives * spec.parts, spec.parts
+    state, multiplier = samples * joints, samples * (joints + states)
+    change, e = multiplier + samples * states, 0
+    own = stage.weight * (spec.centring**2 if stage.smoothing else 1.0)
+    for number in range(state):
+        rows[e] = columns[e] = number
+        values[e] = terms[number // joints, number % joints] + own
+        e += 1
+    if stage.smoothing:
+        for k in range(samples if spec.cyclic else samples - 1):
+            numbers, factors = around(spec, k), (1.0, -2.0, 1.0)
+            for j in range(joints):
+                for one in range(3):
+                    for other in range(one + 1):
+                        rows[e] = numbers[one] * joints + j
+                        columns[e] = numbers[other] * joints + j
+                        twice = one != other and numbers[one] == numbers[other]
+                        values[e] = stage.weight * factors[one] * factors[other]
+                        values[e] *= 2.0 if twice else 1.0
+                        e += 1
+    blocks, count = point.quadratic.shape[1:3]
+    for k in range(samples):
+        for block in range(blocks):
+            for i in range(count):
+                a = block * count + i
+                for h in range(i + 1):
+                    rows[e] = state + k * states + a
+                    columns[e] = state + k * states + block * count + h
+                    values[e] = point.quadratic[k, block, i, h] + (eased[k, a] if h == i else 0.0)
+                    e += 1
+        for s in range(states):
+            row, a, part = multiplier + k * states + s, s % drives, s // drives
+            if part:
+                rows[e] = columns[e] = state + k * states + s
+                values[e] = SPEED_TERM
+                e += 1
+            rows[e] = columns[e] = row
+            values[e] = -SLACK
+            rows[e + 1], columns[e + 1], values[e + 1] = row, state + k * states + s, 1.0
+            e += 2
+            for t in range(parts if k > 0 or spec.cyclic else 0):
+                rows[e] = row
+                columns[e] = state + ((k - 1) % samples) * states + t * drives + a
+                values[e] = -point.slopes[k, a, part, t]
+                e += 1
+            for j in range(width):
+                number = acting_request(spec, k, j)
+                if number >= 0:
+                    rows[e], columns[e] = row, number * joints + a % joints
+                    values[e] = -point.slopes[k, a, part, parts + j]
+                    e += 1
+    if spec.limited:
+        for number in range(state):
+            on = tight[number // joints, number % joints] != 0
+            row, following = change + number, (number + joints) % state
+            rows[e] = columns[e] = row
+            values[e] = -SLACK if on else -1.0
+            rows[e + 1], columns[e + 1], values[e + 1] = row, number, -1.0 if on else 0.0
+            rows[e + 2], columns[e + 2], values[e + 2] = row, following, 1.0 if on else 0.0
+            e += 3
+    return e
+
+
+@compiled
+def allocated(spec: Spec, smoothing: bool) -> Point:
+    """A point with all its arrays, not filled."""
+    samples, joints = spec.resting.shape
+    drives, _, width = spec.weights.shape
+    states, parts, scenarios = drives * spec.parts, spec.parts, len(spec.shares)
+    blocks, size = (1, drives) if spec.together else (scenarios, joints)
+    return Point(
+        np.zeros((samples, joints)),
+        np.zeros((samples, states)),
+        np.zeros((samples, states)),
+        np.zeros((samples, drives, parts, parts + 2 * width)),
+        np.zeros((samples, blocks, size, size + 1)),
+        np.zeros((away_rows(spec, smoothing), joints)),
+        np.zeros(2),
+    )
+
+
+@compiled
+def pattern_of(spec: Spec, smoothing: bool) -> Pattern:
+    """Where the entries of the steps of a problem are: unknowns are eliminated in order of time.
+
+    Without second differences and limits on changes requests are eliminated first, then states:
+    what is left is a Schur complement. With them each request follows the last condition on which
+    it acts; those that act across the boundary of a cycle come last where they are fewer than the
+    conditions with which they would be eliminated.
+    """
+    samples, joints = spec.resting.shape
+    drives, _, width = spec.weights.shape
+    states, limited = drives * spec.parts, spec.limited
+    state, multiplier = samples * joints, samples * (joints + states)
+    change = multiplier + samples * states
+    position = np.arange(change + (state if limited else 0))
+    if smoothing or limited:
+        number, ahead = 0, spec.youngest + width - 1
+        around_cycle = spec.cyclic and ahead * joints > (width - 1) * drives
+        for k in range(samples + (0 if around_cycle else ahead)):
+            for first in (state, multiplier):
+                for s in range(states if k < samples else 0):
+                    position[first + k * states + s] = number
+                    number += 1
+            request = (k - ahead) % samples if around_cycle else k - ahead
+            for j in range(joints if request >= 0 else 0):
+                if limited:
+                    position[change + request * joints + j] = number
+                    number += 1
+                position[request * joints + j] = number
+                number += 1
+    point, nothing = allocated(spec, smoothing), np.zeros((samples, joints))
+    blocks, size = point.quadratic.shape[1:3]
+    room = samples * (joints * 10 + blocks * size**2 + states * (5 + width))
+    rows, columns, values = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
+    stage, tight = Stage(1.0, 1.0, 2.0, 1, smoothing), np.zeros((samples, joints), np.int64)
+    eased = np.zeros((samples, drives))
+    count = set_entries(spec, stage, point, nothing, eased, tight, rows, columns, values)
+    rows, columns = rows[:count].copy(), columns[:count].copy()
+    place, column, row = stored(rows, columns, position)
+    diagonal = np.empty(len(position), np.int64)
+    for e in range(count):
+        if rows[e] == columns[e]:
+            diagonal[rows[e]] = place[e]
+    return Pattern(rows, columns, diagonal, pattern_of_factor(position, place, column, row))
+
+
+@compiled
+def set_step(
+    spec: Spec, stage: Stage, pattern: Pattern, point: Point, search: Search, step: Array
+) -> tuple[bool, float]:
+    """Fill the Gauss-Newton step: changes of requests and states, then the multipliers.
+
+    It solves (11) of ``docs/math.md`` within the limits,
+
+        minimise    2 g' dX + dX' (K + E) dX + alpha |a + S dR|^2 + dR' Delta dR
+        subject to  B dX = H dR + d,   lower <= R + dR <= upper,   |N (R + dR)| <= s
+
+    where S is the identity, or takes second differences and with dry friction distances from the
+    middle of the dead band; N takes first differences; E and Delta are Levenberg-Marquardt terms:
+    an even weight, and the curvature of the Lagrangian at the corners where it is positive. Which
+    limits are active is found by the primal-dual active set strategy (M. Hintermüller, K. Ito,
+    M. Kunisch, SIAM J. Optim. 13, 2002), from those of the step before.
+
+    Args:
+        spec: The problem.
+        stage: Regularisation.
+        pattern: The KKT matrix.
+        point: Where the search is.
+        search: Multipliers, damping and active limits; these are changed.
+        step: Filled, (unknowns,).
+
+    Returns:
+        Whether the system had a solution, and the cost that the linearisation predicts.
+    """
+    samples, joints = spec.resting.shape
+    drives, _, width = spec.weights.shape
+    states, parts = drives * spec.parts, spec.parts
+    state, multiplier = samples * joints, samples * (joints + states)
+    change, count = multiplier + samples * states, point.quadratic.shape[2]
+    held, tight = search.active[0], search.active[1]
+    terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
+    for k in range(samples if search.damping[1] else 0):
+        for a in range(drives):
+            for j in range(width):
+                bend = 0.0
+                for s in range(parts):
+                    bent = point.slopes[k, a, s, parts + width + j]
+                    bend -= search.multipliers[k, s * drives + a] * bent
+                if bend > 0.0:
+                    eased[k - 1, a] += bend if k > 0 or spec.cyclic else 0.0
+                    number = acting_request(spec, k, j)
+                    if number >= 0:
+                        terms[number, a % joints] += bend
+
+    right = np.zeros(len(step))
+    rows = (samples if spec.cyclic else samples - 1) if stage.smoothing else 0
+    for k in range(rows):
+        before, here, after = around(spec, k)
+        for j in range(joints):
+            force = stage.weight * point.away[k, j]
+            right[before * joints + j] -= force
+            right[here * joints + j] += 2.0 * force
+            right[after * joints + j] -= force
+    scale = stage.weight * (spec.centring if stage.smoothing else 1.0)
+    for number in range((len(point.away) - rows) * joints):
+        right[number] -= scale * point.away[rows + number // joints, number % joints]
+    for k in range(samples):
+        for a in range(drives):
+            right[state + k * states + a] = -point.quadratic[k, a // count, a % count, count]
+        for s in range(states):
+            right[multiplier + k * states + s] = point.defects[k, s]
+
+    values = np.empty(len(pattern.rows))
+    fixed, place, nothing = np.zeros(len(step), np.bool_), np.zeros(len(step)), np.zeros(len(step))
+    settled = False
+    for _ in range(ROUNDS):
+        set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
+        for number in range(state):
+            k, j = number // joints, number % joints
+            bound = FIRST if k == 0 and not spec.cyclic else LOWER if held[k, j] < 0 else UPPER
+            fixed[number] = bound == FIRST or held[k, j] != 0
+            place[number] = spec.bounds[bound, j] - point.requests[k, j] if fixed[number] else 0.0
+            if spec.limited:
+                room = 0.0
+                if tight[k, j]:
+                    moved = point.requests[(k + 1) % samples, j] - point.requests[k, j]
+                    room = tight[k, j] * spec.bounds[LARGEST_CHANGE, j] - moved
+                right[change + number] = room
+        if not solve_kkt(pattern, values, nothing, right, fixed, place, step):
+            return False, 0.0
+        settled = not active_changed(spec, pattern, point, values, right, step, held, tight)
+        if settled:
+            break
+    if not settled:
+        tight[:] = 1
+        set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
+        for number in range(state):
+            j = number % joints
+            if not (number < joints and not spec.cyclic):
+                fixed[number] = spec.bounds[LOWER, j] == spec.bounds[UPPER, j]
+            place[number] = place[number] if fixed[number] else 0.0
+        if not interior_point(spec, pattern, point, values, right, fixed, place, search, step):
+            return False, 0.0
+
+    predicted = point.costs[0]
+    for k in range(samples):
+        for block in range(drives // count):
+            first = state + k * states + block * count
+            for i in range(count):
+                row = point.quadratic[k, block, i]
+                total = 2.0 * row[count]
+                for h in range(count):
+                    total += row[h] * step[first + h]
+                predicted += step[first + i] * total
+    away, requests = np.empty(point.away.shape), np.empty((samples, joints))
+    for number in range(state):
+        k, j = number // joints, number % joints
+        requests[k, j] = point.requests[k, j] + step[number]
+    set_away(spec, requests, stage.smoothing, away)
+    return True, predicted + stage.weight * squares(away)
+
+
+@compiled
+def solve_kkt(
+    pattern: Pattern,
+    values: Array,
+    added: Array,
+    right: Array,
+    fixed: Mask,
+    place: Array,
+    step: Array,
+) -> bool:
+    """Fill the solution of the system with some unknowns at fixed places; False where it has none.
+
+    Args:
+        pattern: Where the entries are.
+        values: Entries of the matrix.
+        added: What is added to its diagonal, (unknowns,).
+        right: Right-hand side.
+        fixed: Requests that have a fixed place.
+        place: These places; 0 for all others.
+        step: Filled.
+    """
+    matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
+    lower, pivots = np.empty(len(pattern.factor.rows)), np.empty(len(step))
+    for e in range(len(values)):
+        one, other = pattern.rows[e], pattern.columns[e]
+        if not (fixed[one] or fixed[other]):
+            matrix[pattern.factor.place[e]] += values[e]
+        elif not fixed[one]:
+            target[one] -= values[e] * place[other]
+        elif not fixed[other]:
+            target[other] -= values[e] * place[one]
+    for number in range(len(step)):
+        at = pattern.diagonal[number]
+        if fixed[number]:
+            matrix[at], target[number] = 1.0, place[number]
+        else:
+            matrix[at] += added[number]
+    if not factorise(pattern.factor, matrix, lower, pivots):
+        return False
+    solved(pattern.factor, lower, pivots, target, step)
+    return True
+
+
+@compiled
+def interior_point(
+    spec: Spec,
+    pattern: Pattern,
+    point: Point,
+    values: Array,
+    right: Array,
+    fixed: Mask,
+    place: Array,
+    search: Search,
+    step: Array,
+) -> bool:
+    """The step within limits by a primal-dual interior-point method, where no active set is found.
+
+    Mehrotra's predictor and corrector (S. J. Wright, *Primal-Dual Interior-Point Methods*, 1997),
+    on the same system: limits on a request add to its diagonal, those on a change to that of its
+    multiplier. The limits that are active at the end are where the next step begins.
+
+    Args:
+        spec: The problem.
+        pattern: The KKT matrix.
+        point: Where the search is.
+        values: Its entries, those of all changes included.
+        right: Right-hand side.
+        fixed: Requests that do not move, (unknowns,).
+        place: Where they are.
+        search: Filled with the active limits.
+        step: Filled.
+    """
+    samples, joints = spec.resting.shape
+    state, change = samples * joints, samples * (joints + 2 * point.states.shape[1])
+    count = 2 * state if spec.limited else state
+    last = samples if spec.cyclic else samples - 1
+    at, now, moved = np.zeros(count), np.zeros(count), np.zeros(count)
+    low, high = np.full(count, -np.inf), np.full(count, np.inf)
+    for number in range(count):
+        request, j = number % state, number % joints
+        following = (request + joints) % state
+        if number < state:
+            at[number] = point.requests[request // joints, j]
+            if not fixed[request]:
+                low[number], high[number] = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+        else:
+            at[number] = point.requests[following // joints, j]
+            at[number] -= point.requests[request // joints, j]
+            both = fixed[request] and fixed[following]
+            if request // joints < last and not both:
+                high[number] = spec.bounds[LARGEST_CHANGE, j]
+                low[number] = -high[number]
+    for number in range(len(step)):
+        step[number] = place[number]
+    slack, force = np.empty((2, count)), np.empty((2, count))
+    set_limited(step, state, joints, at, now)
+    for number in range(count):
+        slack[0, number] = max(now[number] - low[number], INITIAL)
+        slack[1, number] = max(high[number] - now[number], INITIAL)
+        force[0, number] = INITIAL if low[number] > -np.inf else 0.0
+        force[1, number] = INITIAL if high[number] < np.inf else 0.0
+    added, target, trial = np.zeros(len(step)), right.copy(), np.zeros(len(step))
+    correction, moves, forces = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
+    for _ in range(INTERIOR_STEPS):
+        set_limited(step, state, joints, at, now)
+        gap, finite, off = 0.0, 0, 0.0
+        for number in range(count):
+            for side in range(2):
+                if force[side, number] > 0.0:
+                    gap += slack[side, number] * force[side, number]
+                    finite += 1
+                    room = now[number] - low[number] if side == 0 else high[number] - now[number]
+                    off = max(off, abs(room - slack[side, number]))
+        gap /= max(finite, 1)
+        if gap < INTERIOR_GAP and off < TOUCHING:
+            break
+        correction[:], centre = 0.0, 0.0
+        for corrected in range(2):
+            for number in range(count):
+                weight, pull = 0.0, 0.0
+                for side in range(2):
+                    if force[side, number] > 0.0:
+                        sign = -1.0 if side == 0 else 1.0
+                        room = (
+                            now[number] - low[number] if side == 0 else high[number] - now[number]
+                        )
+                        ratio = force[side, number] / slack[side, number]
+                        weight += ratio
+                        product = (centre - correction[side, number]) / slack[side, number]
+                        pull += sign * (product - ratio * (room - slack[side, number]))
+                own = now[number] - at[number]
+                if number < state:
+                    added[number] = weight
+                    target[number] = right[number] + weight * own - pull
+                else:
+                    row = change + number - state
+                    added[row] = -1.0 / max(weight, 1e-12)
+                    target[row] = own - pull / max(weight, 1e-12)
+            if not solve_kkt(pattern, values, added, target, fixed, place, trial):
+                return False
+            set_limited(trial, state, joints, at, moved)
+            length, reached = 1.0, 0.0
+            for number in range(count):
+                for side in range(2):
+                    if force[side, number] > 0.0:
+                        room = (
+                            now[number] - low[number] if side == 0 else high[number] - now[number]
+                        )
+                        away = (moved[number] - now[number]) * (1.0 if side == 0 else -1.0)
+                        moves[side, number] = away + room - slack[side, number]
+                        product = centre - correction[side, number]
+                        product -= force[side, number] * moves[side, number]
+                        forces[side, number] = product / slack[side, number] - force[side, number]
+                        for size, towards in (
+                            (slack[side, number], moves[side, number]),
+                            (force[side, number], forces[side, number]),
+                        ):
+                            if towards < 0.0:
+                                length = min(length, -size / towards)
+            if corrected == 0:
+                for number in range(count):
+                    for side in range(2):
+                        if force[side, number] > 0.0:
+                            after = force[side, number] + length * forces[side, number]
+                            reached += after * (slack[side, number] + length * moves[side, number])
+                            product = moves[side, number] * forces[side, number]
+                            correction[side, number] = product
+                centre = gap * (reached / max(finite, 1) / gap) ** 3
+        length = min(1.0, TO_THE_BOUNDARY * length)
+        for number in range(len(step)):
+            step[number] += length * (trial[number] - step[number])
+        for number in range(count):
+            for side in range(2):
+                if force[side, number] > 0.0:
+                    slack[side, number] += length * moves[side, number]
+                    force[side, number] += length * forces[side, number]
+    for number in range(count):
+        side, request = 0 if force[0, number] > force[1, number] else 1, number % state
+        on = 0
+        if force[side, number] > slack[side, number]:
+            on = -1 if side == 0 else 1
+        if (
+            number < state
+            and spec.bounds[LOWER, number % joints] == spec.bounds[UPPER, number % joints]
+        ):
+            on = -1
+        search.active[number // state, request // joints, request % joints] = on
+    return True
+
+
+@compiled
+def set_limited(step: Array, state: int, joints: int, at: Array, values: Array) -> None:
+    """Fill what is limited after a step: the requests, then their changes, from those before."""
+    for number in range(len(values)):
+        request = number % state
+        values[number] = at[number]
+        if number < state:
+            values[number] += step[request]
+        else:
+            values[number] += step[(request + joints) % state] - step[request]
+
+
+@compiled
+def active_changed(
+    spec: Spec,
+    pattern: Pattern,
+    point: Point,
+    values: Array,
+    right: Array,
+    step: Array,
+    held: Indices,
+    tight: Indices,
+) -> bool:
+    """Hold the limits that a step would pass, let go those whose force turns inward; any changed?
+
+    The force on a request is half the derivative of the Lagrangian by it: a residual of the system.
+    """
+    samples, joints = spec.resting.shape
+    change, first = samples * (joints + 2 * point.states.shape[1]), 0 if spec.cyclic else 1
+    changed = False
+    if not (spec.limited or spec.bounded):
+        return False
+    force = -right
+    for e in range(len(values)):
+        one, other = pattern.rows[e], pattern.columns[e]
+        force[one] += values[e] * step[other]
+        if one != other:
+            force[other] += values[e] * step[one]
+    for k in range(first, samples):
+        for j in range(joints):
+            number, before = k * joints + j, held[k, j]
+            low, high = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+            request = point.requests[k, j] + step[number]
+            if low == high:
+                continue
+            if before != 0:
+                held[k, j] = before if before * force[number] < 0.0 else 0
+            elif request < low - TOUCHING:
+                held[k, j] = -1
+            elif request > high + TOUCHING:
+                held[k, j] = 1
+            changed |= held[k, j] != before
+    for k in range(samples - first if spec.limited else 0):
+        for j in range(joints):
+            number, following, before = k * joints + j, (k + 1) % samples, tight[k, j]
+            largest, after = spec.bounds[LARGEST_CHANGE, j], following * joints + j
+            moved = point.requests[following, j] + step[after] - point.requests[k, j] - step[number]
+            too_far = abs(moved) > largest + TOUCHING
+            if held[following, j] != 0 and (held[k, j] != 0 or k < first):
+                tight[k, j] = 0
+                changed |= too_far  # both are held: no such step is within the limits
+            elif before != 0:
+                tight[k, j] = before if before * step[change + number] > 0.0 else 0
+            elif too_far:
+                tight[k, j] = 1 if moved > 0.0 else -1
+            changed |= tight[k, j] != before
+    return changed
+
+
+@compiled
+def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
+    """Change requests so that they change by at most ``max_step`` from one to the next.
+
+    With s the largest step they are the middle between the largest requests below the given ones
+    that keep it, ``min_j (R_j + s |j - k|)``, and the smallest above, ``max_j (R_j - s |j - k|)``;
+    in a cycle distances are those around it. Requests that keep it already stay as they are, and
+    none leaves the range of the given ones, so that limits still hold. Time: O(n).
+
+    Args:
+        requests: Requests [rad], (n, J).
+        max_step: Largest change from one to the next [rad], inf where there is no limit, (J,).
+        cyclic: Whether the last request precedes the first; from rest the first one stays.
+    """
+    samples, first = len(requests), 0 if cyclic else 1
+    below, above = np.empty(samples), np.empty(samples)
+    for j in range(requests.shape[1]):
+        step = (1.0 - ROOM_FOR_ROUNDING) * max_step[j]
+        if not step < np.inf:
+            continue
+        for k in range(samples):
+            near, held = requests[k, j], requests[0, j]
+            if not cyclic:
+                near = min(max(near, held - step * k), held + step * k)
+            below[k] = above[k] = near
+        for _ in range(2 - first):  # the second turn reaches around the cycle
+            for k in range(first, samples):
+                below[k] = min(below[k], below[k - 1] + step)
+                above[k] = max(above[k], above[k - 1] - step)
+            for k in range(samples - 1 - first, -1, -1):
+                below[k] = min(below[k], below[(k + 1) % samples] + step)
+                above[k] = max(above[k], above[(k + 1) % samples] - step)
+        for k in range(first, samples):
+            requests[k, j] = (below[k] + above[k]) / 2.0
+
+
+@compiled
+def limit(spec: Spec, requests: Array) -> None:
+    """Bring requests (n, J) within the limits [rad]; from rest the first is held."""
+    for j in range(requests.shape[1] if not spec.cyclic else 0):
+        requests[0, j] = spec.bounds[FIRST, j]
+    for turn in range(2 if spec.limited else 1):
+        if turn:  # and afterwards once more within the limits: rounding
+            keep_step(requests, spec.bounds[LARGEST_CHANGE], spec.cyclic)
+        for k in range(len(requests)):
+            for j in range(requests.shape[1]):
+                low, high = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+                requests[k, j] = min(max(requests[k, j], low), high)
+
+
+@compiled
+def merit_of(point: Point, step: Array, penalty: float) -> float:
+    """The augmented Lagrangian: to first order, the cost once the defects are closed."""
+    merit, first = point.costs[1], point.requests.size + point.states.size
+    states = point.states.shape[1]
+    for k in range(len(point.states)):
+        for s in range(states):
+            multiplier, defect = step[first + k * states + s], point.defects[k, s]
+            merit += (penalty * defect - 2.0 * multiplier) * defect
+    return float(merit)
+
+
+@compiled
+def go_through(spec: Spec, pattern: Pattern, search: Search, stages: Array, ends: Array) -> None:
+    """Lower the cost of each stage by damped Gauss-Newton steps, from where the last one ended.
+
+    Args:
+        spec: The problem.
+        pattern: Its KKT matrix.
+        search: Where it begins; at the end, where it stops.
+        stages: In the order of :class:`Stage`, all with the same regularisation, (m, 5).
+        ends: Filled with the requests with which each stage ends [rad], (m, n, J).
+    """
+    samples, joints = spec.resting.shape
+    states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
+    state, count = samples * joints, samples * (joints + states)
+    smoothing, damping = stages[0, 4] != 0.0, search.damping
+    point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
+    copied(search.requests, point.requests)
+    copied(search.states, point.states)
+    for number in range(len(stages)):
+        row = stages[number]
+        stage, unit = Stage(row[0], row[1], row[2], int(row[3]), smoothing), 1.0
+        if stage.power > 2.0:
+            unit = largest_distance(spec, point.states)
+        evaluate(spec, stage, unit, point)
+        damping[0] = max(damping[0], OPTIONS.first_damping)
+        penalty = OPTIONS.defect_penalty * largest_curvature(point)
+        for _ in range(stage.steps):
+            found, predicted = set_step(spec, stage, pattern, point, search, step)
+            if not found:
+                damping[0] *= OPTIONS.factor
+                continue
+            merit, length, after = merit_of(point, step, penalty), 1.0, np.inf
+            for _ in range(LENGTHS):
+                for k in range(samples):
+                    for j in range(joints):
+                        move = length * step[k * joints + j]
+                        trial.requests[k, j] = point.requests[k, j] + move
+                    for s in range(states):
+                        move = length * step[state + k * states + s]
+                        trial.states[k, s] = point.states[k, s] + move
+                limit(spec, trial.requests)
+                evaluate(spec, stage, unit, trial)
+                after = merit_of(trial, step, penalty)
+                if after < merit:
+                    break
+                length *= OPTIONS.shortening
+            if not after < merit:
+                damping[0] *= OPTIONS.factor
+                if merit - predicted < NEGLIGIBLE * OPTIONS.least_decrease * merit:
+                    break
+                continue
+            if length < 1.0:
+                damping[0] *= OPTIONS.short_factor
+            elif merit - after > 0.6 * (merit - predicted):
+                damping[0] /= OPTIONS.factor
+            elif merit - after < 0.2 * (merit - predicted):
+                damping[0] *= OPTIONS.factor
+            point, trial = trial, point
+            for k in range(samples):
+                for s in range(states):
+                    search.multipliers[k, s] = step[count + k * states + s]
+            damping[1] = 1.0
+            if merit - after < OPTIONS.least_decrease * after:
+                break
+        copied(point.requests, ends[number])
+    copied(point.requests, search.requests)
+    copied(point.states, search.states)
+
+
+@compiled
+def copied(source: Array, target: Array) -> None:
+    """Copy an array of two dimensions."""
+    for k in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[k, j] = source[k, j]
+
+
+@compiled
+def largest_curvature(point: Point) -> float:
+    """The largest entry of the curvature."""
+    largest, count = 0.0, point.quadratic.shape[2]
+    for k in range(len(point.quadratic)):
+        for block in range(point.quadratic.shape[1]):
+            for i in range(count):
+                for h in range(count):
+                    largest = max(largest, point.quadratic[k, block, i, h])
+    return largest
+
+
+@compiled
+def largest_distance(spec: Spec, states: Array) -> float:
+    """The largest weighted root of a sample's squared errors [rad]."""
+    samples, scenarios = len(states), len(spec.shares)
+    size, largest = 1 if len(spec.leg) == 0 else 3, 1e-300
+    values = np.empty((samples, scenarios, size))
+    errors_of(spec, states, values, np.empty((samples, scenarios, size, spec.resting.shape[1])))
+    for k in range(samples):
+        squared = 0.0
+        for c in range(scenarios):
+            for i in range(size):
+                squared += spec.shares[c] * values[k, c, i] ** 2
+        largest = max(largest, math.sqrt(squared))
+    return largest

@@ -26,7 +26,6 @@ from planner.planning.line_inverse import Rule, check_rule
 from planner.planning.load_of_pose import LoadOfPose, settled
 from planner.planning.plan import Method, Plan, joined
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.solve import solve
 from planner.planning.task import Task
 from planner.validation import is_one_of, shown
 
@@ -378,6 +377,8 @@ def planned(
     check_solver(solver)
     if method == "closed_form" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
+
+    from planner.planning.solve import solve  # compiled: Numba takes a quarter of a second
 
     def plan_for(task: Task) -> Plan:
         if method == "closed_form":

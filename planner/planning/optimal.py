@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
 
@@ -17,11 +17,9 @@ from planner.model.joint import JointModel, request_ages
 from planner.planning.arguments import Solver
 from planner.planning.closed_form import SAME_TIME, best_closed_form, switching_time
 from planner.planning.direct_transcription import transcribed_requests
-from planner.planning.gauss_newton import OPTIONS as SEARCH
-from planner.planning.gauss_newton import State, minimise
 from planner.planning.line_inverse import interpolated_offset
-from planner.planning.smoothing import allowed_beside
-from planner.planning.tracking_problem import TrackingProblem
+from planner.planning.problem import Problem
+from planner.planning.search import NARROW, WIDE, State, allowed_beside, judged, minimise
 from planner.trajectory import Array
 
 
@@ -61,12 +59,12 @@ BARELY_SLOWER = 1e-3
 
 
 def first_request_freed(
-    follow: Callable[..., TrackingProblem],
-    problem: TrackingProblem,
+    follow: Callable[..., Problem],
+    problem: Problem,
     column: Array,
     solver: Solver,
     smoothness: float,
-) -> tuple[Callable[..., TrackingProblem], TrackingProblem, Array]:
+) -> tuple[Callable[..., Problem], Problem, Array]:
     """The problem from rest with the first request that serves best, and the plan for it.
 
     Anywhere within the dead band it holds the joint at the start. Until it has left the window of
@@ -84,12 +82,14 @@ def first_request_freed(
     angles, best = problem.exact_angles(column), other.exact_angles(requests)
     if angles is None or best is None or error >= problem.error(angles):
         return follow, problem, column
-    if allowed_beside(problem, best, smoothness=smoothness).by(problem, angles):
+    if allowed_beside(problem, judged(problem, best), smoothness=smoothness).by(
+        judged(problem, angles)
+    ):
         return follow, problem, column
     return held, other, requests
 
 
-def best_requests(problem: TrackingProblem, solver: Solver) -> Array:
+def best_requests(problem: Problem, solver: Solver) -> Array:
     """Requests of least error by a solver [rad], (n, 1)."""
     guess = initial_guess(problem)
     if solver == "gauss-newton":
@@ -97,7 +97,7 @@ def best_requests(problem: TrackingProblem, solver: Solver) -> Array:
     return transcribed_requests(problem, guess)
 
 
-def search(problem: TrackingProblem, state: State) -> Array:
+def search(problem: Problem, state: State) -> Array:
     """The best requests found for one joint, (n, 1).
 
     A joint that is at top speed nearly throughout, or whose acceleration is limited, may follow
@@ -108,23 +108,23 @@ def search(problem: TrackingProblem, state: State) -> Array:
     further ones start from the desired angles and from those as early as the joint is late.
     """
     (model,) = problem.models
-    starts, narrow, wide = [state], SEARCH.narrow, SEARCH.wide
+    starts = [state]
     limited = math.isfinite(model.max_acceleration)  # of which the ideal does not know
     if limited or below_top_speed(problem, state.angles) <= OPTIONS.compared:
         starts.append(state._replace(requests=best_closed_form(problem)))
-    best = min((minimise(problem, start, narrow) for start in starts), key=itemgetter(1))
+    best = min((minimise(problem, start, NARROW) for start in starts), key=itemgetter(1))
     near = OPTIONS.far * problem.error(state.angles)
     if problem.norm == "max" and best[1] > near:
-        found, _ = minimise(problem.with_norm("rms"), state, narrow)
-        best = min(best, (found, problem.exact_error(found.requests)), key=itemgetter(1))
+        found, _ = minimise(replace(problem, norm="rms"), state, NARROW)
+        best = min(best, (found, problem.exact_error(found)), key=itemgetter(1))
     if best[1] > near + OPTIONS.negligible * model.theta_0:
         short = len(problem.desired) <= 2 * problem.ages.oldest
         if short or model.v_max_per_tick > model.theta_0:
             further = [state._replace(requests=requests) for requests in _early_and_late(problem)]
-            answers = [minimise(problem, start, narrow) for start in further]
+            answers = [minimise(problem, start, NARROW) for start in further]
             best = min(best, *answers, key=itemgetter(1))
             starts += further
-        other = min((minimise(problem, start, wide) for start in starts), key=itemgetter(1))
+        other = min((minimise(problem, start, WIDE) for start in starts), key=itemgetter(1))
         if other[1] < (1.0 - OPTIONS.gain) * best[1]:
             best = other
     answer, least = best
@@ -133,10 +133,10 @@ def search(problem: TrackingProblem, state: State) -> Array:
     )
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion", "no requests lead to a steady cycle")
-    return answer.requests
+    return answer
 
 
-def initial_guess(problem: TrackingProblem) -> State:
+def initial_guess(problem: Problem) -> State:
     """The ideal, the best trajectory within the top speeds (section 4), and its closed form.
 
     Every sample is a knot: request k is on the line from sample i = floor(k + l + a/2) on, raised
@@ -181,7 +181,7 @@ def nearest_within_speeds(
     return bounded[(turns // 2) * count :][:count]
 
 
-def below_top_speed(problem: TrackingProblem, ideal: Array) -> int:
+def below_top_speed(problem: Problem, ideal: Array) -> int:
     """How many samples the best trajectory within the top speeds reaches at less than these.
 
     Args:
@@ -212,7 +212,7 @@ def within_attainable_range(
     return np.clip(angles, start + low, start + high)
 
 
-def _early_and_late(problem: TrackingProblem) -> list[Array]:
+def _early_and_late(problem: Problem) -> list[Array]:
     """The desired angles as requests, l + a/2 early and as they are [rad], (n, 1)."""
     (model,) = problem.models
     count = len(problem.resting)

@@ -21,7 +21,7 @@ from planner.planning.line_inverse import (
     interpolated_offset,
     slope_limits,
 )
-from planner.planning.tracking_problem import TrackingProblem
+from planner.planning.problem import Problem
 from planner.trajectory import Array
 
 
@@ -62,9 +62,7 @@ class Move(NamedTuple):
 class TrackingError:
     """Squared tracking error of the inverse of a piecewise linear curve, as its knots move."""
 
-    def __init__(
-        self, problem: TrackingProblem, curve: PiecewiseLinear, rule: Rule, ahead: float
-    ) -> None:
+    def __init__(self, problem: Problem, curve: PiecewiseLinear, rule: Rule, ahead: float) -> None:
         """Take what stays the same for every move."""
         self.problem = problem
         self.curve = curve
@@ -109,11 +107,11 @@ class TrackingError:
         angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
         if angles is None:
             return np.inf
-        return float(np.sum(self.problem.goal.distances(angles) ** 2))
+        return float(np.sum(self.problem.errors(angles)[0] ** 2))
 
 
 def refined_curve(
-    problem: TrackingProblem,
+    problem: Problem,
     curve: PiecewiseLinear,
     *,
     rule: Rule,

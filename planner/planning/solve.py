@@ -11,13 +11,11 @@ import numpy as np
 
 from planner.exceptions import about
 from planner.planning.arguments import Robust, Solver
-from planner.planning.gauss_newton import OPTIONS as SEARCH
 from planner.planning.optimal import best_requests, first_request_freed
+from planner.planning.problem import Problem, track
 from planner.planning.reversals import LEAST_REVERSAL, without_small_reversals
-from planner.planning.robust import robust_requests
-from planner.planning.smoothing import smoothed
+from planner.planning.search import FOOT, robust_requests, smoothed
 from planner.planning.task import Task
-from planner.planning.tracking_problem import TrackingProblem, track
 from planner.trajectory import Array
 
 __all__ = ["Solved", "solve", "solve_foot", "solve_joint"]
@@ -71,7 +69,7 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
     model, desired = models[0], _reachable_angles(task)
     start = task.starts[0]
     loads = [task.loads_on((each,))[0] for each in models]
-    follow: Callable[..., TrackingProblem] = partial(
+    follow: Callable[..., Problem] = partial(
         track,
         model,
         cyclic=task.cyclic,
@@ -106,7 +104,7 @@ def solve_joint(task: Task, *, solver: Solver = "gauss-newton") -> Solved:
 
 def solve_foot(task: Task) -> Solved:
     """The requests for all joints of a leg, (n, k), from those for its joints one by one."""
-    from planner.planning.foot.invert import foot_problem, foot_requests, longer  # with kinematics
+    from planner.planning.foot.invert import foot_problem, foot_requests  # with kinematics
 
     problem = foot_problem(task)
     singly = [solve_joint(_alone(task, problem, j)).requests for j in range(len(task.names))]
@@ -120,12 +118,12 @@ def solve_foot(task: Task) -> Solved:
         requests,
         robust=_robust(task),
         smoothness=task.smoothness,
-        search=longer(SEARCH.narrow),
+        search=FOOT,
     )
     return Solved(robust, requests)
 
 
-def _alone(task: Task, problem: TrackingProblem, j: int) -> Task:
+def _alone(task: Task, problem: Problem, j: int) -> Task:
     """The task of one joint of a leg that should be where the problem of the foot has it."""
     nearest = np.ascontiguousarray(problem.desired[:, j : j + 1])
     return replace(

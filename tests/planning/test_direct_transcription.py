@@ -122,9 +122,7 @@ def test_a_stage_that_fails_is_left_out_and_the_best_of_the_others_is_kept(monke
 
 
 def test_requests_without_a_cycle_are_no_answer(monkeypatch):
-    monkeypatch.setattr(
-        "planner.planning.tracking_problem.TrackingProblem.exact_error", lambda *_: np.inf
-    )
+    monkeypatch.setattr("planner.planning.problem.Problem.exact_error", lambda *_: np.inf)
     with pytest.raises(SolverFailed, match="no requests lead to a steady cycle"):
         planner.invert_optimal(ERS210A, REFERENCE_JOINTS[0].desired, solver="ipopt")
 

@@ -1,123 +1,305 @@
-"""Costs of errors to second order."""
+"""The compiled search: errors, costs and steps against dense routes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cvxpy as cp
 import numpy as np
 import pytest
 
-from planner.planning.gauss_newton import OPTIONS, power_cost
-from planner.planning.tracking_problem import Errors
+from planner.gait.half_ellipse import reference_walk
+from planner.model.joint import JointModel
+from planner.planning import gauss_newton
+from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated, evaluate, set_step
+from planner.planning.problem import FootGoal, Problem, track
+from tests.instances import TICK, random_model, saturating
 
 STEP = 1e-6
 """Step of the central differences [rad]."""
 
 SLOPES = 1e-7
-"""Central differences of a cost of about one are right to this, relative to the cost."""
+"""Central differences of what is about one are right to this."""
 
-CURVATURES = 1e-5
-"""The same for differences of gradients."""
+AGREEMENT = 1e-5
+"""A step from derivatives by differences and a dense matrix of condition 1e6 [relative]."""
 
-ROUNDING = 1e-13
-"""Two routes through the same few products agree to this, relative."""
+DAMPING = 1e-2
+"""Levenberg-Marquardt weight, which counts in the cost of a step."""
 
-
-class Lines:
-    """Errors that are linear in the angles: ``offsets + jacobians angles``."""
-
-    def __init__(self, rng, samples, errors, joints):
-        self.jacobians = rng.normal(size=(samples, errors, joints))
-        self.offsets = rng.normal(size=(samples, errors))
-        self.angles = rng.normal(size=(samples, joints))
-
-    def at(self, angles):
-        values = self.offsets + np.einsum("kmi,ki->km", self.jacobians, angles)
-        return Errors(values, self.jacobians)
-
-    def scale_to(self, unit):
-        """Bring every error between half a unit and one, where no weight is at its least."""
-        lengths = np.linalg.norm(self.at(self.angles).values, axis=1)
-        scale = unit * np.linspace(0.5, 1.0, len(lengths)) / lengths
-        self.offsets *= scale[:, np.newaxis]
-        self.jacobians *= scale[:, np.newaxis, np.newaxis]
+CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from rest"])
+SMOOTHING = pytest.mark.parametrize("smoothing", [True, False], ids=["smoothing", "nearby"])
 
 
-def displaced(angles):
-    """Every angle, moved up and down by the step."""
-    for index in np.ndindex(angles.shape):
-        move = np.zeros_like(angles)
-        move[index] = STEP
-        yield index, angles + move, angles - move
+def joint(seed, *, cyclic, samples=10, inertia=False, friction=False, scenarios=1, **options):
+    """One joint, or several that it may be, and the problem to follow a path that saturates it."""
+    rng = np.random.default_rng([seed, samples, scenarios])
+    model = random_model(rng, whole=False, hold=1 + seed % 3)
+    desired = saturating(rng, model, samples=samples)
+    if friction:
+        model = replace(model, dead_band=0.3 * model.theta_0)
+    start = None if cyclic else float(np.median(desired)) + 0.01
+    problem = track(model, desired, cyclic=cyclic, start=start, **options)
+    models = [replace(model, v_max=model.v_max * (1.0 + 0.1 * c)) for c in range(scenarios)]
+    if inertia:
+        models = [replace(each, time_constant=2.0 * TICK) for each in models]
+    loads = [(None,)] * scenarios
+    return problem.in_scenarios([(each,) for each in models], loads, "mean")
+
+
+def leg_problem(cyclic):
+    """A leg of which every joint lags."""
+    walk = reference_walk()
+    desired = walk.desired[::6]
+    foot = walk.leg.foot_positions(desired) + 0.01
+    lower, upper = walk.leg.limits
+    goal = FootGoal(walk.leg, foot, np.array([9.0, 5.0, 7.0]), np.zeros_like(desired), ridge=1e-4)
+    return Problem(
+        models=(JointModel.ers210a(),) * 3,
+        desired=desired,
+        lower=lower,
+        upper=upper,
+        max_step=np.full(3, np.inf),
+        loads=(None,) * 3,
+        foot=goal,
+        cyclic=cyclic,
+        start=None if cyclic else desired[0],
+    )
+
+
+def point_at(problem, stage, seed=0, unit=1.0):
+    """Requests and states near the desired angles, evaluated."""
+    rng = np.random.default_rng(seed)
+    point = allocated(problem.spec, stage.smoothing)
+    noise = rng.normal(size=point.requests.shape)
+    point.requests[:] = problem.admissible(problem.desired + 0.05 * noise)
+    angles = np.tile(problem.desired, len(problem.weights))
+    point.states[:, : angles.shape[1]] = angles
+    point.states[:] += 0.05 * rng.normal(size=point.states.shape)
+    evaluate(problem.spec, stage, unit, point)
+    return point
+
+
+def within_a_unit(problem, stage, unit):
+    """A point whose errors are of about a unit, where no weight is at its least."""
+    rng = np.random.default_rng(1)
+    angles = np.tile(problem.desired, len(problem.weights))
+    angles += unit * rng.choice([-1.0, 1.0], angles.shape) * rng.uniform(0.6, 1.2, angles.shape)
+    return evaluated(problem, stage, problem.desired, angles, unit)
+
+
+def evaluated(problem, stage, requests, states, unit=1.0):
+    """Both costs and the defects at requests and states."""
+    point = allocated(problem.spec, stage.smoothing)
+    point.requests[:], point.states[:] = requests, states
+    evaluate(problem.spec, stage, unit, point)
+    return point
+
+
+def step_at(problem, stage, point):
+    """The step from a point, as changes of requests and states, and what it predicts."""
+    pattern = problem.pattern(smoothing=stage.smoothing)
+    search = Search(
+        point.requests.copy(),
+        point.states.copy(),
+        np.zeros_like(point.states),
+        np.zeros((2, *point.requests.shape), dtype=np.int64),
+        np.array([DAMPING, 0.0]),
+    )
+    step = np.zeros(len(pattern.factor.position))
+    found, predicted = set_step(problem.spec, stage, pattern, point, search, step)
+    assert found
+    return step[: point.requests.size + point.states.size], predicted
+
+
+def unknowns_of(point):
+    return np.concatenate([point.requests.ravel(), point.states.ravel()])
+
+
+def dense(problem, stage, point):
+    """Cost, its gradient and Hessian, and the derivative of the defects, all by differences."""
+    count = point.requests.size
+
+    def at(unknowns):
+        requests = unknowns[:count].reshape(point.requests.shape)
+        states = unknowns[count:].reshape(point.states.shape)
+        return evaluated(problem, stage, requests, states)
+
+    here = unknowns_of(point)
+    size, cost = len(here), point.costs[1]
+    singly = np.array([at(here + unit).costs[1] for unit in np.eye(size)])
+    backwards = np.array([at(here - unit).costs[1] for unit in np.eye(size)])
+    hessian = np.diag(singly + backwards - 2.0 * cost)
+    for i in range(size):
+        for j in range(i):
+            both = at(here + np.eye(size)[i] + np.eye(size)[j]).costs[1]
+            hessian[i, j] = hessian[j, i] = both - singly[i] - singly[j] + cost
+    defects = [
+        (at(here + move).defects - at(here - move).defects).ravel() / (2.0 * STEP)
+        for move in STEP * np.eye(size)
+    ]
+    return (singly - backwards) / 2.0, hessian, np.column_stack(defects)
+
+
+CASES = [
+    {"seed": 0},
+    {"seed": 1, "samples": 4},
+    {"seed": 2, "inertia": True},
+    {"seed": 3, "friction": True},
+    {"seed": 4, "inertia": True, "friction": True},
+    {"seed": 5, "scenarios": 3, "samples": 7},
+    {"seed": 6, "scenarios": 2, "inertia": True, "samples": 6},
+]
+
+
+def constrained(problem, stage, point):
+    """The step by a convex solver: dense, its derivatives by differences."""
+    gradient, hessian, slopes = dense(problem, stage, point)
+    count = point.requests.size
+    terms = np.zeros(len(gradient))
+    terms[:count] = 2.0 * DAMPING
+    if problem.has_speeds:
+        speeds = np.zeros(point.states.shape)
+        speeds[:, len(problem.models) :] = 2.0 * SPEED_TERM
+        terms[count:] += speeds.ravel()
+    z = cp.Variable(len(gradient))
+    requests = point.requests.ravel() + z[:count]
+    conditions = [slopes @ z == -point.defects.ravel()]
+    if not problem.cyclic:
+        conditions.append(requests[0] == problem.first_requests[0])
+    first = 0 if problem.cyclic else 1
+    conditions += [requests[first:] >= problem.lower[0], requests[first:] <= problem.upper[0]]
+    if np.isfinite(problem.max_step[0]):
+        changes = cp.diff(requests)
+        if problem.cyclic:
+            changes = cp.hstack([changes, requests[0] - requests[-1]])
+        conditions.append(cp.abs(changes) <= problem.max_step[0])
+    matrix = cp.psd_wrap(hessian + np.diag(terms))
+    cost = gradient @ z + cp.quad_form(z, matrix) / 2.0
+    solver = cp.Problem(cp.Minimize(cost), conditions)
+    solver.solve(solver=cp.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12)
+    return z.value, hessian, gradient, terms
+
+
+@SMOOTHING
+@CYCLIC
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_the_step_is_the_dense_solution_of_the_linearised_problem(case, cyclic, smoothing):
+    problem = joint(cyclic=cyclic, **case)
+    stage = Stage(0.3, 0.01, 2.0, 1, smoothing)
+    point = point_at(problem, stage)
+    step, predicted = step_at(problem, stage, point)
+    gradient, hessian, slopes = dense(problem, stage, point)
+    count = point.requests.size
+    hessian[:count, :count] += 2.0 * DAMPING * np.eye(count)
+    conditions, right = [slopes], [-point.defects.ravel()]
+    if not cyclic:
+        conditions.append(np.eye(1, len(step)))
+        right.append(problem.first_requests - point.requests[0])
+    matrix = np.concatenate(conditions)
+    rows = len(matrix)
+    if problem.has_speeds:
+        speeds = count + np.arange(point.states.size).reshape(point.states.shape)
+        seen = speeds[:, len(problem.models) :].ravel()
+        hessian[seen, seen] += 2.0 * SPEED_TERM
+    kkt = np.block([[hessian, matrix.T], [matrix, np.zeros((rows, rows))]])
+    expected = np.linalg.solve(kkt, np.concatenate([-gradient, *right]))[: len(step)]
+    scale = max(1.0, float(np.max(np.abs(expected))))
+    np.testing.assert_allclose(step, expected, rtol=0.0, atol=AGREEMENT * scale)
+    after = unknowns_of(point) + step
+    requests = after[:count].reshape(point.requests.shape)
+    reached = evaluated(problem, stage, requests, after[count:].reshape(point.states.shape))
+    assert predicted == pytest.approx(reached.costs[1], rel=1e-9)
+
+
+@SMOOTHING
+@CYCLIC
+@pytest.mark.parametrize("max_step", [np.inf, 0.04], ids=["any step", "small steps"])
+@pytest.mark.parametrize("limited", [True, False], ids=["limits", "no limits"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_step_within_limits_is_that_of_a_convex_solver(
+    seed, limited, max_step, cyclic, smoothing
+):
+    if not limited and np.isinf(max_step):
+        pytest.skip("nothing is limited")
+    problem = joint(seed, cyclic=cyclic, max_step=max_step)
+    if limited:
+        low, high = np.quantile(problem.desired, [0.3, 0.7])
+        problem = replace(problem, lower=np.array([low]), upper=np.array([high]))
+    stage = Stage(0.3, 0.01, 2.0, 1, smoothing)
+    point = point_at(problem, stage)
+    step, _ = step_at(problem, stage, point)
+    expected, hessian, gradient, terms = constrained(problem, stage, point)
+
+    def cost(z):
+        return gradient @ z + z @ (hessian + np.diag(terms)) @ z / 2.0
+
+    requests = point.requests.ravel() + step[: point.requests.size]
+    changes = np.abs(np.diff(requests, append=requests[:1] if cyclic else requests[-1:]))
+    assert np.max(changes) <= max_step + 1e-7
+    free = requests if cyclic else requests[1:]
+    assert np.all((free >= problem.lower - 1e-7) & (free <= problem.upper + 1e-7))
+    assert cost(step) == pytest.approx(cost(expected), rel=1e-4, abs=1e-7)
 
 
 @pytest.mark.parametrize("power", [2.0, 4.0, 16.0])
-@pytest.mark.parametrize(("errors", "joints"), [(1, 1), (1, 3), (3, 3), (3, 2), (2, 3)])
-def test_the_gradient_is_half_the_slope_of_the_value(errors, joints, power):
-    lines = Lines(np.random.default_rng([errors, joints]), 5, errors, joints)
-    lines.scale_to(2.0)
-    options = {"power": power, "unit": 2.0, "ridge": 0.0}
-    here = power_cost(lines.at(lines.angles), **options)
-    for index, above, below in displaced(lines.angles):
-        high, low = (power_cost(lines.at(angles), **options).value for angles in (above, below))
-        slope = (high - low) / (2.0 * STEP)
-        assert 2.0 * here.gradient[index] == pytest.approx(slope, abs=SLOPES * here.value)
-
-
-@pytest.mark.parametrize("power", [2.0, 4.0, 16.0])
-@pytest.mark.parametrize(("errors", "joints"), [(1, 1), (1, 3), (3, 3), (3, 2)])
-def test_the_curvature_of_linear_errors_is_half_the_hessian(errors, joints, power):
-    lines = Lines(np.random.default_rng([errors, joints]), 5, errors, joints)
-    lines.scale_to(1.5)
-    options = {"power": power, "unit": 1.5, "ridge": 0.0}
-    here = power_cost(lines.at(lines.angles), **options)
-    scale = float(np.max(np.abs(here.curvature)))
-    for (sample, joint), above, below in displaced(lines.angles):
-        rise = (
-            power_cost(lines.at(above), **options).gradient
-            - power_cost(lines.at(below), **options).gradient
-        ) / (2.0 * STEP)
-        np.testing.assert_allclose(
-            here.curvature[sample, :, joint], rise[sample], rtol=0.0, atol=CURVATURES * scale
+@pytest.mark.parametrize("kind", ["joint", "models", "leg"])
+def test_the_gradient_is_half_the_slope_of_the_cost(kind, power):
+    problem = leg_problem(True) if kind == "leg" else joint(1, cyclic=True, scenarios=2)
+    if kind == "models":
+        problem = replace(problem, norm="max", weights=(0.4, 0.6))
+    stage, unit = Stage(0.3, 0.0, power), 0.1
+    point = within_a_unit(problem, stage, unit)
+    count = point.quadratic.shape[2]
+    gradient = point.quadratic[..., count].reshape(len(point.states), -1)
+    scale = float(np.max(np.abs(gradient)))
+    for k, a in np.ndindex(gradient.shape):
+        move = np.zeros_like(point.states)
+        move[k, a] = STEP
+        high, low = (
+            evaluated(problem, stage, point.requests, point.states + way, unit).costs[0]
+            for way in (move, -move)
         )
-        others = np.arange(len(rise)) != sample
-        np.testing.assert_array_equal(rise[others], 0.0)
+        slope = (high - low) / (2.0 * STEP)
+        assert 2.0 * gradient[k, a] == pytest.approx(slope, abs=1e-5 * scale)
 
 
-@pytest.mark.parametrize("power", [2.0, 4.0, 64.0])
-def test_the_value_is_the_sum_of_powers_in_units(power):
-    errors = Errors(np.array([[3.0, 4.0], [0.0, 0.0], [0.0, -10.0]]), np.zeros((3, 2, 1)))
-    value = power_cost(errors, power=power, unit=10.0, ridge=0.0).value
-    assert value == pytest.approx(100.0 * (0.5**power + 1.0), rel=ROUNDING)
+@pytest.mark.parametrize("power", [2.0, 4.0, 16.0])
+def test_the_curvature_of_linear_errors_is_half_the_hessian(power):
+    problem = replace(joint(1, cyclic=True, scenarios=3), norm="max", weights=(0.5, 0.2, 0.3))
+    stage, unit = Stage(0.3, 0.0, power), 0.08
+    point = within_a_unit(problem, stage, unit)
+    (block,) = point.quadratic.swapaxes(0, 1)
+    scale = float(np.max(np.abs(block[:, :, :-1])))
+    for a in range(3):
+        move = np.zeros_like(point.states)
+        move[:, a] = STEP
+        high, low = (
+            evaluated(problem, stage, point.requests, point.states + way, unit).quadratic[:, 0]
+            for way in (move, -move)
+        )
+        rise = (high - low)[:, :, -1] / (2.0 * STEP)
+        np.testing.assert_allclose(block[:, :, a], rise, rtol=0.0, atol=1e-5 * scale)
 
 
-def test_for_least_squares_the_unit_makes_no_difference():
-    lines = Lines(np.random.default_rng(1), 4, 3, 2)
-    errors = lines.at(lines.angles)
-    one = power_cost(errors, power=2.0, unit=1.0, ridge=0.0)
-    other = power_cost(errors, power=2.0, unit=7.0, ridge=0.0)
-    assert one.value == pytest.approx(other.value, rel=ROUNDING)
-    np.testing.assert_array_equal(one.gradient, other.gradient)
-    np.testing.assert_array_equal(one.curvature, other.curvature)
+def test_an_error_of_nothing_still_has_a_curvature_and_no_gradient():
+    problem = joint(0, cyclic=True)
+    stage = Stage(0.3, 0.0, 64.0)
+    point = evaluated(problem, stage, problem.resting, problem.desired, unit=0.5)
+    np.testing.assert_array_equal(point.quadratic[..., -1], 0.0)
+    least = 64.0 / 2.0 * gauss_newton.LEAST_WEIGHT
+    np.testing.assert_allclose(point.quadratic[..., 0], least, rtol=1e-12)
 
 
-@pytest.mark.parametrize("power", [2.0, 16.0])
-def test_the_ridge_is_added_to_every_joint_and_to_nothing_else(power):
-    lines = Lines(np.random.default_rng(2), 6, 1, 3)
-    errors = lines.at(lines.angles)
-    without = power_cost(errors, power=power, unit=1.0, ridge=0.0)
-    ridged = power_cost(errors, power=power, unit=1.0, ridge=0.25)
-    assert ridged.value == without.value
-    np.testing.assert_array_equal(ridged.gradient, without.gradient)
-    for with_it, plain in zip(ridged.curvature, without.curvature, strict=True):
-        np.testing.assert_array_equal(with_it, plain + 0.25 * np.eye(3))
-    assert np.all(np.linalg.matrix_rank(without.curvature) == 1)
-    assert np.all(np.linalg.eigvalsh(ridged.curvature) > 0.2)
+@CYCLIC
+def test_a_search_keeps_what_the_limits_allow(cyclic):
+    from planner.planning.search import NARROW, State, minimise
 
-
-@pytest.mark.parametrize("power", [4.0, 64.0])
-def test_an_error_of_nothing_still_has_a_curvature_and_no_gradient(power):
-    jacobians = np.random.default_rng(3).normal(size=(2, 3, 3))
-    errors = Errors(np.array([[0.0, 0.0, 0.0], [0.3, 0.0, -0.4]]), jacobians)
-    cost = power_cost(errors, power=power, unit=0.5, ridge=0.0)
-    np.testing.assert_array_equal(cost.gradient[0], 0.0)
-    least = power / 2.0 * OPTIONS.least_weight * jacobians[0].T @ jacobians[0]
-    np.testing.assert_allclose(cost.curvature[0], least, rtol=ROUNDING)
+    problem = joint(3, cyclic=cyclic, samples=60, max_step=0.2)
+    low, high = np.quantile(problem.desired, [0.05, 0.95])
+    problem = replace(problem, lower=np.array([low]), upper=np.array([high]))
+    requests, error = minimise(problem, State(problem.resting, problem.desired), NARROW)
+    assert error < problem.exact_error(problem.resting)
+    assert np.all((requests >= low) & (requests <= high))
+    changes = np.diff(requests[:, 0], append=requests[:1, 0] if cyclic else requests[-1:, 0])
+    assert np.max(np.abs(changes)) <= 0.2

@@ -19,7 +19,7 @@ from planner.planning.closed_form import closed_form_requests, invert_closed_for
 from planner.planning.inversion import invert_optimal
 from planner.planning.line_inverse import RULES
 from planner.planning.optimal import initial_guess
-from planner.planning.tracking_problem import track
+from planner.planning.problem import track
 from tests.independent import from_rest, next_cycle
 from tests.instances import (
     REFERENCE_JOINTS,

@@ -13,8 +13,8 @@ from planner.model.evidence import Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.plan import request_motion
-from planner.planning.smoothing import roughness, smoothed
-from planner.planning.tracking_problem import track
+from planner.planning.problem import track
+from planner.planning.search import smoothed
 from tests.instances import REFERENCE_JOINTS, attainable, random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -147,7 +147,7 @@ def test_smoother_requests_never_pass_the_error_that_is_not_to_be_passed(cyclic)
     given = problem.exact_error(requests)
     smoother = smoothed(problem, requests, smoothness=0.1, at_most=1.0001 * given)
     assert problem.exact_error(smoother) <= 1.0001 * given + ROUNDING
-    assert roughness(problem, smoother) < roughness(problem, requests)
+    assert problem.roughness(smoother) < problem.roughness(requests)
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from kinematics.leg import Leg
-from kinematics.symbolic import foot_function
 from planner.exceptions import Infeasible, SolverFailed
 from planner.model.load import rest_angles
-from planner.planning.gauss_newton import OPTIONS as SEARCH
-from planner.planning.gauss_newton import Stage, State, minimise
-from planner.planning.smoothing import allowed_beside, smoothed
+from planner.planning.problem import FootGoal, Problem
+from planner.planning.search import (
+    FOOT,
+    SIMULATED,
+    State,
+    allowed_beside,
+    judged,
+    minimise,
+    smoothed,
+)
 from planner.planning.task import Task, axis_scales
-from planner.planning.tracking_problem import Errors, TrackingProblem
 from planner.trajectory import Array, Mask
 
 LEAST_FOOT_MOTION = 1e-9
@@ -30,87 +34,36 @@ STATIONARY = 1e-9
 """Range of the requests that hold a joint that does not move [rad]: rounding."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FootOptions:
-    """What steers the search for a foot, beside the options of the search itself.
-
-    Attributes:
-        stages: Wide corners first: the joints must leave the plans that were best for each alone.
-            Over 38 feet, without a second search from narrow corners: +0.003 % on average and
-            0.08 % at worst; corners of 2 and 1 in front lose 0.35 % at worst, none 0.55 %.
-        steps: Steps of a stage at most: where joints can stand in for one another, it takes many.
-            12 or 24 make no difference to 18 feet.
-        ridge: Curvature added to that of the squared errors, where a joint that does not move the
-            foot has none [-]; errors are in radians of a typical joint.
-    """
-
-    stages: tuple[Stage, ...] = (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *SEARCH.narrow)
-    steps: int = 16
-    ridge: float = 1e-4
+RIDGE = 1e-4
+"""Curvature added to that of the squared errors, where a joint that does not move the foot has none
+[-]; errors are in radians of a typical joint."""
 
 
-OPTIONS = FootOptions()
-
-
-class FollowFoot:
-    """A foot that should follow a path; its errors count in radians of a typical joint's turn."""
-
-    shared = True
-
-    def __init__(
-        self, leg: Leg, desired: Array, scale: Array, disturbance: Array | float = 0.0
-    ) -> None:
-        """Compile the leg for a path as long as the desired one, (n, 3) [m].
-
-        ``scale`` turns metres along each axis into errors [rad/m], (3,); ``disturbance`` [rad],
-        (n, k), is added to the joints' angles before the foot's position is computed.
-        """
-        self.desired = desired
-        self._scale = scale
-        self._disturbance = disturbance
-        self._foot = foot_function(leg).map(len(desired))
-        self._joints = len(leg.joint_names)
-
-    def distances(self, angles: Array) -> Array:
-        """Scaled distances [rad], (n,)."""
-        distances: Array = np.linalg.norm(self.errors(angles).values, axis=1)
-        return distances
-
-    def errors(self, angles: Array) -> Errors:
-        """Foot minus desired, each axis times its scale [rad]."""
-        foot, jacobian = self._foot((angles + self._disturbance).T)
-        values = (np.asarray(foot).T - self.desired) * self._scale
-        # CasADi lays the Jacobians (3, k) side by side.
-        stacked = np.asarray(jacobian).reshape(3, len(angles), self._joints).transpose(1, 0, 2)
-        return Errors(values, stacked * self._scale[:, np.newaxis])
-
-
-def foot_problem(task: Task) -> TrackingProblem:
+def foot_problem(task: Task) -> Problem:
     """What the joints of a leg should do together for its foot."""
     assert task.leg is not None, "a foot belongs to a leg"
     assert task.foot is not None, "what should follow a path"
     assert task.weights is not None, "the axes of a foot have weights"
     joints, leg, angles, loads = task.nominal, task.leg, task.desired, task.loads_on(task.nominal)
-    added: Array | float = 0.0 if task.disturbance is None else task.disturbance
+    added = np.zeros_like(angles) if task.disturbance is None else task.disturbance
     least, most = (rest_angles(joints, end, loads) for end in (task.lower, task.upper))
     nearest = np.clip(angles - added, least, most)
-    return TrackingProblem(
-        joints,
-        FollowFoot(leg, task.foot, _scale(task.weights, nearest + added, leg), added),
-        nearest,
+    scale = _scale(task.weights, nearest + added, leg)
+    return Problem(
+        models=joints,
+        desired=nearest,
+        foot=FootGoal(leg, task.foot, scale, added, ridge=RIDGE),
         cyclic=task.cyclic,
         norm=task.norm,
-        limits=(task.lower, task.upper),
+        lower=task.lower,
+        upper=task.upper,
         max_step=task.max_step,
         start=task.start,
-        ridge=OPTIONS.ridge,
-        loads=loads,
+        loads=tuple(loads),
     )
 
 
-def foot_requests(
-    problem: TrackingProblem, singly: Array, *, smoothness: float
-) -> tuple[TrackingProblem, Array]:
+def foot_requests(problem: Problem, singly: Array, *, smoothness: float) -> tuple[Problem, Array]:
     """The best requests found for the foot, (n, k), from the plans for its joints one by one.
 
     They come with the problem that they solve, in which joints may be held.
@@ -118,24 +71,19 @@ def foot_requests(
     first = problem.admissible(singly)
     angles = problem.exact_angles(first)
     state = State(first, problem.desired if angles is None else angles)
-    best, least = minimise(problem, state, longer(OPTIONS.stages))
+    best, least = minimise(problem, state, FOOT)
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")
-    reached = problem.exact_angles(best.requests)
+    reached = problem.exact_angles(best)
     assert reached is not None, "the search's error is finite"
     problem, best = with_stationary_joints(problem, best, reached, smoothness=smoothness)
-    return problem, smoothed(problem, best.requests, best=reached, smoothness=smoothness)
-
-
-def longer(stages: Sequence[Stage]) -> list[Stage]:
-    """The stages with as many steps as a foot takes."""
-    return [stage._replace(steps=OPTIONS.steps) for stage in stages]
+    return problem, smoothed(problem, best, best=reached, smoothness=smoothness)
 
 
 def with_stationary_joints(
-    problem: TrackingProblem, found: State, angles: Array, *, smoothness: float
-) -> tuple[TrackingProblem, State]:
+    problem: Problem, found: Array, angles: Array, *, smoothness: float
+) -> tuple[Problem, Array]:
     """The plan with the joints at rest that need not move, if a robot shows no difference.
 
     A joint that stays where it is all along the path can still compensate for a little of the
@@ -143,7 +91,7 @@ def with_stationary_joints(
 
     Args:
         problem: What the joints should do together.
-        found: A good plan.
+        found: The requests of a good plan [rad], shape (n, k).
         angles: Its angles by the exact models [rad], shape (n, k).
         smoothness: Relative rise of the shown error that is allowed [-].
 
@@ -154,22 +102,21 @@ def with_stationary_joints(
     if not np.any(stationary) or np.all(stationary):
         return problem, found
     held = holding(problem, stationary)
-    begin = State(held.admissible(found.requests), found.angles)
-    sharp = [stage for stage in SEARCH.narrow if stage.radius < SEARCH.simulated]
-    answer, error = minimise(held, begin, longer(sharp))
-    reached = held.exact_angles(answer.requests)
-    allowed = allowed_beside(problem, angles, smoothness=smoothness)
+    sharp = [stage for stage in FOOT if stage.radius < SIMULATED]
+    answer, error = minimise(held, State(held.admissible(found), angles), sharp)
+    reached = held.exact_angles(answer)
+    allowed = allowed_beside(problem, judged(problem, angles), smoothness=smoothness)
     as_good = error <= problem.error(angles) + SAME_ERROR
-    if reached is not None and (as_good or allowed.by(problem, reached)):
+    if reached is not None and (as_good or allowed.by(judged(problem, reached))):
         return held, answer
     return problem, found
 
 
-def holding(problem: TrackingProblem, stationary: Mask) -> TrackingProblem:
+def holding(problem: Problem, stationary: Mask) -> Problem:
     """The same problem with some of the joints where they rest, from the first sample on."""
     place = problem.resting[0]
     lower, upper = (np.where(stationary, place, limit) for limit in (problem.lower, problem.upper))
-    return problem.within((lower, upper))
+    return replace(problem, lower=lower, upper=upper)
 
 
 def foot_motion(leg: Leg, angles: Array, weights: Array) -> float:

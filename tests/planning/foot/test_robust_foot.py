@@ -16,8 +16,7 @@ from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.arguments import models_of_joints
 from planner.planning.inversion import invert_foot, invert_optimal
-from planner.planning.robust import ReachInAll, RobustProblem
-from planner.planning.tracking_problem import FollowAngles, track
+from planner.planning.problem import track
 from tests.kinematics.made_up_robots import Joint, Y, made_up_leg
 
 ERS210A = JointModel.ers210a()
@@ -178,48 +177,23 @@ def problem():
     """Three models under the requests to one joint."""
     desired = 0.2 * np.sin(2.0 * np.pi * np.arange(20) / 20)
     nominal = track(ERS210A, desired, cyclic=True)
-    scenarios = tuple((each,) for each in MODELS[0])
-    weights = np.array([0.5, 0.3, 0.2])
-    return RobustProblem(nominal, scenarios, [(None,)] * 3, "mean", weights)
+    even = nominal.in_scenarios([(each,) for each in MODELS[0]], [(None,)] * 3, "mean")
+    return replace(even, weights=(0.5, 0.3, 0.2))
 
 
 def test_other_limits_and_another_norm_are_those_of_all_scenarios(problem):
-    limits = (np.array([-0.1]), np.array([0.15]))
-    within, largest = problem.within(limits), problem.with_norm("max")
+    within = replace(problem, lower=np.array([-0.1]), upper=np.array([0.15]))
+    largest = replace(problem, norm="max")
     angles = np.random.default_rng(0).normal(size=(20, 3))
     errors = angles - problem.desired
     assert largest.error(angles) == pytest.approx(np.sqrt(np.mean(np.max(errors**2, axis=0))))
     assert (
         within.error(angles) == problem.error(angles) == pytest.approx(np.sqrt(np.mean(errors**2)))
     )
+    worst = replace(problem, robust="worst")
+    assert worst.error(angles) == pytest.approx(np.max(np.sqrt(np.mean(errors**2, axis=0))))
     for changed in (within, largest):
-        assert changed.scenarios == problem.scenarios
-        np.testing.assert_array_equal(changed.weights, problem.weights)
         requests = changed.admissible(problem.desired)
         assert changed.exact_angles(requests).shape == angles.shape
     requests = within.admissible(problem.desired)
     assert (np.min(requests), np.max(requests)) == (-0.1, 0.15)
-
-
-def test_sums_over_what_requests_drive_are_the_transpose_of_driving_it(problem):
-    rng = np.random.default_rng(0)
-    requests, angles = rng.normal(size=(20, 1)), rng.normal(size=(20, 3))
-    driven, summed = problem.in_all(requests), problem.over_driven(angles)
-    assert summed.shape == requests.shape
-    assert np.vdot(driven, angles) == pytest.approx(np.vdot(requests, summed))
-
-
-def test_the_weighted_goal_has_the_weighted_sum_of_squares_and_its_derivatives():
-    rng = np.random.default_rng(0)
-    desired, weights = rng.normal(size=10), np.array([0.5, 0.3, 0.2])
-    goal = ReachInAll(FollowAngles(desired), weights)
-    angles = rng.normal(size=(10, 3))
-    found = goal.errors(angles)
-    squares = ((angles - desired[:, np.newaxis]) ** 2) @ weights
-    np.testing.assert_allclose(goal.distances(angles) ** 2, squares)
-    np.testing.assert_allclose(np.sum(found.values**2, axis=1), squares)
-    step = 1e-6
-    for column in range(3):
-        moved = angles + step * (np.arange(3) == column)
-        slope = (goal.errors(moved).values - found.values) / step
-        np.testing.assert_allclose(found.jacobians[:, :, column], slope, atol=1e-8)

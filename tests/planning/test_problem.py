@@ -10,7 +10,8 @@ import pytest
 
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.planning.tracking_problem import FollowAngles, TrackingProblem, track
+from planner.planning.gauss_newton import Stage, allocated, evaluate
+from planner.planning.problem import Problem, track
 from tests.instances import TICK, random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -22,10 +23,6 @@ CYCLIC = pytest.mark.parametrize("cyclic", [True, False], ids=["cyclic", "from r
 HELD = pytest.mark.parametrize("hold", [1, 3])
 
 
-class Nothing:
-    """A goal that nobody asks."""
-
-
 def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
     """Joints of different lag, sag and tick, but of one period, and requests for them."""
     rng = np.random.default_rng([seed, joints, hold, cyclic])
@@ -33,12 +30,15 @@ def stacked(seed, joints, *, samples=30, hold=1, cyclic=True, limits=None):
     models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
     resting = np.stack([saturating(rng, model, samples=samples) for model in models], axis=1)
     offsets = np.array([model.offset for model in models])
-    problem = TrackingProblem(
-        models,
-        Nothing(),
-        resting + offsets,
+    lower, upper = limits or (np.full(joints, -np.inf), np.full(joints, np.inf))
+    problem = Problem(
+        models=tuple(models),
+        desired=resting + offsets,
+        lower=lower,
+        upper=upper,
+        max_step=np.full(joints, np.inf),
+        loads=(None,) * joints,
         cyclic=cyclic,
-        limits=limits,
         start=None if cyclic else resting[0] + offsets,
     )
     requests = problem.admissible(resting + rng.uniform(-0.1, 0.1, resting.shape))
@@ -57,24 +57,36 @@ def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
         np.testing.assert_allclose(angles[:, joint], alone, rtol=0.0, atol=SAME)
 
 
+def reached(problem, requests, angles, radius):
+    """Where every period leads from these angles."""
+    point = allocated(problem.spec, False)
+    point.requests[:], point.states[:] = requests, angles
+    evaluate(problem.spec, Stage(radius, 1.0), 1.0, point)
+    return angles + point.defects, point.slopes[:, 0, 0, 0]
+
+
 @CYCLIC
 @HELD
 def test_from_the_exact_angles_every_period_leads_to_the_next_one(hold, cyclic):
-    problem, requests = stacked(2, 3, hold=hold, cyclic=cyclic)
+    rng = np.random.default_rng([2, hold, cyclic])
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    desired = saturating(rng, model, samples=30)
+    start = None if cyclic else float(desired[0])
+    problem = track(model, desired, cyclic=cyclic, start=start)
+    requests = problem.admissible(problem.resting + rng.uniform(-0.1, 0.1, (30, 1)))
     angles = problem.exact_angles(requests)
-    reached = problem.respond(angles, requests, radius=0.0).reached
-    np.testing.assert_allclose(reached, angles, rtol=0.0, atol=SAME)
-    assert np.max(np.abs(problem.respond(angles, requests, radius=0.3).reached - angles)) > 1e-3
+    sharp, _ = reached(problem, requests, angles, 1e-12)
+    np.testing.assert_allclose(sharp, angles, rtol=0.0, atol=SAME)
+    assert np.max(np.abs(reached(problem, requests, angles, 0.3)[0] - angles)) > 1e-4
 
 
 def test_from_rest_nothing_comes_before_the_first_sample():
-    problem, requests = stacked(3, 2, cyclic=False)
-    angles = np.random.default_rng(3).normal(size=requests.shape)
-    response = problem.respond(angles, requests, radius=0.1)
-    assert np.all(response.by_own[0] == 0.0)
+    problem = track(ERS210A, np.linspace(0.0, 0.5, 20), cyclic=False, start=0.0)
+    requests, angles = np.random.default_rng(3).normal(size=(2, 20, 1))
+    first, slopes = reached(problem, requests, angles, 0.1)
+    assert slopes[0] == 0.0
     angles[-1] += 1.0
-    again = problem.respond(angles, requests, radius=0.1)
-    np.testing.assert_array_equal(again.reached, response.reached)
+    np.testing.assert_array_equal(reached(problem, requests, angles, 0.1)[0], first)
 
 
 @CYCLIC
@@ -101,8 +113,15 @@ def test_a_joint_at_top_speed_throughout_is_judged_as_it_is_simulated(cyclic):
 
 def test_one_joint_that_finds_no_cycle_leaves_the_problem_without_angles(monkeypatch):
     monkeypatch.setattr("planner.model.response.MOST_CYCLES", 2)
-    goal = FollowAngles(np.zeros(88))
-    problem = TrackingProblem([ERS210A, ERS210A], goal, np.zeros((88, 2)), cyclic=True)
+    both = np.full(2, np.inf)
+    problem = Problem(
+        models=(ERS210A, ERS210A),
+        desired=np.zeros((88, 2)),
+        lower=-both,
+        upper=both,
+        max_step=both,
+        loads=(None, None),
+    )
     requests = np.zeros((88, 2))
     assert problem.exact_angles(requests) is not None
     requests[:, 1] = np.repeat([-1e3, 1e3], [43, 45])  # at v_max throughout, and up for longer
@@ -133,9 +152,6 @@ def test_from_rest_the_first_requests_hold_the_joints_at_their_starts():
     offsets = [model.offset for model in problem.models]
     np.testing.assert_array_equal(held[0], problem.start - offsets)
     np.testing.assert_array_equal(held[1:], 7.0)
-    assert not problem.movable[0].any()
-    assert problem.movable[1:].all()
-    assert stacked(6, 2)[0].movable.all()
 
 
 @CYCLIC
@@ -156,9 +172,7 @@ def test_the_error_is_that_of_the_norm():
 
 
 def test_angles_miss_desired_ones_by_their_difference():
-    goal = FollowAngles(np.array([0.5, -1.0, 2.0]))
-    angles = np.array([[0.0], [-1.0], [2.5]])
-    errors = goal.errors(angles)
-    np.testing.assert_array_equal(errors.values, [[-0.5], [0.0], [0.5]])
-    np.testing.assert_array_equal(errors.jacobians, np.ones((3, 1, 1)))
-    np.testing.assert_array_equal(goal.distances(angles), [0.5, 0.0, 0.5])
+    problem = track(ERS210A, np.array([0.5, -1.0, 2.0]), cyclic=True)
+    values, jacobians = problem.errors(np.array([[0.0], [-1.0], [2.5]]))
+    np.testing.assert_array_equal(values, [[[-0.5]], [[0.0]], [[0.5]]])
+    np.testing.assert_array_equal(jacobians, np.ones((3, 1, 1, 1)))

@@ -1,0 +1,167 @@
+"""The factorisation L D L' of a sparse quasi-definite matrix, compiled.
+
+Quasi-definite matrices, such as those of KKT systems with regularised conditions, have it under any
+symmetric permutation (R. J. Vanderbei, SIAM J. Optim. 5, 1995). Where the entries of L are is
+worked out once from those of the matrix, by its elimination tree; the numbers follow row by row, as
+in QDLDL (B. Stellato, G. Banjac, P. Goulart, A. Bemporad, S. Boyd, *OSQP: an operator splitting
+solver for quadratic programs*, Math. Prog. Comp. 12, 2020).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.compilation import compiled
+from planner.trajectory import Array, Indices
+
+
+class Factor(NamedTuple):
+    """Where the entries of a matrix are stored, and those of its factor L.
+
+    Attributes:
+        position: Of each unknown in the order of elimination, (unknowns,).
+        place: Of each entry among the stored ones; equal places are one.
+        column: First stored entry of each column of the upper triangle, (unknowns + 1,).
+        row: Row of each stored entry.
+        reach: First of the columns of L with an entry in each row, (unknowns + 1,).
+        reached: These columns, ascending.
+        below: First entry of each column of L, (unknowns + 1,).
+        rows: Row of each entry of L.
+    """
+
+    position: Indices
+    place: Indices
+    column: Indices
+    row: Indices
+    reach: Indices
+    reached: Indices
+    below: Indices
+    rows: Indices
+
+
+@compiled
+def stored(rows: Indices, columns: Indices, position: Indices) -> tuple[Indices, Indices, Indices]:
+    """Where entries are stored, in columns of the permuted upper triangle; equal places are one.
+
+    Returns:
+        The place of each entry, the first place of each column, and the row of each place.
+    """
+    size, count = len(position), len(rows)
+    column = np.zeros(size + 1, np.int64)
+    for e in range(count):
+        column[max(position[rows[e]], position[columns[e]]) + 1] += 1
+    for k in range(size):
+        column[k + 1] += column[k]
+    order, following = np.empty(count, np.int64), column.copy()
+    for e in range(count):
+        k = max(position[rows[e]], position[columns[e]])
+        order[following[k]] = e
+        following[k] += 1
+    place, row = np.empty(count, np.int64), np.empty(count, np.int64)
+    seen, first, number = np.full(size, -1, np.int64), 0, 0
+    for k in range(size):
+        begin, last = number, column[k + 1]
+        for at in range(first, last):
+            e = order[at]
+            i = min(position[rows[e]], position[columns[e]])
+            if seen[i] < begin:
+                seen[i], row[number] = number, i
+                number += 1
+            place[e] = seen[i]
+        first, column[k + 1] = last, number
+    return place, column, row[:number].copy()
+
+
+@compiled
+def pattern_of_factor(position: Indices, place: Indices, column: Indices, row: Indices) -> Factor:
+    """The pattern of the factor of a matrix that is stored like this: see :class:`Factor`."""
+    size = len(column) - 1
+    parent, seen = np.full(size, -1, np.int64), np.full(size, -1, np.int64)
+    reach, below = np.zeros(size + 1, np.int64), np.zeros(size + 1, np.int64)
+    for k in range(size):  # the elimination tree, and how many entries
+        seen[k] = k
+        for at in range(column[k], column[k + 1]):
+            i = row[at]
+            while i < k and seen[i] != k:
+                if parent[i] < 0:
+                    parent[i] = k
+                seen[i] = k
+                reach[k + 1] += 1
+                below[i + 1] += 1
+                i = parent[i]
+    for k in range(size):
+        reach[k + 1] += reach[k]
+        below[k + 1] += below[k]
+    reached, rows = np.empty(reach[size], np.int64), np.empty(reach[size], np.int64)
+    following = below.copy()
+    for k in range(size):
+        seen[k] = size + k
+        for at in range(column[k], column[k + 1]):
+            i = row[at]
+            while i < k and seen[i] != size + k:
+                seen[i] = size + k
+                rows[following[i]] = k
+                following[i] += 1
+                i = parent[i]
+    for k in range(size + 1):
+        following[k] = reach[k]
+    for i in range(size):  # so that they ascend
+        for at in range(below[i], below[i + 1]):
+            k = rows[at]
+            reached[following[k]] = i
+            following[k] += 1
+    return Factor(position, place, column, row, reach, reached, below, rows)
+
+
+@compiled
+def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bool:
+    """Fill the factor L and the pivots D, row by row; False where a pivot vanishes.
+
+    The up-looking algorithm of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020).
+    """
+    size = len(pivots)
+    work, following = np.zeros(size), pattern.below.copy()
+    for k in range(size):
+        pivot = 0.0
+        for at in range(pattern.column[k], pattern.column[k + 1]):
+            i = pattern.row[at]
+            if i == k:
+                pivot = values[at]
+            else:
+                work[i] = values[at]
+        for at in range(pattern.reach[k], pattern.reach[k + 1]):
+            i = pattern.reached[at]
+            value = work[i]
+            work[i] = 0.0
+            end = following[i]
+            for p in range(pattern.below[i], end):
+                work[pattern.rows[p]] -= lower[p] * value
+            share = value / pivots[i]
+            lower[end] = share
+            following[i] = end + 1
+            pivot -= share * value
+        if not abs(pivot) > 0.0 or not abs(pivot) < np.inf:
+            return False
+        pivots[k] = pivot
+    return True
+
+
+@compiled
+def solved(pattern: Factor, lower: Array, pivots: Array, right: Array, answer: Array) -> None:
+    """Fill the solution, from the factor; unknowns in their own order."""
+    size = len(pivots)
+    permuted = np.empty(size)
+    for number in range(size):
+        permuted[pattern.position[number]] = right[number]
+    for i in range(size):
+        for p in range(pattern.below[i], pattern.below[i + 1]):
+            permuted[pattern.rows[p]] -= lower[p] * permuted[i]
+    for i in range(size - 1, -1, -1):
+        value = permuted[i] / pivots[i]
+        for p in range(pattern.below[i], pattern.below[i + 1]):
+            value -= lower[p] * permuted[pattern.rows[p]]
+        permuted[i] = value
+    for number in range(size):
+        answer[number] = permuted[pattern.position[number]]

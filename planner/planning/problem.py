@@ -1,0 +1,362 @@
+"""The problem of the optimised inversion: reach a goal with requests within limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import NoSteadyCycle
+from planner.model.joint import JointModel, RequestAges, request_ages, weights_by_tick
+from planner.model.load import Loads, rest_requests, sags
+from planner.model.response import motion_under
+from planner.model.sensitivity import request_ages_of_all
+from planner.planning.arguments import Limits, Norm
+from planner.planning.error_norm import error_norm
+from planner.trajectory import Array
+
+if TYPE_CHECKING:
+    from kinematics.leg import Leg
+    from planner.planning.gauss_newton import Pattern, Spec
+
+CENTRING = 0.1
+"""Where a joint has a dead band: weight of the distance of a request from its middle, beside a
+second difference [-]. A request returns to the middle within some four periods; with half the
+weight within six, at twice the weight within three, with steps that are larger by a fifth."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """Joints that should reach a goal by requests within limits: (10) of ``docs/math.md``.
+
+    A scenario is one model for each joint. The same requests drive the joints of every scenario,
+    and the cost is the weighted sum of their squared errors. Requests have shape (n, J) for J
+    joints, angles (n, A) with the joints of one scenario after the other.
+
+    Attributes:
+        models: The joints of the nominal scenario, then those of the others, (A,).
+        desired: Desired angles, of a foot those that bring it nearest [rad], (n, J).
+        foot: The goal of a foot; None where the one joint should follow ``desired``.
+        cyclic: Whether the trajectory repeats for ever.
+        norm: The error that counts.
+        lower, upper: Limits on the requests [rad], shape (J,).
+        max_step: Largest change from one request to the next [rad], shape (J,), inf for none.
+        start: From rest: angles at which the joints rest before the plan [rad], shape (J,).
+        first: From rest: the requests that hold them there [rad], shape (J,); by default those in
+            the middle of the dead bands of the nominal models.
+        loads: Torque on each model's joint in the period that ends in each sample [N m], (n,), or
+            None, (A,).
+        weights: Weight of each scenario, together 1.
+        robust: With several scenarios the error that counts: the "mean", or that of the "worst".
+    """
+
+    models: tuple[JointModel, ...]
+    desired: Array
+    lower: Array
+    upper: Array
+    max_step: Array
+    loads: tuple[Array | None, ...]
+    foot: FootGoal | None = None
+    cyclic: bool = True
+    norm: Norm = "rms"
+    start: Array | None = None
+    first: Array | None = None
+    weights: tuple[float, ...] = (1.0,)
+    robust: Literal["mean", "worst"] | None = None
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J, which have requests of their own."""
+        return int(self.desired.shape[1])
+
+    @property
+    def nominal(self) -> tuple[JointModel, ...]:
+        """The joints of the nominal scenario."""
+        return self.models[: self.joints]
+
+    @cached_property
+    def sags(self) -> Array:
+        """Where the nominal joints rest beside their requests [rad], (J,), or (n, J) by loads."""
+        return sags(self.nominal, self.loads[: self.joints])
+
+    @cached_property
+    def first_requests(self) -> Array | None:
+        """From rest: the requests that hold the joints [rad], (J,)."""
+        if self.start is None or self.first is not None:
+            return self.first
+        return np.asarray(self.start - (self.sags if self.sags.ndim == 1 else self.sags[0]))
+
+    @cached_property
+    def resting(self) -> Array:
+        """Requests within the limits that would hold the desired angles, R* of (10), (n, J)."""
+        from planner.planning import gauss_newton
+
+        requests = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
+        gauss_newton.limit(self._spec(requests), requests)
+        return requests
+
+    @cached_property
+    def has_speeds(self) -> bool:
+        """Whether any joint has inertia: then the states are angles and speeds."""
+        return any(model.has_inertia for model in self.models)
+
+    @cached_property
+    def ages(self) -> RequestAges:
+        """The ages of the requests that act on any of the joints between two samples."""
+        return request_ages_of_all(self.models)
+
+    @cached_property
+    def centring(self) -> float:
+        """Weight of the distances from the middle of a dead band beside second differences [-]."""
+        return CENTRING if any(model.dead_band for model in self.models) else 0.0
+
+    @cached_property
+    def units(self) -> Array:
+        """With inertia: the time in which a speed counts as the angle it coasts [ticks], (A,)."""
+        if not self.has_speeds:
+            return np.empty(0)
+        return np.array([max(1.0 / model.law.share, model.hold) for model in self.models])
+
+    @cached_property
+    def spec(self) -> Spec:
+        """The problem as the compiled search takes it."""
+        return self._spec(self.resting)
+
+    def _spec(self, resting: Array) -> Spec:
+        from planner.planning.gauss_newton import Spec
+
+        count, ages, empty = len(self.desired), self.ages, np.zeros(self.joints)
+        ticks = max(model.hold for model in self.models)
+        weights = np.zeros((len(self.models), ticks, ages.width))
+        periods = np.empty((2, len(self.models), count))
+        drives = []
+        for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
+            place, by_tick = request_ages(model).youngest - ages.youngest, weights_by_tick(model)
+            weights[number, : model.hold, place : place + by_tick.shape[1]] = by_tick
+            torque = 0.0 if load is None else load
+            periods[0, number], periods[1, number] = (
+                model.sag(torque),
+                model.faster_per_tick(torque),
+            )
+            start = 0.0 if self.start is None else self.start[number % self.joints]
+            unit = self.units[number] if self.has_speeds else 1.0
+            drives.append((*model.law, model.hold, model.theta_0, unit, start))
+        first = empty if self.first_requests is None else self.first_requests
+        return Spec(
+            self.cyclic,
+            ages.youngest,
+            2 if self.has_speeds else 1,
+            self.norm == "max" and len(self.weights) > 1,
+            bool(np.any(np.isfinite([self.lower, self.upper]))),
+            bool(np.any(np.isfinite(self.max_step))),
+            self.centring,
+            0.0 if self.foot is None else self.foot.ridge,
+            np.array(drives, dtype=np.float64),
+            weights,
+            periods,
+            np.array([first, self.lower, self.upper, self.max_step], dtype=np.float64),
+            np.array(resting),
+            np.array(self.desired) if self.foot is None else self.foot.rows,
+            np.empty((0, 10, 3)) if self.foot is None else self.foot.links,
+            np.array(self.weights),
+        )
+
+    def admissible(self, requests: Array) -> Array:
+        """Requests near the given ones within the limits [rad], shape (n, J).
+
+        From rest the first one holds the start. Without ``max_step`` they are the nearest ones,
+        with it see :func:`planner.planning.gauss_newton.keep_step`.
+        """
+        from planner.planning import gauss_newton
+
+        nearest = np.array(requests, dtype=np.float64, order="C")
+        gauss_newton.limit(self.spec, nearest)
+        return nearest
+
+    def roughness(self, requests: Array) -> float:
+        """What smoothing makes small: the sum of squared second differences [rad^2].
+
+        With dry friction also squared distances from the middle of the dead band: inside it any
+        request holds the joint (``docs/math.md``, section 6).
+        """
+        from planner.planning import gauss_newton
+
+        terms = np.empty((gauss_newton.away_rows(self.spec, True), self.joints))
+        gauss_newton.set_away(self.spec, np.ascontiguousarray(requests), True, terms)
+        return float(np.vdot(terms, terms))
+
+    def errors(self, angles: Array) -> tuple[Array, Array]:
+        """The goal's errors in each scenario, and their derivatives by its joints' angles.
+
+        Args:
+            angles: Angles [rad], (n, A).
+
+        Returns:
+            Errors [rad], (n, scenarios, m), and derivatives, (n, scenarios, m, J).
+        """
+        from planner.planning import gauss_newton
+
+        shape = len(self.desired), len(self.weights), 1 if self.foot is None else 3
+        values, jacobians = np.empty(shape), np.empty((*shape, self.joints))
+        gauss_newton.errors_of(self.spec, np.ascontiguousarray(angles), values, jacobians)
+        return values, jacobians
+
+    def errors_of_models(self, angles: Array) -> Array:
+        """The error in each scenario, in the norm that counts [rad], (scenarios,)."""
+        return self._errors_of_models(self.errors(angles)[0])
+
+    def _errors_of_models(self, values: Array) -> Array:
+        squares = np.sum(values**2, axis=2)
+        over = np.max(squares, axis=0) if self.norm == "max" else np.mean(squares, axis=0)
+        errors: Array = np.sqrt(over)
+        return errors
+
+    def error(self, angles: Array) -> float:
+        """The error that counts: over the scenarios root mean square, or that of the worst."""
+        return self.error_of(self.errors(angles)[0])
+
+    def error_of(self, values: Array) -> float:
+        """That of the errors of every sample and scenario [rad], (n, scenarios, m)."""
+        errors = self._errors_of_models(values)
+        return float(np.max(errors)) if self.robust == "worst" else error_norm(errors, "rms")
+
+    def distances(self, angles: Array) -> Array:
+        """Weighted root of the squared errors over the scenarios [rad], (n,)."""
+        squares = np.sum(self.errors(angles)[0] ** 2, axis=2) @ np.asarray(self.weights)
+        distances: Array = np.sqrt(squares)
+        return distances
+
+    def exact_error(self, requests: Array) -> float:
+        """Error of the exact models; inf where a joint has no steady cycle."""
+        angles = self.exact_angles(requests)
+        return math.inf if angles is None else self.error(angles)
+
+    def exact_angles(self, requests: Array) -> Array | None:
+        """Angles of the exact models, run, (n, A); None where a joint has no steady cycle.
+
+        A cycle need not be unique: as in :func:`planner.simulate` it is the one near the angles at
+        which the first requests hold the joints.
+        """
+        answer = np.empty((len(requests), len(self.models)))
+        for number, (model, load) in enumerate(zip(self.models, self.loads, strict=True)):
+            joint = number % self.joints
+            start = None if self.start is None else float(self.start[joint])
+            try:
+                answer[:, number] = motion_under(
+                    model, requests[:, joint], cyclic=self.cyclic, start=start, torques=load
+                ).angles
+            except NoSteadyCycle:
+                return None
+        return answer
+
+    def states_of(self, angles: Array) -> Array:
+        """States near angles (n, A): with inertia the speeds are the mean ones since the last."""
+        if not self.has_speeds or angles.shape[1] > len(self.models):
+            return np.ascontiguousarray(angles)
+        before = np.roll(angles, 1, axis=0)
+        if self.start is not None:
+            before[0] = np.resize(self.start, angles.shape[1])
+        holds = np.array([model.hold for model in self.models])
+        return np.hstack([angles, self.units * (angles - before) / holds])
+
+    def pattern(self, *, smoothing: bool) -> Pattern:
+        """Where the entries of the search's steps are; worked out once."""
+        if smoothing not in self._patterns:
+            from planner.planning import gauss_newton
+
+            self._patterns[smoothing] = gauss_newton.pattern_of(self.spec, smoothing)
+        return self._patterns[smoothing]
+
+    @cached_property
+    def _patterns(self) -> dict[bool, Pattern]:
+        return {}
+
+    def in_scenarios(
+        self,
+        scenarios: Sequence[tuple[JointModel, ...]],
+        loads: Sequence[Loads],
+        robust: Literal["mean", "worst"],
+    ) -> Problem:
+        """The same problem in several scenarios, with even weights; first requests stay."""
+        return replace(
+            self,
+            models=tuple(model for each in scenarios for model in each),
+            loads=tuple(load for each in loads for load in each),
+            weights=(1.0 / len(scenarios),) * len(scenarios),
+            first=self.first_requests,
+            robust=robust,
+        )
+
+
+class FootGoal:
+    """A foot that should follow a path; its errors count in radians of a typical joint's turn.
+
+    Attributes:
+        leg: The leg.
+        desired: Positions of the foot [m], (n, 3).
+        scale: What turns metres along each axis into errors [rad/m], (3,).
+        rows: Desired positions, and what is added to the joints' angles, as in ``Spec``.
+        links: The constants of the leg, as there.
+        ridge: Curvature added to that of the squared errors, where a joint that does not move the
+            foot has none [-].
+    """
+
+    def __init__(
+        self, leg: Leg, desired: Array, scale: Array, added: Array, *, ridge: float
+    ) -> None:
+        """Take what a foot should do; ``added`` is added to the joints' angles [rad], (n, J)."""
+        self.leg, self.desired, self.scale, self.ridge = leg, desired, scale, ridge
+        self.rows = np.hstack([desired, added])
+        self.links = np.zeros((len(leg.chain.links) + 1, 10, 3))
+        for own, link in zip(self.links, leg.chain.links, strict=False):
+            own[:] = np.vstack([link.origin.T, link.axial, link.cosine, link.sine])
+        self.links[-1, 0], self.links[-1, 1] = leg.chain.tip, scale
+
+
+def track(
+    model: JointModel,
+    desired: Array,
+    *,
+    cyclic: bool,
+    norm: Norm = "rms",
+    limits: Limits | None = None,
+    max_step: float = math.inf,
+    start: float | None = None,
+    first: float | None = None,
+    load: Array | None = None,
+) -> Problem:
+    """The problem of one joint that should follow desired angles.
+
+    Args:
+        model: The joint.
+        desired: Desired angles [rad], shape (n,).
+        cyclic: Whether they repeat for ever.
+        norm: The error that counts.
+        limits: Smallest and largest request [rad]; None for none.
+        max_step: Largest change from one request to the next [rad].
+        start: From rest: where the joint rests before [rad].
+        first: From rest: the request that holds it there [rad]; by default the middle one of these.
+        load: Torque on the joint [N m], shape (n,), or None.
+    """
+    lower, upper = (-math.inf, math.inf) if limits is None else limits
+
+    def column(value: npt.ArrayLike) -> Array:
+        return np.array([value], dtype=np.float64)
+
+    return Problem(
+        models=(model,),
+        desired=desired[:, np.newaxis],
+        cyclic=cyclic,
+        norm=norm,
+        lower=column(lower),
+        upper=column(upper),
+        max_step=column(max_step),
+        start=None if start is None else column(start),
+        first=None if first is None else column(first),
+        loads=(load,),
+    )

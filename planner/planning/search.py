@@ -1,0 +1,486 @@
+"""The search for requests: stages of sharper corners, several models, and smoothing.
+
+Each stage minimises (10) of ``docs/math.md`` on the model with corners of one radius, and the next
+one carries on from its answer with sharper corners and less regularisation: a homotopy. The descent
+within a stage is compiled (``gauss_newton``); the exact models, simulated, judge where it leads.
+Several joints that share an error, a foot's, are searched together, and so are several models that
+joints may have, under the same requests. At the end requests are made smoother for as much error as
+a robot would not show (section 6 and (12b) of ``docs/math.md``).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from planner.exceptions import SolverFailed, angle_text
+from planner.model.joint import JointModel
+from planner.model.load import Loads
+from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, go_through
+from planner.planning.problem import Problem
+from planner.trajectory import Array
+
+ENCODER_STEP = 2.0 * math.pi / 4096.0
+"""Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
+
+NARROW = (
+    Stage(0.5, 1e-2),
+    Stage(0.2, 1e-3),
+    Stage(0.1, 1e-4),
+    Stage(0.04, 5e-5),
+    Stage(0.02, 5e-5),
+    Stage(0.008, 5e-5),
+    Stage(0.006, 1e-5, steps=2),
+)
+"""The stages. A regularisation keeps the first ones out of saturated, flat regions, and the last
+ones from jumping where nothing is gained. Fewer than seven cost up to 13 %."""
+
+WIDE = (
+    Stage(2.0, 1e-3),
+    Stage(1.0, 1e-3),
+    Stage(0.5, 1e-4),
+    Stage(0.2, 1e-4),
+    Stage(0.08, 1e-4),
+    Stage(0.02, 1e-5),
+    Stage(0.008, 1e-8),
+)
+"""The stages of a search that leaves the place where it begins: under corners so wide every request
+counts. Hardly any regularisation is left at the end, which matters where next to no error is.
+Without this search plans lose up to 18 %."""
+
+LARGEST = tuple(
+    Stage(radius, 1e-5, power, 8)
+    for radius, power in (
+        (0.1, 4.0),
+        (0.1, 8.0),
+        (0.1, 16.0),
+        (0.05, 32.0),
+        (0.02, 64.0),
+        (0.006, 64.0),
+    )
+)
+"""Where the largest error counts, the stages that follow those of wide corners: it is approached
+through sums of powers of the errors."""
+
+FOOT_STEPS = 16
+"""Steps of a stage at most for a foot: where joints can compensate for one another, it takes many.
+12 or 24 make no difference to 18 feet."""
+
+FOOT = tuple(
+    stage._replace(steps=FOOT_STEPS) for stage in (Stage(1.5, 1e-3), Stage(0.7, 1e-3), *NARROW)
+)
+"""The stages for a foot. Wide corners first: the joints must leave the plans that were best for
+each alone. Over 38 feet, corners of 2 and 1 in front lose 0.35 % at worst, none 0.55 %."""
+
+SIMULATED = 0.1
+"""Radius below which what a stage ends with is worth a simulation [theta_0]."""
+
+
+class State(NamedTuple):
+    """Where a search begins: requests (n, J) and angles (n, A) [rad], not always their own."""
+
+    requests: Array
+    angles: Array
+
+
+def begun(problem: Problem, state: State) -> Search:
+    """A search from a state."""
+    requests, states = np.array(state.requests, order="C"), problem.states_of(state.angles).copy()
+    active = np.zeros((2, *requests.shape), dtype=np.int64)
+    active[0][:, problem.lower == problem.upper] = -1
+    return Search(requests, states, np.zeros_like(states), active, np.zeros(2))
+
+
+def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stage]) -> Array:
+    """Go through the stages; the requests with which each ends [rad], (stages, n, J)."""
+    rows = np.array([tuple(map(float, stage)) for stage in stages])
+    ends = np.empty((len(stages), *search.requests.shape))
+    go_through(problem.spec, problem.pattern(smoothing=stages[0].smoothing), search, rows, ends)
+    return ends
+
+
+def minimise(problem: Problem, state: State, stages: Sequence[Stage]) -> tuple[Array, float]:
+    """The best requests that the stages lead to, judged by the exact models, and their error.
+
+    Args:
+        problem: What to reach, and within which limits.
+        state: Where to start; its requests within the limits.
+        stages: The stages to go through.
+    """
+    stages = stages_for(problem, stages)
+    ends = _stages_gone_through(problem, begun(problem, state), stages)
+    best, least = state.requests, problem.exact_error(state.requests)
+    for stage, end in zip(stages, ends, strict=True):
+        if stage.radius < SIMULATED:
+            error = problem.exact_error(end)
+            if error < least:
+                best, least = end, error
+    return best, least
+
+
+def stages_for(problem: Problem, stages: Sequence[Stage]) -> Sequence[Stage]:
+    """The stages, and where the largest error counts those that turn to it."""
+    if problem.norm == "rms":
+        return stages
+    return [*(stage for stage in stages if stage.radius >= LARGEST[0].radius), *LARGEST]
+
+
+ROBUST_RADIUS = 0.2
+"""Corners of the first stage for several models [theta_0]: the plan for the nominal one is near.
+Over 19 joints and 5 feet, half: their errors fall by 1 % less; 0.5: as good."""
+
+ROBUST_SMOOTHING = 1e-3
+"""Weight of the squared second differences beside the squared errors of several models [-].
+Requests that switch between the top speeds depend less on a joint's gain: with a tenth of it errors
+are up to 2 % smaller, for 2.5 times the travel."""
+
+ROUNDS = 6
+"""How often the weights follow the errors for the worst model. (Five: its error changes by up to
+1 %, eight: as good.)"""
+
+
+def robust_requests(
+    nominal: Problem,
+    scenarios: Sequence[tuple[JointModel, ...]],
+    loads: Sequence[Loads],
+    requests: Array,
+    *,
+    robust: Literal["mean", "worst"],
+    smoothness: float,
+    search: Sequence[Stage] = NARROW,
+) -> Array:
+    """Requests with a small error over all scenarios, from those of the nominal one on.
+
+    With even weights the cost is the mean over the scenarios. For the worst one the weights follow
+    the errors: those of scenarios with larger errors grow until none stands out (C. L. Lawson's
+    algorithm, as in J. R. Rice, K. H. Usow, *Mathematics of Computation* 22, 1968).
+
+    Args:
+        nominal: The problem of the nominal models.
+        scenarios: The models of the joints in each scenario, the nominal ones first.
+        loads: Torques on the joints as the models of each scenario feel them.
+        requests: A plan for the nominal models [rad], shape (n, J). Without dead bands the answer's
+            error over all scenarios is no larger than that of this plan.
+        robust: Which error over the scenarios counts.
+        smoothness: Share of that error which smoother requests may cost.
+        search: The stages, of which those with small corners are gone through.
+
+    Raises:
+        SolverFailed: Under no requests all models have a steady cycle.
+    """
+    stages = [
+        stage._replace(weight=ROBUST_SMOOTHING, smoothing=True)
+        for stage in search
+        if stage.radius <= ROBUST_RADIUS
+    ]
+    problem = nominal.in_scenarios(scenarios, loads, robust)
+    angles = problem.exact_angles(requests)
+    if angles is None:
+        angles = np.tile(nominal.desired, len(scenarios))
+    best, least = minimise(problem, State(requests, angles), stages)
+    column, answer = best, problem
+    for _ in range(ROUNDS if robust == "worst" else 0):
+        reached = problem.exact_angles(column)
+        if reached is None:
+            break
+        weights = problem.weights * problem.errors_of_models(reached)
+        if not np.sum(weights) > 0.0:
+            break
+        problem = replace(problem, weights=tuple((weights / np.sum(weights)).tolist()))
+        column, error = minimise(problem, State(column, reached), stages[-3:])
+        if error < least:
+            best, least, answer = column, error, problem
+    if not math.isfinite(least):
+        raise SolverFailed(
+            "optimised inversion", "no requests lead to a steady cycle of all models"
+        )
+    before = problem.exact_error(requests)
+    return smoothed(answer, best, smoothness=smoothness, at_most=before)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmoothingOptions:
+    """What steers the smoothing.
+
+    In brackets what other values do to the sum of squared second differences, in the mean, and to
+    the number of steps, over the smoothing of 86 plans: random joints, some with limits, from rest,
+    with dry friction or for the largest error.
+
+    Attributes:
+        radii: Radius of the corners in each step [theta_0].
+        growth: By this the factor c of the weight grows at most after a step within the allowed
+            error [-] (1.7: -1 and +9 %; 6: -2 and +2 %).
+        reduction: By this the weight falls at most after one beyond it [-] (0.25: -1 and +8 %; 0.8:
+            -2 and +6 %).
+        enough: Share of the allowed rise from which on an answer is kept if it was no large gain,
+            and at which steps aim from beyond it (0.8: +7 and -3 %; 0.95: -2 and +8 %).
+        large_gain: Ratio of the second differences after a step to those before up to which it was
+            a large gain, so that another one follows [-] (0.25: 0 and 0 %; 0.8: -4 and +8 %).
+        unchanged: Relative change of the second differences after which no step follows [-],
+        settled: where this share of the allowed rise is used [-] (``unchanged`` 0.05: -2 and +9 %,
+            0.2: +9 and -7 %; ``settled`` 0.25: +5 and -14 %, with needless crossings; 0.8: -8 and
+            +18 %).
+        heaviest: Largest weight of the second differences beside the errors, times ``smoothness``,
+            where an encoder would not show the error [-]: requests that are smooth already are not
+            flattened.
+        mean: Where the largest error counts: relative rise of the root mean square beside
+            ``smoothness`` [-]. Without a limit a joint that misses one sample in any case could
+            rest. With 1 the largest errors of the reference walk are followed by requests that are
+            two to four times as rough.
+    """
+
+    radii: tuple[float, ...] = (*(0.04,) * 2, *(0.015,) * 16)
+    growth: float = 3.0
+    reduction: float = 0.5
+    enough: float = 0.9
+    large_gain: float = 0.5
+    unchanged: float = 0.1
+    settled: float = 0.5
+    heaviest: float = 50.0
+    mean: float = 20.0
+
+
+OPTIONS = SmoothingOptions()
+
+STRAIGHT = 1e-24
+"""Sum of squared second differences up to which requests count as straight [rad^2]."""
+
+
+def smoothed(
+    problem: Problem,
+    requests: Array,
+    *,
+    smoothness: float,
+    best: Array | None = None,
+    others: Sequence[Array] = (),
+    at_most: float = math.inf,
+) -> Array:
+    """Smoother requests whose shown error is within what :func:`allowed_beside` says.
+
+    Args:
+        problem: What is to be reached, and within which limits.
+        requests: A good plan [rad], shape (n, J).
+        smoothness: Relative rise of the shown error that is allowed [-]; 0 leaves the requests
+            alone.
+        best: Angles of the best plan [rad], (n, A), where that is not this one.
+        others: Requests [rad], (n, J), to start from as well where their error is allowed.
+        at_most: Error that is not to be passed in any case.
+
+    Returns:
+        The smoother requests, or the given ones.
+    """
+    if smoothness == 0.0:
+        return requests
+    angles = problem.exact_angles(requests)
+    if angles is None:
+        return requests
+    found = judged(problem, angles)
+    allowed = allowed_beside(
+        problem, found if best is None else judged(problem, best), smoothness=smoothness
+    )
+    starts = [(requests, found)]
+    for other in others:
+        reached = problem.exact_angles(other)
+        if reached is not None and allowed.by(also := judged(problem, reached)):
+            starts.append((other, also))
+    mean = math.inf
+    if problem.norm == "max":
+        share = 1.0 + OPTIONS.mean * smoothness
+        mean = share * math.hypot(found.mean, found.known)
+        mean = max(math.sqrt(max(mean**2 - found.known**2, 0.0)), allowed.unseen)
+    unseen, heaviest = min(allowed.unseen, at_most), OPTIONS.heaviest * smoothness
+    bounds = (
+        _Bound(allowed.shown, 1.0 + smoothness, math.inf, at_most, mean),
+        _Bound(math.inf, math.inf, heaviest, unseen, mean),
+    )
+    smoother = [
+        _smoothest(problem, *start, found.error, bound) for start in starts for bound in bounds
+    ]
+    return min(smoother, key=problem.roughness)
+
+
+class Judged(NamedTuple):
+    """The errors of a motion, in the unit of the problem's error.
+
+    Attributes:
+        error: In the norm that counts.
+        mean: Root mean square, whichever norm counts.
+        known: What the models are known to miss of it, rms: at least an encoder's step.
+        unseen: What an encoder's step of each joint makes, rms.
+    """
+
+    error: float
+    mean: float
+    known: float
+    unseen: float
+
+    @property
+    def shown(self) -> float:
+        """The error that a robot would show, of (12b): that of the plan and of its models."""
+        return math.hypot(self.error, self.known)
+
+
+def judged(problem: Problem, angles: Array) -> Judged:
+    """The errors of a motion of the exact models [rad], (n, A)."""
+    values, jacobians = problem.errors(angles)
+    weights = np.asarray(problem.weights)
+    reach = np.sum(jacobians**2, axis=2)  # (n, scenarios, J)
+
+    def through(errors: Array) -> float:
+        by_scenario = np.sum(reach * errors.reshape(1, len(weights), -1) ** 2, axis=(0, 2))
+        return math.sqrt(float(by_scenario @ weights) / len(angles))
+
+    known = known_errors(problem.models, angles, cyclic=problem.cyclic)
+    mean = math.sqrt(float(np.sum(values**2, axis=(0, 2)) @ weights) / len(angles))
+    return Judged(
+        problem.error_of(values),
+        mean,
+        through(known),
+        through(np.full(len(known), ENCODER_STEP)),
+    )
+
+
+class Allowed(NamedTuple):
+    """What smoother requests are allowed: a shown error up to one, or an error up to another.
+
+    Attributes:
+        shown: Largest error that a robot may show.
+        unseen: Error that an encoder's step of each joint makes, for a foot and with dry friction;
+            0 for others.
+    """
+
+    shown: float
+    unseen: float
+
+    def by(self, motion: Judged) -> bool:
+        """Whether a motion is allowed."""
+        return motion.shown <= self.shown or motion.error <= self.unseen
+
+
+def allowed_beside(problem: Problem, best: Judged, *, smoothness: float) -> Allowed:
+    """What is allowed beside the best plan, (12b) of ``docs/math.md``.
+
+    Args:
+        problem: What is to be reached.
+        best: The errors under the best requests.
+        smoothness: Relative rise of the shown error that is allowed [-]; with 0 nothing is.
+    """
+    if smoothness == 0.0:
+        return Allowed(0.0, best.error)
+    # where nearly the same motion follows from many requests, more is allowed
+    many = problem.foot is not None or any(model.dead_band for model in problem.models)
+    return Allowed((1.0 + smoothness) * best.shown, best.unseen if many else 0.0)
+
+
+def known_errors(models: Sequence[JointModel], angles: Array, *, cyclic: bool) -> Array:
+    """What the models are known to miss of a motion [rad], (A,), at least an encoder's step.
+
+    Args:
+        models: The joints.
+        angles: Their motion [rad], shape (n, A).
+        cyclic: Whether it repeats for ever.
+    """
+    known = [
+        ENCODER_STEP
+        if model.evidence is None or math.isnan(model.evidence.error)
+        else model.evidence.error_of(column, period=model.period, cyclic=cyclic)
+        for model, column in zip(models, angles.T, strict=True)
+    ]
+    return np.maximum(known, ENCODER_STEP)
+
+
+class _Bound(NamedTuple):
+    """What smoother requests keep."""
+
+    shown: float  # largest shown error
+    growth: float  # and by this it may exceed the least that was met
+    heaviest: float  # largest weight on the second differences beside the errors
+    at_most: float  # largest error
+    mean: float  # where the largest error counts, also the largest root mean square
+
+    def error(self, motion: Judged) -> float:
+        """The error that is allowed to such a motion."""
+        return min(math.sqrt(max(self.shown**2 - motion.known**2, 0.0)), self.at_most)
+
+    def used(self, motion: Judged, error: float) -> float:
+        """Share of what may be added to an error that a motion uses; inf where it adds too much."""
+        room = self.error(motion) - error
+        if motion.mean > self.mean:
+            return math.inf
+        return (motion.error - error) / room if room > 0.0 else math.inf
+
+
+def _smoothest(
+    problem: Problem, requests: Array, start: Judged, error: float, bound: _Bound
+) -> Array:
+    """The smoothest requests that are met within the bound.
+
+    Steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2 the second
+    differences of the requests. At the best weight w the smoothing costs about as much as J may
+    rise, so that each step takes ``w = c (J_allowed - J) / |D2 R|^2`` anew from the requests from
+    which it sets out, with a factor c that grows while the exact error stays within what is
+    allowed. Where it does not, c is such that the weight itself falls.
+
+    Args:
+        problem: What is to be reached.
+        requests: Where to start [rad], (n, J).
+        start: Their errors.
+        error: That of the best plan.
+        bound: What is to be kept.
+    """
+    power = stages_for(problem, NARROW)[-1].power
+    best, least = requests, problem.roughness(requests)
+    most, factor = bound.error(start), 1.0
+    if least <= STRAIGHT or most <= error:
+        return best
+    angles = problem.exact_angles(requests)
+    assert angles is not None, "requests with errors have angles"
+    search, now = begun(problem, State(requests, angles)), least
+    shares = problem.distances(angles) / error if error else np.zeros(0)
+    cost = float(np.sum(np.minimum(shares, LARGEST_SHARE) ** power))
+    for radius in OPTIONS.radii:
+        before = now
+        allowed = _allowed_rise(error, most, power, len(angles), cost)
+        if before <= STRAIGHT or allowed <= 0.0 or most <= error:
+            break
+        share = min(most / error, LARGEST_SHARE) if error else 1.0
+        weight = min(factor * allowed / before, bound.heaviest * share ** (power - 2.0))
+        (smoother,) = _stages_gone_through(problem, search, [Stage(radius, weight, power, 1, True)])
+        reached = problem.exact_angles(smoother)
+        now, used = problem.roughness(smoother), math.inf
+        motion = None if reached is None else judged(problem, reached)
+        if motion is not None:
+            used = bound.used(motion, error)
+        if used <= 1.0 and motion is not None:
+            if now < least:
+                best, least = smoother, now
+            bound = bound._replace(shown=min(bound.shown, bound.growth * motion.shown))
+            most, used = bound.error(motion), bound.used(motion, error)
+            if used > OPTIONS.enough and now > OPTIONS.large_gain * before:
+                break
+            factor *= max(used, OPTIONS.growth**-2.0) ** -0.5
+        else:
+            factor *= max(OPTIONS.enough / used, OPTIONS.reduction) * now / before
+        if OPTIONS.settled < used <= 1.0 and abs(now / before - 1.0) < OPTIONS.unchanged:
+            break
+    logging.getLogger(__name__).debug(
+        "smoothing: second differences %s", angle_text(math.sqrt(least))
+    )
+    return best
+
+
+def _allowed_rise(error: float, most: float, power: float, samples: int, cost: float) -> float:
+    """By how much the cost rises when all errors grow until theirs is the one that is allowed.
+
+    ``cost`` is the sum of the powers at the start, in units of the error.
+    """
+    if power == 2.0:
+        return samples * (most**2 - error**2)
+    if error == 0.0:
+        return 0.0
+    return error**2 * cost * float(min(most / error, LARGEST_SHARE) ** power - 1.0)
