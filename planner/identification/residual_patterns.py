@@ -23,6 +23,7 @@ class PatternOptions:
     Attributes:
         clear: Standard deviations of the noise that a pattern has to exceed.
         overshoot: Share of a step by which a joint that rings exceeds where it comes to rest.
+        explained: Share of that above which it is the model's own, by its time constant.
         settled: A step can ring where no other follows within so many whole delays of the joint.
         asymmetry: Share of v_max by which top speeds differ where it is worth a sentence.
         stop_rows: Rows at one extreme angle below which there is no stop.
@@ -46,6 +47,7 @@ class PatternOptions:
 
     clear: float = 5.0
     overshoot: float = 0.05
+    explained: float = 0.67
     settled: float = 3.0
     asymmetry: float = 0.05
     stop_rows: int = 20
@@ -239,7 +241,7 @@ def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
 
 
 def _ringing(model: JointModel, fit: LogFit, noise: float) -> Iterator[str]:
-    """Steps after which the joint goes farther than where it comes to rest."""
+    """Steps after which the joint goes farther beyond where it comes to rest than its model."""
     log = fit.log
     delay = model.lag + model.acceleration_time + model.theta_0 / model.v_max
     changes = np.flatnonzero(np.diff(log.requests)) + 1
@@ -251,21 +253,25 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> Iterator[str]:
             continue
         if abs(step) < OPTIONS.clear * noise:
             continue
-        moved = math.copysign(1.0, step) * (log.angles[begin:end] - log.angles[begin])
-        last = max(len(moved) // 5, 3)
-        rest = float(np.median(moved[-last:]))
-        if rest < 0.5 * abs(step):
+        angles = np.stack([log.angles[begin:end], fit.predicted[begin:end]])
+        angles = np.where(np.isnan(angles), log.angles[begin], angles)
+        moved = math.copysign(1.0, step) * (angles - log.angles[begin])
+        last = max((end - begin) // 5, 3)
+        rests = np.median(moved[:, -last:], axis=1)
+        if rests[0] < 0.5 * abs(step):
             continue
         steps += 1
-        beyond = float(np.max(moved[:-last])) - rest
-        if beyond > max(OPTIONS.overshoot * rest, OPTIONS.clear * noise):
+        beyond, modelled = np.max(moved[:, :-last], axis=1) - rests
+        if modelled > OPTIONS.explained * beyond:
+            continue
+        if beyond > max(OPTIONS.overshoot * rests[0], OPTIONS.clear * noise):
             over += 1
-            rows.append((begin, beyond / rest))
+            rows.append((begin, beyond / rests[0], max(modelled, 0.0) / rests[0]))
     if over >= 2 and over >= 0.5 * steps:
-        share = float(np.median([each for _, each in rows]))
+        _, share, modelled_share = np.median(rows, axis=0)
         yield (
             f"ringing: after {over} of {steps} steps the joint goes {share:.0%} too far before it "
-            f"rests, first after row {rows[0][0]}; the model never overshoots"
+            f"rests, first after row {rows[0][0]}; the model goes {modelled_share:.0%} too far"
         )
 
 

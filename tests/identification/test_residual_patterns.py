@@ -65,6 +65,16 @@ def test_what_the_model_does_not_have_is_named(make, name):
     assert name in named(planner.identify(make(), hold_out=False))
 
 
+def test_ringing_that_the_models_inertia_explains_is_not_named():
+    heavy = replace(AIBO, theta_0=0.05, time_constant=0.04)
+    (log,) = step_logs(heavy, amplitudes=(0.3,), quantum=0.0)
+    found = planner.identify(log, hold_out=False)
+    (fit,) = found.fits
+    step = int(np.flatnonzero(np.diff(log.requests))[0]) + 1
+    assert np.max(fit.predicted[step:]) > 1.05 * np.max(log.requests), "the model overshoots"
+    assert "ringing:" not in named(found)
+
+
 def test_rows_at_a_mechanical_stop_are_left_out_with_a_note():
     log = stopped()
     found = planner.identify(log, hold_out=False)
