@@ -110,8 +110,8 @@ class Table:
 def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
     """Read a CSV file with a header line, or standard input for ``-``.
 
-    Lines above the header that begin with ``#`` are comments; where numbers follow at once, the
-    last of them is the header. A first line ``sep=;``, or else the commonest of
+    Lines that begin with ``#`` are comments; where numbers follow at once, the last of them above
+    the header is the header. A first line ``sep=;``, or else the commonest of
     :data:`DELIMITERS` in the header, says what stands between the cells. Where that is no comma,
     numbers may have decimal commas.
 
@@ -140,6 +140,8 @@ def read_table(path: Path | str, *, most_rows: int | None = None) -> Table:
                 continue
             if not names:
                 names = _checked_names(path, [_title(cell) for cell in cells], reader.line_num)
+                continue
+            if cells[0].lstrip().startswith("#"):
                 continue
             if len(cells) != len(names):
                 line = reader.line_num

@@ -353,6 +353,16 @@ def test_lines_above_the_header_that_begin_with_a_hash_are_comments(tmp_path, ab
     assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0, 30.0])
 
 
+@pytest.mark.parametrize("note", ["# paused", "  # paused, 2 s", "#"])
+def test_a_hash_line_between_rows_is_a_comment_and_counts_as_a_line(tmp_path, note):
+    file = tmp_path / "run.csv"
+    file.write_text(f"t_s,req_deg,act_deg\n{note}\n0,0,0\n1,10,5\n{note}\n2,20,15\n3,x,0\n")
+    with pytest.raises(InvalidFile, match="line 7: column 'req_deg': got 'x'"):
+        read_logs(file)
+    file.write_text(file.read_text().replace("x", "30"))
+    assert np.allclose(np.degrees(_read(file).requests), [0.0, 10.0, 20.0, 30.0])
+
+
 @pytest.mark.parametrize("names", ["# t_s,req_deg,act_deg", "#t_s, req_deg, act_deg"])
 def test_the_last_hash_line_right_above_the_numbers_is_their_header(tmp_path, names):
     file = tmp_path / "run.csv"  # as numpy.savetxt writes one
