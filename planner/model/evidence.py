@@ -217,13 +217,16 @@ def refusal(known: Mapping[str, Evidence | None]) -> str:
         >>> refusal({"knee": Evidence(verdict="refused", reason="it misses 41% of the motion")})
         'do not plan with the model of knee (it misses 41% of the motion): identify it anew'
     """
+    others = "every other joint" if len(known) > 1 else ""
     refused = {
-        joint or "every joint": each.reason or str(each.verdict)
+        joint or others: each.reason or str(each.verdict)
         for joint, each in known.items()
         if each is not None and each.refused
     }
     if not refused:
         return ""
+    if "" in refused:
+        return f"do not plan with the model ({' '.join(refused[''].split())}): identify it anew"
     which, them = ("model", "it") if len(refused) == 1 else ("models", "them")
     return f"do not plan with the {which} of {with_reasons(refused)}: identify {them} anew"
 

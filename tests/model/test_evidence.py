@@ -228,6 +228,12 @@ def test_who_reads_or_streams_a_model_that_is_not_to_be_planned_with_is_warned_o
     planner.Stream({"ankle": models["ankle"]}, preview=25)
 
 
+def test_the_only_model_of_a_file_is_warned_of_as_the_model(tmp_path):
+    JointModel.ers210a().with_evidence(REFUSED).to_toml(tmp_path / "joint.toml")
+    with pytest.warns(UserWarning, match="^do not plan with the model .the joint is .stuck..: ide"):
+        planner.read_models(tmp_path / "joint.toml")
+
+
 @pytest.mark.parametrize("verdict", [None, "holds", "usable"])
 def test_models_that_may_be_planned_with_are_read_without_a_word(tmp_path, verdict):
     known = SEEN._replace(verdict=verdict, reason="it misses 3% of the motion" if verdict else "")
