@@ -33,10 +33,12 @@ nitpick_ignore_regex = [
     (
         "py:class",
         r"(np|npt|os|pathlib)\..*|Path|Array(Like)?|Indices|Level|Norm|Solver|Topic"
-        r"|Models|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
-        r"|planner\.robot\.follow\.Planning|planner\.retiming\.(Impossible|SpeedErrors)"
-        r"|Written|planner\.recorded_path\.RecordedPath|planner\.replaying\.JointReplay"
-        r"|planner\.inversion\.result\.ErrorsOfModels",
+        r"|Models|ModelOrModels|JointLimits|LoadOfPose|Robust|Rule|Scenarios|Mask|Expectation"
+        r"|Track|Retime|Progress|Method|planner\.learning\.refine\.AnyPlan"
+        r"|planner\.robot\.follow\.Planning|planner\.planning\.(task\.Task|plan\.RequestMotion)"
+        r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
+        r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
+        r"|(planner\.planning\.result\.)?ErrorsOfModels",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",

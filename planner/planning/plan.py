@@ -19,7 +19,7 @@ from planner.planning.arguments import Solver
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import BoundProblem
 from planner.planning.error_norm import error_norm, relative_gap
-from planner.planning.result import FootInversion, Inversion
+from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.trials import Learning
 from planner.trajectory import Array, steps
@@ -29,25 +29,6 @@ Method = Literal["closed_form", "optimal", "foot_optimal"]
 
 LEAST_MOTION = 1e-9
 """Change of a request that is no motion [rad]: rounding."""
-
-
-class ErrorsOfModels(NamedTuple):
-    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
-
-    Attributes:
-        nominal: That of the nominal model.
-        mean: Root mean square over all models.
-        worst: The largest.
-    """
-
-    nominal: float
-    mean: float
-    worst: float
-
-    @classmethod
-    def of(cls, errors: Array) -> ErrorsOfModels:
-        """Those of the errors of each model, the nominal one first, shape (models,)."""
-        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
 
 
 class RequestMotion(NamedTuple):

@@ -5,24 +5,43 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
+from planner.approximation.curve import PiecewiseLinear
+from planner.model.evidence import Expectation
+from planner.model.joint import JointModel
 from planner.model.load import load_columns
-from planner.planning.error_norm import largest_step
+from planner.planning.arguments import Norm, Robust, Solver
+from planner.planning.error_norm import error_norm, largest_step
+from planner.planning.task import Scenarios
+from planner.planning.trials import Learning
+from planner.trajectory import Array, Mask
 from planner.validation import freeze
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.approximation.curve import PiecewiseLinear
-    from planner.model.evidence import Expectation
-    from planner.model.joint import JointModel
-    from planner.planning.arguments import Norm, Robust, Solver
-    from planner.planning.plan import ErrorsOfModels, Method, Plan
-    from planner.planning.task import Scenarios
-    from planner.planning.trials import Learning
-    from planner.trajectory import Array, Mask
+    from planner.planning.plan import Method, Plan
+
+
+class ErrorsOfModels(NamedTuple):
+    """Errors of a plan over the models that joints may have, in its norm: [rad], of a foot [m].
+
+    Attributes:
+        nominal: That of the nominal model.
+        mean: Root mean square over all models.
+        worst: The largest.
+    """
+
+    nominal: float
+    mean: float
+    worst: float
+
+    @classmethod
+    def of(cls, errors: Array) -> ErrorsOfModels:
+        """Those of the errors of each model, the nominal one first, shape (models,)."""
+        return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -53,8 +53,8 @@ from planner.report.table import NO_BOUND, percent
 
 if TYPE_CHECKING:
     from kinematics.leg import Leg
-    from planner.planning.plan import ErrorsOfModels, Plan
-    from planner.planning.result import FootInversion, Inversion
+    from planner.planning.plan import Plan
+    from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
     from planner.trajectory import Array
 
 METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}

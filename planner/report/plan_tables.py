@@ -13,7 +13,8 @@ from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 
 if TYPE_CHECKING:
-    from planner.planning.plan import ErrorsOfModels, Plan
+    from planner.planning.plan import Plan
+    from planner.planning.result import ErrorsOfModels
     from planner.trajectory import Array
 
 AT_LIMIT = math.radians(1e-6)

@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.error_norm import error_norm
-from planner.planning.plan import ErrorsOfModels
+from planner.planning.result import ErrorsOfModels
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.run.models import model_words
 
