@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,12 +31,11 @@ from planner.evaluation.joint_comparison import (
     depend_on_motion,
     planned_methods,
 )
-from planner.evaluation.metrics import Distance, angle_distance, foot_distance, foot_distances
-from planner.evaluation.outcome import FootOutcome
+from planner.evaluation.metrics import Distance, angle_distance
 from planner.planning.arguments import Norm
-from planner.planning.error_norm import relative_gap
-from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.inversion import invert_foot, planned
+from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.search import ENCODER_STEP, known_errors
 from planner.planning.task import axis_scales
@@ -47,32 +46,12 @@ FOOT = "foot"
 
 
 @dataclass(frozen=True, eq=False)
-class FootPlan:
-    """All joints of a leg under one method.
-
-    Attributes:
-        requests: Their requests [rad], shape (n, k).
-        predicted: Their angles [rad], shape (n, k).
-        outcome: Where the foot then is.
-    """
-
-    requests: Array
-    predicted: Array
-    outcome: FootOutcome
-
-    def error(self, norm: Norm) -> float:
-        """How far the foot is from where it should be [m]."""
-        distance = self.outcome.distance
-        return distance.rms if norm == "rms" else distance.max
-
-
-@dataclass(frozen=True, eq=False)
 class FootComparison:
     """The plans for a leg, by where they bring its foot.
 
     Attributes:
         desired: Where the desired angles bring the foot [m], shape (n, 3).
-        plans: Plan by method, one more than for a joint.
+        plans: Plan by method, one more than for a joint; all judged by the foot.
         differences: How far each method's requests are from those for the foot, all joints [rad].
         cyclic: Whether the trajectory repeats for ever.
         norm: The error that the plan for the foot minimises, and that the bound is about.
@@ -83,7 +62,7 @@ class FootComparison:
     """
 
     desired: Array
-    plans: Mapping[str, FootPlan]
+    plans: Mapping[str, Plan]
     differences: Mapping[str, Distance]
     cyclic: bool
     norm: Norm
@@ -102,7 +81,7 @@ class FootComparison:
         began = self.plans["foot_optimal"].requests[0]
         if not self.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
             return None
-        return relative_gap(plan.error(self.norm), self.bound)
+        return relative_gap(error_norm(plan.distances, self.norm), self.bound)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON, lengths in centimetres and angles in degrees."""
@@ -115,11 +94,11 @@ class FootComparison:
             "methods": {
                 method: {
                     "gap": self.gap(method),
-                    "rms_cm": 100.0 * plan.outcome.distance.rms,
-                    "max_cm": 100.0 * plan.outcome.distance.max,
+                    "rms_cm": 100.0 * float(plan.rms[0]),
+                    "max_cm": 100.0 * float(plan.max_error[0]),
                     "request_difference_rms_deg": math.degrees(self.differences[method].rms),
                     "largest_request_difference_deg": math.degrees(self.differences[method].max),
-                    "positions_cm": (100.0 * plan.outcome.positions).tolist(),
+                    "positions_cm": (100.0 * plan.foot).tolist(),
                 }
                 for method, plan in self.plans.items()
             },
@@ -157,22 +136,18 @@ def compare_foot(
         norm=norm,
         load=np.column_stack(torques),
     )
-    return judge_foot(leg, joints, together)
+    return judge_foot(joints, together)
 
 
-def judge_foot(
-    leg: Leg, joints: Sequence[JointComparison], together: FootInversion
-) -> FootComparison:
+def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> FootComparison:
     """Compare a plan for the foot with plans for its joints, from any method."""
     desired = together.desired_foot
     plans = {
-        method: _foot_plan(leg, desired, [joint.plans[method] for joint in joints])
+        method: _foot_plan(together, [joint.plans[method] for joint in joints])
         for method in planned_methods(joints)
     }
-    best = FootPlan(
-        together.requests, together.predicted, _outcome(leg, desired, together.predicted)
-    )
-    bound = together.lower_bound if len(desired) <= MOST_SAMPLES_BOUNDED else None
+    best = together.plan
+    bound = together.plan.foot_bound
     return FootComparison(
         cyclic=together.cyclic,
         norm=together.norm,
@@ -184,19 +159,18 @@ def judge_foot(
             method: angle_distance(plan.requests.ravel(), best.requests.ravel())
             for method, plan in {**plans, "foot_optimal": best}.items()
         },
-        checks=tuple(_checks(leg, joints, together, best, bound)),
+        checks=tuple(_checks(joints, together, bound)),
     )
 
 
 def _checks(
-    leg: Leg,
     joints: Sequence[JointComparison],
     together: FootInversion,
-    best: FootPlan,
     bound: float | None,
 ) -> list[Check]:
     label = METHODS["foot_optimal"]
     norm, cyclic = together.norm, together.cyclic
+    best = error_norm(together.distances, norm)
     found = []
     for column, joint in enumerate(joints):
         answer = second_answer(
@@ -211,7 +185,7 @@ def _checks(
     excess = beyond_limits(together.requests, together.limits)
     found.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
     if bound is not None:
-        found.append(check(FOOT, label, ABOVE, bound - best.error(norm), FOOT_ABOVE_BOUND))
+        found.append(check(FOOT, label, ABOVE, bound - best, FOOT_ABOVE_BOUND))
     others, known = {}, _known(together, _unsmoothed(together).predicted)
     for method in planned_methods(joints):
         kept = [
@@ -220,11 +194,11 @@ def _checks(
         ]
         usable = [plan for plan in kept if plan is not None]
         if len(usable) == len(joints):
-            other = _foot_plan(leg, together.desired_foot, usable)
-            others[METHODS[method]] = math.hypot(other.error(norm), known)
+            other = error_norm(_foot_plan(together, usable).distances, norm)
+            others[METHODS[method]] = math.hypot(other, known)
     steps = np.full(len(together.models), ENCODER_STEP)
-    unseen = best.error(norm) <= _through_leg(together, best.predicted, steps)
-    shown = 0.0 if unseen else math.hypot(best.error(norm), _known(together, best.predicted))
+    unseen = best <= _through_leg(together, together.predicted, steps)
+    shown = 0.0 if unseen else math.hypot(best, _known(together, together.predicted))
     return found + no_worse_checks(FOOT, label, shown, others, FOOT_NO_WORSE)
 
 
@@ -251,16 +225,14 @@ def _through_leg(together: FootInversion, angles: Array, errors: Array) -> float
     return math.sqrt(float(np.vdot(moved, moved)) / len(angles))
 
 
-def _foot_plan(leg: Leg, desired: Array, plans: Sequence[Inversion]) -> FootPlan:
-    requests = np.column_stack([plan.requests for plan in plans])
-    predicted = np.column_stack([plan.predicted for plan in plans])
-    return FootPlan(requests, predicted, _outcome(leg, desired, predicted))
-
-
-def _outcome(leg: Leg, desired: Array, angles: Array) -> FootOutcome:
-    positions = leg.foot_positions(angles)
-    return FootOutcome(
-        positions=positions,
-        distances=foot_distances(positions, desired),
-        distance=foot_distance(positions, desired),
+def _foot_plan(together: FootInversion, plans: Sequence[Inversion]) -> Plan:
+    """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
+    one_by_one = joined([plan.plan.joint(plan.column) for plan in plans])
+    task = replace(
+        one_by_one.task,
+        goal="foot",
+        leg=together.leg,
+        foot=together.desired_foot,
+        weights=np.ones(3),
     )
+    return replace(one_by_one, task=task)

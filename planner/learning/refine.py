@@ -32,7 +32,6 @@ from planner.learning.sensor_delay import (
     earlier,
     remarks_on_delays,
 )
-from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
@@ -395,10 +394,10 @@ def _floor(
     if made.task.goal == "angles":
         return float(made.lower_bounds[0]), size
     known = math.nan if before is None else before.floor[0]
-    if not math.isnan(known) or not ended or len(made.requests) > MOST_SAMPLES_BOUNDED:
+    if not math.isnan(known) or not ended:
         return known, size  # a foot's bound takes seconds
-    without = replace(made, task=replace(made.task, disturbance=None))
-    return float(without.lower_bounds[0]), size
+    bound = replace(made, task=replace(made.task, disturbance=None)).foot_bound
+    return math.nan if bound is None else bound, size
 
 
 def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:

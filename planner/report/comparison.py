@@ -13,6 +13,7 @@ from planner._version import __version__
 from planner.evaluation.checks import AGREES
 from planner.evaluation.cross_check import SECOND
 from planner.evaluation.differences import REASONS, Reason
+from planner.planning.error_norm import error_norm
 from planner.report.comparison_tables import (
     REASON_WORDS,
     SHOWN,
@@ -296,7 +297,8 @@ def key_figures(check: CrossCheck) -> list[Card]:
         cards.append(Card(above_bound(check, method), "", text))
     if check.foot is not None:
         before, after = (
-            100.0 * check.foot.plans[method].error(norm) for method in ("optimal", "foot_optimal")
+            100.0 * error_norm(check.foot.plans[method].distances, norm)
+            for method in ("optimal", "foot_optimal")
         )
         gap = check.foot.gap("foot_optimal")
         proved = "" if gap is None else f": {percent(gap)} above the lower bound"
@@ -348,9 +350,7 @@ def comparison_figure(check: CrossCheck) -> Picture:
         title = f"{heading(joint.name)}: {errors}, bound {math.degrees(joint.bound):.2f}°"
         parts.append(replace(joint_figure(check, joint, j), title=title))
     if check.foot is not None:
-        rms = " → ".join(
-            f"{100.0 * check.foot.plans[method].outcome.distance.rms:.2f}" for method in FOOT_ROLES
-        )
+        rms = " → ".join(f"{100.0 * check.foot.plans[method].rms[0]:.2f}" for method in FOOT_ROLES)
         parts.append(replace(foot_figure(check), title=f"Foot: rms {rms} cm"))
     columns = min(len(check.joints), MOST_COLUMNS)
     return draw_grid(parts, columns=columns, width=COLUMN if columns > 1 else 1.33 * COLUMN)
@@ -430,7 +430,7 @@ def foot_figure(check: CrossCheck) -> Figure:
     assert check.foot is not None, "only a leg has a foot"
     timeline = _timeline(check)
     curves = [
-        timeline.curve(100.0 * check.foot.plans[method].outcome.distances, role)
+        timeline.curve(100.0 * check.foot.plans[method].distances, role)
         for method, role in FOOT_ROLES.items()
     ]
     return timeline.figure(
@@ -452,8 +452,8 @@ def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
     motions, paths = [Motion(DESIRED, desired)], [draw(foot.desired, DESIRED)]
     for method, role in FOOT_ROLES.items():
         plan = foot.plans[method]
-        motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.outcome.distances))
-        paths.append(draw(plan.outcome.positions, role))
+        motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.distances))
+        paths.append(draw(plan.foot, role))
     return Figure(
         "leg",
         "The leg under the plans",

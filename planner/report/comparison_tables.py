@@ -103,11 +103,11 @@ def foot_table(foot: FootComparison) -> Table:
     """Where the plans bring the foot."""
     rows = []
     for method, plan in foot.plans.items():
-        gap, distance = foot.gap(method), plan.outcome.distance
+        gap = foot.gap(method)
         differs = [NOTHING] * 2
         if method != "foot_optimal":
             differs = [number(math.degrees(apart)) for apart in foot.differences[method]]
-        errors = (f"{100.0 * distance.rms:.3f}", f"{100.0 * distance.max:.3f}")
+        errors = tuple(f"{100.0 * each[0]:.3f}" for each in (plan.rms, plan.max_error))
         cells = (*errors, NOTHING if gap is None else percent(gap), *differs)
         rows.append(Row(METHODS[method], cells, "foot"))
     if foot.bound is not None:

@@ -24,6 +24,7 @@ from planner.report.style import (
 from planner.report.table import NOTHING, Column, Row, Table
 
 if TYPE_CHECKING:
+    from planner.planning.plan import Plan
     from planner.trajectory import Array
 
 BOUND = LOWER_BOUND._replace(label="lower bound of the model")
@@ -70,40 +71,13 @@ class Progress:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class LearningOutcome:
-    """What the page is about; angles [rad], shape (n, k).
-
-    Attributes:
-        names: The joints.
-        period: Time between requests [s].
-        cyclic: Whether they repeat.
-        desired: What the joints should do.
-        executed: The requests of the last trial.
-        measured: Mean of its measured cycles.
-        requests: The next requests.
-        predicted: What the model and the disturbance predict of them.
-        disturbance: What was learnt: measured less modelled angles.
-        progress: The errors of each joint, or of the foot.
-        about_others: What became of other joints, in words; empty for nothing.
-    """
-
-    names: tuple[str, ...]
-    period: float
-    cyclic: bool
-    desired: Array
-    executed: Array
-    measured: Array
-    requests: Array
-    predicted: Array
-    disturbance: Array
-    progress: tuple[Progress, ...]
-    about_others: str = ""
-
-
 def learning_page(
-    outcome: LearningOutcome,
+    plan: Plan,
     *,
+    executed: Array,
+    measured: Array,
+    progress: Sequence[Progress],
+    about_others: str = "",
     title: str,
     origins: Sequence[tuple[str, str]] = (),
     files: Sequence[LinkedFile] = (),
@@ -111,33 +85,37 @@ def learning_page(
     """The whole page.
 
     Args:
-        outcome: What was learnt.
+        plan: The next plan of the joints that were learnt, or of the foot.
+        executed: The requests of the last trial [rad], shape (n, k).
+        measured: Mean of its measured cycles [rad], shape (n, k).
+        progress: The errors of each joint, or of the foot.
+        about_others: What became of other joints, in words; empty for nothing.
         title: What was learnt for.
         origins: What it was made from: pairs of what it is and which.
         files: Files to link to.
     """
     from markupsafe import Markup
 
-    ended = all(each.stopped for each in outcome.progress)
-    trials = len(outcome.progress[0].errors)
+    ended = all(each.stopped for each in progress)
+    trials = len(progress[0].errors)
     count = "1 trial" if trials == 1 else f"{trials} trials"
     head = "Learning has ended" if ended else f"Learnt from {count}"
-    joints = [joint_figure(outcome, j) for j in range(len(outcome.names))]
-    first = _worst(outcome.progress)
-    others = [each for each in outcome.progress if each is not first]
+    joints = [joint_figure(plan, executed, measured, j) for j in range(len(plan.names))]
+    first = _worst(progress)
+    others = [each for each in progress if each is not first]
     more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(others)]
-    remarks = [outcome.about_others] if outcome.about_others else []
-    remarks += [f"{each.name}: {text}" for each in outcome.progress for text in each.remarks]
-    remarks += [f"{each.name}: {each.stopped}" for each in outcome.progress if each.stopped]
+    remarks = [about_others] if about_others else []
+    remarks += [f"{each.name}: {text}" for each in progress for text in each.remarks]
+    remarks += [f"{each.name}: {each.stopped}" for each in progress if each.stopped]
     return Page(
         heading=heading(title),
         eyebrow="request-planner refine",
-        verdict=Markup("<strong>{}</strong>: {}.").format(head, _verdict(outcome.progress)),
+        verdict=Markup("<strong>{}</strong>: {}.").format(head, _verdict(progress)),
         remarks=remarks,
-        cards=_cards(outcome.progress),
+        cards=_cards(progress),
         figure=errors_figure(first),
         sections=[
-            Section("The trials", TRIALS, {"table": trials_table(outcome.progress), "more": more}),
+            Section("The trials", TRIALS, {"table": trials_table(progress), "more": more}),
             Section("The joints", "{{ figures(joints) }}", {"joints": joints}),
         ],
         listings=origin_lists(origins, files),
@@ -180,22 +158,23 @@ def _numbers(count: int) -> Array:
     return np.arange(1.0, count + 1.0)
 
 
-def joint_figure(outcome: LearningOutcome, j: int) -> Figure:
+def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure:
     """A joint's angles, its requests before and after, and what was learnt of it."""
-    timeline = Timeline(outcome.period, len(outcome.desired), outcome.cyclic)
-    degrees = timeline.degrees
+    timeline = Timeline(plan.period, len(plan.desired), plan.cyclic)
+    degrees, learnt = timeline.degrees, plan.task.disturbance
+    assert learnt is not None, "it was learnt"
     angles = (
-        degrees(outcome.desired[:, j], DESIRED),
-        degrees(outcome.measured[:, j], EXECUTED),
-        degrees(outcome.predicted[:, j], NEXT),
-        degrees(outcome.executed[:, j], BEFORE, held=True),
-        degrees(outcome.requests[:, j], AFTER, held=True),
+        degrees(plan.desired[:, j], DESIRED),
+        degrees(measured[:, j], EXECUTED),
+        degrees(plan.predicted[:, j], NEXT),
+        degrees(executed[:, j], BEFORE, held=True),
+        degrees(plan.requests[:, j], AFTER, held=True),
     )
     missed = (
-        degrees(outcome.measured[:, j] - outcome.desired[:, j], EXECUTED, "error, measured"),
-        degrees(outcome.disturbance[:, j], OPTIMAL, "learnt: measured less modelled"),
+        degrees(measured[:, j] - plan.desired[:, j], EXECUTED, "error, measured"),
+        degrees(learnt[:, j], OPTIMAL, "learnt: measured less modelled"),
     )
-    name = outcome.names[j]
+    name = plan.names[j]
     return timeline.figure(
         f"learning_joint_{j + 1}",
         [

@@ -20,9 +20,9 @@ from planner.files.units import split_unit
 from planner.learning.refine import refine
 from planner.model.load import load_columns
 from planner.planning.arguments import limits_of_each
-from planner.planning.plan import Plan
+from planner.planning.plan import Plan, joined
 from planner.planning.trials import Learning
-from planner.report.learning import LearningOutcome, Progress, learning_page
+from planner.report.learning import Progress, learning_page
 from planner.report.page import linked_files
 from planner.report.table import NOTHING, text_table
 from planner.run.desired import Desired, leg_title
@@ -436,24 +436,13 @@ def learning_report(
     prepared = answer.prepared
     desired, run = prepared.desired, prepared.settings
     columns = [answer.names.index(name) for name in answer.measured.names]
-    followed = desired.angles[:, columns]
-    if answer.not_measured:
-        followed = np.hstack([plan.desired for plan in answer.learnt.values()])
-    outcome = LearningOutcome(
-        names=answer.measured.names,
-        period=desired.period,
-        cyclic=desired.cyclic,
-        desired=followed,
+    plans = list(answer.learnt.values())
+    return learning_page(
+        plans[0] if len(plans) == 1 else joined(plans),
         executed=answer.executed[:, columns],
         measured=answer.measured.angles.mean(axis=0),
-        requests=answer.requests[:, columns],
-        predicted=answer.predicted[:, columns],
+        progress=progress_of(answer),
         about_others=answer.about_not_measured,
-        disturbance=answer.disturbance,
-        progress=tuple(progress_of(answer)),
-    )
-    return learning_page(
-        outcome,
         title=leg_title(run.leg) or ", ".join(desired.names),
         origins=[("path", run.path.file or ""), ("model", run.model.file)],
         files=linked_files(page, written),

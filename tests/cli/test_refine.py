@@ -35,8 +35,7 @@ def execute():
 @pytest.fixture
 def unbounded(monkeypatch):
     """No lower bound of a foot, which takes seconds."""
-    for module in ("run.plan", "learning.refine"):
-        monkeypatch.setattr(f"planner.{module}.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)
 
 
 def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):

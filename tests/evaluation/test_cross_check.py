@@ -80,12 +80,12 @@ def test_the_figures_are_those_of_the_plans_that_the_library_makes(of_walk, walk
         assert joint.gap("optimal") == pytest.approx(joint.plans["optimal"].rms / joint.bound - 1.0)
         assert list(joint.bounds) == ["slope", "envelope"]
     foot = planner.invert_foot(JOINT, walk.leg, walk.desired_foot)
-    of_foot = of_walk.foot.plans["foot_optimal"].outcome.distance
-    assert (of_foot.rms, of_foot.max) == pytest.approx((foot.rms, foot.max_error))
+    of_foot = of_walk.foot.plans["foot_optimal"]
+    assert (*of_foot.rms, *of_foot.max_error) == pytest.approx((foot.rms, foot.max_error))
 
 
 def test_in_the_foot_the_plan_for_all_joints_is_the_best(of_walk):
-    rms = {method: plan.outcome.distance.rms for method, plan in of_walk.foot.plans.items()}
+    rms = {method: float(plan.rms[0]) for method, plan in of_walk.foot.plans.items()}
     assert list(rms) == list(METHODS)
     assert min(rms, key=rms.get) == "foot_optimal"
     assert of_walk.foot.differences["foot_optimal"] == (0.0, 0.0)
@@ -298,18 +298,18 @@ def test_a_check_of_what_is_not_a_number_fails():
 
 def test_a_plan_for_the_foot_that_is_late_fails_in_the_foot(of_walk, walk):
     plan = invert_foot(JOINT, walk.leg, walk.desired_foot)
-    assert not _broken(judge_foot(walk.leg, of_walk.joints, plan))
+    assert not _broken(judge_foot(of_walk.joints, plan))
     late = replace(plan, requests=np.roll(plan.requests, 8, axis=0))
     late.plan.__dict__["lower_bounds"] = (
         plan.plan.lower_bounds
     )  # that of the path, as no plan is searched
-    broken = {name for _, name in _broken(judge_foot(walk.leg, of_walk.joints, late))}
+    broken = {name for _, name in _broken(judge_foot(of_walk.joints, late))}
     others = PAPER, EXACT, OPTIMAL, METHODS[SECOND]
     assert broken == {f"no worse than {label}" for label in others}
     lower, upper = plan.limits
     tight = replace(plan, limits=(lower, upper - 1.0))
     tight.plan.__dict__["lower_bounds"] = plan.plan.lower_bounds
-    broken = _broken(judge_foot(walk.leg, of_walk.joints, tight))
+    broken = _broken(judge_foot(of_walk.joints, tight))
     assert (METHODS["foot_optimal"], INSIDE) in broken
 
 

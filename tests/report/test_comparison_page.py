@@ -73,7 +73,9 @@ def test_the_verdict_comes_first_and_tells_agreement_gaps_and_difference(check, 
     assert page.index(head) < page.index("<table>")
     figures = {each.figure for each in key_figures(check)}
     assert f"{len(check.checks)} of {len(check.checks)}" in figures
-    foot = [100.0 * check.foot.plans[method].error("rms") for method in ("optimal", "foot_optimal")]
+    foot = [
+        100.0 * float(check.foot.plans[method].rms[0]) for method in ("optimal", "foot_optimal")
+    ]
     assert f"{foot[0]:.2f} → {foot[1]:.2f}" in figures
 
 
