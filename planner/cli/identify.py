@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from planner.identification.result import Identification
     from planner.run.results import Task
 
-FEW_ROWS = 5000
+FEW_ROWS = 20_000
 """Up to so many rows the joints of a log are identified before other processes would have begun."""
 
 Command = TypeVar("Command", bound=Callable[..., Any])

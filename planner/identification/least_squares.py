@@ -341,7 +341,7 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         here = coordinates[free]
         near = near or _Quadratic.of(fit, averaging)
         sizes = np.maximum(sizes, near.sizes)
-        if fit.cost - HOPELESS * near.most_reduction() > enough > 0.0:
+        if enough > 0.0 and fit.cost - HOPELESS * near.most_reduction() > enough:
             break
         step = near.step(sizes, radius, lower - here, upper - here)
         starts = near.starts(step, radius)
