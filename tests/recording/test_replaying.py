@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from dataclasses import replace
 
@@ -128,6 +129,37 @@ def test_parts_faster_than_the_joint_are_named():
         k for span in joint.too_fast for k in range(round(span.first / OWN), round(span.last / OWN))
     }
     assert inside == set(np.flatnonzero(steps > SERVO.v_max).tolist())
+
+
+def test_requests_as_recorded_the_path_itself_and_its_best_shift_are_run_by_the_model():
+    (joint,) = replay(recorded(), SERVO, speed=1.5).joints
+    own, path = joint.recorded_requests, joint.desired
+    assert own == pytest.approx(joint.path.at(joint.moments, joint.path.requests), abs=1e-12)
+
+    def run(requests):  # the first request holds the joint where the plan begins
+        sent = np.append(joint.requests[:1], requests[1:])
+        return simulate(SERVO, sent, cyclic=False, start=path[0])
+
+    def early(lead):
+        return np.interp(np.arange(len(path)) + lead / OWN, np.arange(len(path)), path)
+
+    assert joint.resent == pytest.approx(run(own), abs=1e-12)
+    assert joint.direct == pytest.approx(run(path), abs=1e-12)
+    delay = SERVO.lag + SERVO.acceleration_time / 2.0 + SERVO.theta_0 / SERVO.v_max
+    assert joint.lead == pytest.approx(delay, abs=OWN)
+    assert joint.shifted == pytest.approx(run(early(joint.lead)), abs=1e-12)
+    for lead in (joint.lead - OWN / 4.0, joint.lead + OWN / 4.0):
+        assert rms(joint.errors["shifted"]) < rms(run(early(lead)) - path)
+
+
+def test_the_lower_bound_of_a_replay_is_that_of_the_rms_whatever_its_norm():
+    log = recorded(requests=asked(size=3.0))
+    (largest,) = replay(log, SERVO, speed=2.0, norm="max").joints
+    (mean,) = replay(log, SERVO, speed=2.0).joints
+    assert largest.lower_bound == pytest.approx(mean.lower_bound, rel=1e-9)
+    assert 0.0 < largest.lower_bound < largest.inversion.lower_bound
+    pose = replay(log, replace(SERVO, compliance=0.01), load=np.cos)
+    assert math.isnan(pose.joints[0].lower_bound)
 
 
 def test_the_expected_error_holds_that_of_the_model():

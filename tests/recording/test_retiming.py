@@ -62,6 +62,33 @@ def test_the_curve_orders_plans_and_bounds(constant):
     assert constant.curve[0].direct > 1.0
 
 
+def test_of_two_joints_the_one_that_is_farther_off_decides(constant):
+    logs = [log(swing(0.8, 150)), log(swing(0.1, 150), "wrist")]
+    calm = SERVO.with_evidence(Evidence(0.01))  # its top speed was never seen
+    found = fastest(logs, {"elbow": SERVO, "wrist": calm}, tolerance=TOLERANCE)
+    assert found.speed == pytest.approx(constant.speed, rel=0.02)
+    assert (found.impossible.joint, found.impossible.of_model_only) == ("elbow", False)
+    for each, alone in zip(found.curve, constant.curve, strict=True):
+        assert each.bound == pytest.approx(alone.bound, rel=0.2)
+        assert each.direct == pytest.approx(alone.direct, rel=0.2)
+
+
+def test_of_two_joints_that_are_too_slow_the_one_whose_top_speed_is_known_is_named():
+    logs = [log(swing(0.4, 75)), log(swing(0.4, 75), "wrist")]
+    unseen = SERVO.with_evidence(Evidence(0.01))
+    found = fastest(logs, {"elbow": unseen, "wrist": SERVO}, tolerance=TOLERANCE)
+    assert (found.impossible.joint, found.impossible.of_model_only) == ("wrist", False)
+
+
+def test_what_was_asked_and_not_done_contradicts_no_model():
+    times = PERIOD * np.arange(60)
+    asked = np.where(times < 0.4, 0.0, 1.0)
+    steps = Log(times=times, requests=asked, angles=simulate(SERVO, asked, cyclic=False))
+    found = fastest(steps, SERVO, tolerance=0.1, track="action", smoothness=0.0)
+    assert found.contradicted == ()
+    assert found.speed < 1.0
+
+
 def test_a_varying_factor_is_faster_where_it_can_be():
     requests = np.concatenate([swing(0.8, 100), swing(0.2, 150)])
     found = fastest(log(requests), SERVO, tolerance=TOLERANCE, retime="varying")
