@@ -35,6 +35,40 @@ JOINT = planner.JointModel(
 )
 
 
+@pytest.mark.parametrize(
+    ("noise", "verdict"), [(0.085, "holds"), (0.115, "usable"), (0.23, "usable"), (0.28, "refused")]
+)
+def test_a_model_is_doubted_from_a_tenth_of_the_motion_on_and_refused_from_a_fourth(noise, verdict):
+    moved = float(np.std(rich_log(rows=600).angles))
+    found = planner.identify(rich_log(noise=noise * moved, rows=600))
+    assert found.verdict == verdict
+    assert found.reason.startswith("it misses ")
+    assert found.reason.endswith("% of the motion in the part that was held out")
+
+
+def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
+    rich = rich_log(rows=300)
+    requests = np.concatenate([np.zeros(400), rich.requests])
+    angles = planner.simulate(AIBO, requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=0.0)
+    times = np.arange(len(requests)) * AIBO.period
+    log = planner.Log(times=times, requests=requests, angles=angles)
+    found = planner.identify(log)
+    assert found.held_out_rms is None
+    assert (found.verdict, found.reason) == ("usable", "it was not tested on rows held out")
+    assert planner.identify(log, hold_out=False).verdict == "holds"
+
+
+def test_the_second_half_of_the_rows_with_torque_is_held_out():
+    log = rich_log(noise=NOISE, rows=400)
+    off = changed(log, torque_on=np.arange(400) < 300)
+    for each, first in ((log, 200), (off, 150)):
+        (fit,) = planner.identify(each).fits
+        rows = np.flatnonzero(fit.held_out)
+        assert rows[0] == first
+        assert np.all(np.isfinite(fit.held_out_predicted[rows]))
+
+
 @pytest.mark.parametrize("sudden", [True, False])
 def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_known(sudden):
     log = rich_log(JOINT, noise=NOISE)
