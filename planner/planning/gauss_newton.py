@@ -13,7 +13,6 @@ samples, J of joints, A of drives, S of states; s = S / A is 1 or 2.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -172,7 +171,7 @@ class Point(NamedTuple):
         quadratic: Curvature of the cost by the angles, in blocks of a scenario or of all, and in
             the last column half the gradient, (n, blocks, size, size + 1).
         away: What S makes of the requests, less their centre [rad], (.., J).
-        costs: Cost of the errors, and with the regularisation, (2,).
+        costs: Cost of the errors, that with the regularisation, and the unit of the errors, (3,).
     """
 
     requests: Array
@@ -255,12 +254,21 @@ def set_cost(
 ) -> None:
     """The sum of ``unit^2 |error / unit|^power`` to second order in the angles: (13).
 
-    Gauss-Newton: the errors themselves are taken to be linear in the angles.
+    Gauss-Newton: the errors themselves are taken to be linear in the angles. With a unit of 0 it is
+    the largest error.
     """
     samples, scenarios, size = values.shape
     joints, cost, count = spec.resting.shape[1], 0.0, point.quadratic.shape[2]
-    quadratic = point.quadratic
+    quadratic, largest = point.quadratic, 1e-300
     quadratic[:] = 0.0
+    for k in range(samples if unit == 0.0 else 0):
+        squared = 0.0
+        for c in range(scenarios):
+            for i in range(size):
+                squared += spec.shares[c] * values[k, c, i] ** 2
+        largest = max(largest, np.sqrt(squared))
+    unit = largest if unit == 0.0 else unit
+    point.costs[2] = unit
     for k in range(samples):
         squared = 0.0
         for c in range(scenarios):
@@ -320,15 +328,6 @@ def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
     for k in range(len(away) - rows):
         for j in range(joints):
             away[rows + k, j] = scale * (requests[k, j] - spec.resting[k, j])
-
-
-@compiled
-def away_rows(spec: Spec, smoothing: bool) -> int:
-    """How many rows S has."""
-    samples = len(spec.resting)
-    if not smoothing:
-        return samples
-    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
 
 
 @compiled
@@ -476,8 +475,7 @@ def set_entries(
     return e
 
 
-@compiled
-def allocated(spec: Spec, smoothing: bool) -> Point:
+def allocated(spec: Spec, *, smoothing: bool) -> Point:
     """A point with all its arrays, not filled."""
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
@@ -489,13 +487,18 @@ def allocated(spec: Spec, smoothing: bool) -> Point:
         np.zeros((samples, states)),
         np.zeros((samples, drives, parts, parts + 2 * width)),
         np.zeros((samples, blocks, size, size + 1)),
-        np.zeros((away_rows(spec, smoothing), joints)),
-        np.zeros(2),
+        np.zeros((rows_of_smoothing(spec) if smoothing else samples, joints)),
+        np.zeros(3),
     )
 
 
-@compiled
-def pattern_of(spec: Spec, smoothing: bool) -> Pattern:
+def rows_of_smoothing(spec: Spec) -> int:
+    """How many second differences there are, and distances from the middle of a dead band."""
+    samples = len(spec.resting)
+    return samples - (0 if spec.cyclic else 1) + (samples if spec.centring > 0.0 else 0)
+
+
+def pattern_of(spec: Spec, *, smoothing: bool) -> Pattern:
     """Where the entries of the steps of a problem are: unknowns are eliminated in order of time.
 
     Without second differences and limits on changes requests are eliminated first, then states:
@@ -505,38 +508,36 @@ def pattern_of(spec: Spec, smoothing: bool) -> Pattern:
     """
     samples, joints = spec.resting.shape
     drives, _, width = spec.weights.shape
-    states, limited = drives * spec.parts, spec.limited
-    state, multiplier = samples * joints, samples * (joints + states)
-    change = multiplier + samples * states
-    position = np.arange(change + (state if limited else 0))
-    if smoothing or limited:
-        number, ahead = 0, spec.youngest + width - 1
-        around_cycle = spec.cyclic and ahead * joints > (width - 1) * drives
-        for k in range(samples + (0 if around_cycle else ahead)):
-            for first in (state, multiplier):
-                for s in range(states if k < samples else 0):
-                    position[first + k * states + s] = number
-                    number += 1
-            request = (k - ahead) % samples if around_cycle else k - ahead
-            for j in range(joints if request >= 0 else 0):
-                if limited:
-                    position[change + request * joints + j] = number
-                    number += 1
-                position[request * joints + j] = number
-                number += 1
-    point, nothing = allocated(spec, smoothing), np.zeros((samples, joints))
+    states, every = drives * spec.parts, np.arange(samples)
+    ahead = spec.youngest + width - 1
+    turns = (every + ahead) % samples  # when the last condition is eliminated on which each acts
+    if not spec.cyclic or ahead * joints <= (width - 1) * drives:
+        turns = every + ahead
+    if not (smoothing or spec.limited):
+        turns = every - 2 * samples
+    times = [np.repeat(turns, joints), np.repeat(every, states), np.repeat(every, states)]
+    kinds = [3, 0, 1]
+    if spec.limited:
+        times.append(np.repeat(turns, joints))
+        kinds.append(2)
+    if not (smoothing or spec.limited):  # all states before all conditions
+        times[1] = times[1] - samples
+    time = np.concatenate(times)
+    kind = np.repeat(kinds, [len(each) for each in times])
+    position = np.empty(len(time), dtype=np.int64)
+    position[np.lexsort((kind, time))] = np.arange(len(time))
+
+    point, nothing = allocated(spec, smoothing=smoothing), np.zeros((samples, joints))
     blocks, size = point.quadratic.shape[1:3]
     room = samples * (joints * 10 + blocks * size**2 + states * (5 + width))
-    rows, columns, values = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
-    stage, tight = Stage(1.0, 1.0, 2.0, 1, smoothing), np.zeros((samples, joints), np.int64)
+    rows, columns = np.empty((2, room), dtype=np.int64)
+    stage, tight = Stage(1.0, 1.0, 2.0, 1, smoothing), np.zeros((samples, joints), dtype=np.int64)
     eased = np.zeros((samples, drives))
-    count = set_entries(spec, stage, point, nothing, eased, tight, rows, columns, values)
+    count = set_entries(spec, stage, point, nothing, eased, tight, rows, columns, np.empty(room))
     rows, columns = rows[:count].copy(), columns[:count].copy()
     place, column, row = stored(rows, columns, position)
-    diagonal = np.empty(len(position), np.int64)
-    for e in range(count):
-        if rows[e] == columns[e]:
-            diagonal[rows[e]] = place[e]
+    diagonal, own = np.empty(len(position), dtype=np.int64), rows == columns
+    diagonal[rows[own]] = place[own]
     return Pattern(rows, columns, diagonal, pattern_of_factor(position, place, column, row))
 
 
@@ -635,6 +636,10 @@ def set_step(
             if not (number < joints and not spec.cyclic):
                 fixed[number] = spec.bounds[LOWER, j] == spec.bounds[UPPER, j]
             place[number] = place[number] if fixed[number] else 0.0
+        for number in range(state):
+            k, j = number // joints, number % joints
+            tight[k, j] = 0
+            held[k, j] = -1 if spec.bounds[LOWER, j] == spec.bounds[UPPER, j] else 0
         if not interior_point(spec, pattern, point, values, right, fixed, place, search, step):
             return False, 0.0
 
@@ -713,9 +718,9 @@ def interior_point(
 ) -> bool:
     """The step within limits by a primal-dual interior-point method, where no active set is found.
 
-    Mehrotra's predictor and corrector (S. J. Wright, *Primal-Dual Interior-Point Methods*, 1997),
+    Mehrotra's predictor and corrector (S. J. Wright, *Primal-Dual Interior-Point Methods*, 1997)
     on the same system: limits on a request add to its diagonal, those on a change to that of its
-    multiplier. The limits that are active at the end are where the next step begins.
+    multiplier. The limits that are active at the end are those with which the next step begins.
 
     Args:
         spec: The problem.
@@ -730,119 +735,88 @@ def interior_point(
     """
     samples, joints = spec.resting.shape
     state, change = samples * joints, samples * (joints + 2 * point.states.shape[1])
-    count = 2 * state if spec.limited else state
-    last = samples if spec.cyclic else samples - 1
-    at, now, moved = np.zeros(count), np.zeros(count), np.zeros(count)
-    low, high = np.full(count, -np.inf), np.full(count, np.inf)
+    count = 2 * state if spec.limited else state  # requests, then changes to the next request
+    at, now, moved = np.empty(count), np.empty(count), np.empty(count)
+    of, sign, bound, limits = (
+        np.empty(2 * count, np.int64),
+        np.empty(2 * count),
+        np.empty(2 * count),
+        0,
+    )
     for number in range(count):
-        request, j = number % state, number % joints
-        following = (request + joints) % state
-        if number < state:
-            at[number] = point.requests[request // joints, j]
-            if not fixed[request]:
-                low[number], high[number] = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
-        else:
-            at[number] = point.requests[following // joints, j]
-            at[number] -= point.requests[request // joints, j]
-            both = fixed[request] and fixed[following]
-            if request // joints < last and not both:
-                high[number] = spec.bounds[LARGEST_CHANGE, j]
-                low[number] = -high[number]
+        k, j = number % state // joints, number % joints
+        following = (k + 1) % samples
+        at[number], least, most = point.requests[k, j], spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+        free = not fixed[number % state]
+        if number >= state:
+            at[number] = point.requests[following, j] - at[number]
+            most = spec.bounds[LARGEST_CHANGE, j]
+            least = -most
+            free = (free or not fixed[following * joints + j]) and (spec.cyclic or following > 0)
+        for way, limit in ((-1.0, -least), (1.0, most)):
+            if free and limit < np.inf:
+                of[limits], sign[limits], bound[limits] = number, way, limit
+                limits += 1
     for number in range(len(step)):
         step[number] = place[number]
-    slack, force = np.empty((2, count)), np.empty((2, count))
     set_limited(step, state, joints, at, now)
-    for number in range(count):
-        slack[0, number] = max(now[number] - low[number], INITIAL)
-        slack[1, number] = max(high[number] - now[number], INITIAL)
-        force[0, number] = INITIAL if low[number] > -np.inf else 0.0
-        force[1, number] = INITIAL if high[number] < np.inf else 0.0
+    slack, force = np.empty(limits), np.full(limits, INITIAL)
+    for i in range(limits):
+        slack[i] = max(bound[i] - sign[i] * now[of[i]], INITIAL)
     added, target, trial = np.zeros(len(step)), right.copy(), np.zeros(len(step))
-    correction, moves, forces = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
-    for _ in range(INTERIOR_STEPS):
+    weight, pull = np.empty(count), np.empty(count)
+    product, moves, forces = np.zeros(limits), np.zeros(limits), np.zeros(limits)
+    for _ in range(INTERIOR_STEPS if limits else 1):
         set_limited(step, state, joints, at, now)
-        gap, finite, off = 0.0, 0, 0.0
-        for number in range(count):
-            for side in range(2):
-                if force[side, number] > 0.0:
-                    gap += slack[side, number] * force[side, number]
-                    finite += 1
-                    room = now[number] - low[number] if side == 0 else high[number] - now[number]
-                    off = max(off, abs(room - slack[side, number]))
-        gap /= max(finite, 1)
+        gap, off, centre = 0.0, 0.0, 0.0
+        for i in range(limits):
+            gap += slack[i] * force[i] / limits
+            off = max(off, abs(bound[i] - sign[i] * now[of[i]] - slack[i]))
+            product[i] = 0.0
         if gap < INTERIOR_GAP and off < TOUCHING:
             break
-        correction[:], centre = 0.0, 0.0
+        length = 1.0
         for corrected in range(2):
+            weight[:], pull[:] = 1e-12, 0.0
+            for i in range(limits):
+                off = bound[i] - sign[i] * now[of[i]] - slack[i]
+                weight[of[i]] += force[i] / slack[i]
+                pull[of[i]] += sign[i] * (centre - product[i] - force[i] * off) / slack[i]
             for number in range(count):
-                weight, pull = 0.0, 0.0
-                for side in range(2):
-                    if force[side, number] > 0.0:
-                        sign = -1.0 if side == 0 else 1.0
-                        room = (
-                            now[number] - low[number] if side == 0 else high[number] - now[number]
-                        )
-                        ratio = force[side, number] / slack[side, number]
-                        weight += ratio
-                        product = (centre - correction[side, number]) / slack[side, number]
-                        pull += sign * (product - ratio * (room - slack[side, number]))
-                own = now[number] - at[number]
+                own, row = now[number] - at[number], change + number - state
                 if number < state:
-                    added[number] = weight
-                    target[number] = right[number] + weight * own - pull
+                    added[number] = weight[number]
+                    target[number] = right[number] + weight[number] * own - pull[number]
                 else:
-                    row = change + number - state
-                    added[row] = -1.0 / max(weight, 1e-12)
-                    target[row] = own - pull / max(weight, 1e-12)
+                    added[row] = -1.0 / weight[number]
+                    target[row] = own - pull[number] / weight[number]
             if not solve_kkt(pattern, values, added, target, fixed, place, trial):
                 return False
             set_limited(trial, state, joints, at, moved)
-            length, reached = 1.0, 0.0
-            for number in range(count):
-                for side in range(2):
-                    if force[side, number] > 0.0:
-                        room = (
-                            now[number] - low[number] if side == 0 else high[number] - now[number]
-                        )
-                        away = (moved[number] - now[number]) * (1.0 if side == 0 else -1.0)
-                        moves[side, number] = away + room - slack[side, number]
-                        product = centre - correction[side, number]
-                        product -= force[side, number] * moves[side, number]
-                        forces[side, number] = product / slack[side, number] - force[side, number]
-                        for size, towards in (
-                            (slack[side, number], moves[side, number]),
-                            (force[side, number], forces[side, number]),
-                        ):
-                            if towards < 0.0:
-                                length = min(length, -size / towards)
-            if corrected == 0:
-                for number in range(count):
-                    for side in range(2):
-                        if force[side, number] > 0.0:
-                            after = force[side, number] + length * forces[side, number]
-                            reached += after * (slack[side, number] + length * moves[side, number])
-                            product = moves[side, number] * forces[side, number]
-                            correction[side, number] = product
-                centre = gap * (reached / max(finite, 1) / gap) ** 3
+            length, after = 1.0, 0.0
+            for i in range(limits):
+                moves[i] = bound[i] - sign[i] * moved[of[i]] - slack[i]
+                forces[i] = (centre - product[i] - force[i] * moves[i]) / slack[i] - force[i]
+                if moves[i] < 0.0:
+                    length = min(length, -slack[i] / moves[i])
+                if forces[i] < 0.0:
+                    length = min(length, -force[i] / forces[i])
+            for i in range(limits if corrected == 0 else 0):
+                product[i] = moves[i] * forces[i]
+                ahead = slack[i] + length * moves[i]
+                after += (force[i] + length * forces[i]) * ahead / limits
+            centre = gap * (after / gap) ** 3
         length = min(1.0, TO_THE_BOUNDARY * length)
         for number in range(len(step)):
             step[number] += length * (trial[number] - step[number])
-        for number in range(count):
-            for side in range(2):
-                if force[side, number] > 0.0:
-                    slack[side, number] += length * moves[side, number]
-                    force[side, number] += length * forces[side, number]
-    for number in range(count):
-        side, request = 0 if force[0, number] > force[1, number] else 1, number % state
-        on = 0
-        if force[side, number] > slack[side, number]:
-            on = -1 if side == 0 else 1
-        if (
-            number < state
-            and spec.bounds[LOWER, number % joints] == spec.bounds[UPPER, number % joints]
-        ):
-            on = -1
-        search.active[number // state, request // joints, request % joints] = on
+        for i in range(limits):
+            slack[i] += length * moves[i]
+            force[i] += length * forces[i]
+    for i in range(limits):
+        number = of[i]
+        if force[i] > slack[i]:
+            k, j = number % state // joints, number % joints
+            search.active[number // state, k, j] = 1 if sign[i] > 0.0 else -1
     return True
 
 
@@ -978,7 +952,15 @@ def merit_of(point: Point, step: Array, penalty: float) -> float:
 
 
 @compiled
-def go_through(spec: Spec, pattern: Pattern, search: Search, stages: Array, ends: Array) -> None:
+def go_through(
+    spec: Spec,
+    pattern: Pattern,
+    search: Search,
+    stages: Array,
+    point: Point,
+    trial: Point,
+    ends: Array,
+) -> None:
     """Lower the cost of each stage by damped Gauss-Newton steps, from where the last one ended.
 
     Args:
@@ -986,21 +968,21 @@ def go_through(spec: Spec, pattern: Pattern, search: Search, stages: Array, ends
         pattern: Its KKT matrix.
         search: Where it begins; at the end, where it stops.
         stages: In the order of :class:`Stage`, all with the same regularisation, (m, 5).
+        point: To work on.
+        trial: Likewise.
         ends: Filled with the requests with which each stage ends [rad], (m, n, J).
     """
     samples, joints = spec.resting.shape
     states, step = search.states.shape[1], np.zeros(len(pattern.factor.position))
     state, count = samples * joints, samples * (joints + states)
     smoothing, damping = stages[0, 4] != 0.0, search.damping
-    point, trial = allocated(spec, smoothing), allocated(spec, smoothing)
     copied(search.requests, point.requests)
     copied(search.states, point.states)
     for number in range(len(stages)):
         row = stages[number]
-        stage, unit = Stage(row[0], row[1], row[2], int(row[3]), smoothing), 1.0
-        if stage.power > 2.0:
-            unit = largest_distance(spec, point.states)
-        evaluate(spec, stage, unit, point)
+        stage = Stage(row[0], row[1], row[2], int(row[3]), smoothing)
+        evaluate(spec, stage, 0.0, point)
+        unit = point.costs[2]
         damping[0] = max(damping[0], OPTIONS.first_damping)
         penalty = OPTIONS.defect_penalty * largest_curvature(point)
         for _ in range(stage.steps):
@@ -1063,20 +1045,4 @@ def largest_curvature(point: Point) -> float:
             for i in range(count):
                 for h in range(count):
                     largest = max(largest, point.quadratic[k, block, i, h])
-    return largest
-
-
-@compiled
-def largest_distance(spec: Spec, states: Array) -> float:
-    """The largest weighted root of a sample's squared errors [rad]."""
-    samples, scenarios = len(states), len(spec.shares)
-    size, largest = 1 if len(spec.leg) == 0 else 3, 1e-300
-    values = np.empty((samples, scenarios, size))
-    errors_of(spec, states, values, np.empty((samples, scenarios, size, spec.resting.shape[1])))
-    for k in range(samples):
-        squared = 0.0
-        for c in range(scenarios):
-            for i in range(size):
-                squared += spec.shares[c] * values[k, c, i] ** 2
-        largest = max(largest, math.sqrt(squared))
     return largest

@@ -152,8 +152,8 @@ def invert_foot(
     """Requests to all joints of a leg that keep its foot as close to a path as the search can.
 
     The error of one joint can compensate for that of another. The search is that of
-    :func:`planner.invert_optimal` with the joints stacked, from their own plans on; the leg's
-    kinematics come from CasADi. From rest the joints rest at the first point, or nearest to it.
+    :func:`planner.invert_optimal` with the joints stacked, from their own plans on. From rest the
+    joints rest at the first point, or nearest to it.
 
     Args:
         models: One joint model for all joints of the leg, or one for each. In the place of a model

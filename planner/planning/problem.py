@@ -186,7 +186,7 @@ class Problem:
         """
         from planner.planning import gauss_newton
 
-        terms = np.empty((gauss_newton.away_rows(self.spec, True), self.joints))
+        terms = np.empty((gauss_newton.rows_of_smoothing(self.spec), self.joints))
         gauss_newton.set_away(self.spec, np.ascontiguousarray(requests), True, terms)
         return float(np.vdot(terms, terms))
 
@@ -269,7 +269,7 @@ class Problem:
         if smoothing not in self._patterns:
             from planner.planning import gauss_newton
 
-            self._patterns[smoothing] = gauss_newton.pattern_of(self.spec, smoothing)
+            self._patterns[smoothing] = gauss_newton.pattern_of(self.spec, smoothing=smoothing)
         return self._patterns[smoothing]
 
     @cached_property

@@ -21,7 +21,7 @@ import numpy as np
 from planner.exceptions import SolverFailed, angle_text
 from planner.model.joint import JointModel
 from planner.model.load import Loads
-from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, go_through
+from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, allocated, go_through
 from planner.planning.problem import Problem
 from planner.trajectory import Array
 
@@ -100,7 +100,9 @@ def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stag
     """Go through the stages; the requests with which each ends [rad], (stages, n, J)."""
     rows = np.array([tuple(map(float, stage)) for stage in stages])
     ends = np.empty((len(stages), *search.requests.shape))
-    go_through(problem.spec, problem.pattern(smoothing=stages[0].smoothing), search, rows, ends)
+    smoothing, spec = stages[0].smoothing, problem.spec
+    point, trial = (allocated(spec, smoothing=smoothing) for _ in range(2))
+    go_through(spec, problem.pattern(smoothing=smoothing), search, rows, point, trial, ends)
     return ends
 
 

@@ -70,7 +70,7 @@ def leg_problem(cyclic):
 def point_at(problem, stage, seed=0, unit=1.0):
     """Requests and states near the desired angles, evaluated."""
     rng = np.random.default_rng(seed)
-    point = allocated(problem.spec, stage.smoothing)
+    point = allocated(problem.spec, smoothing=stage.smoothing)
     noise = rng.normal(size=point.requests.shape)
     point.requests[:] = problem.admissible(problem.desired + 0.05 * noise)
     angles = np.tile(problem.desired, len(problem.weights))
@@ -90,7 +90,7 @@ def within_a_unit(problem, stage, unit):
 
 def evaluated(problem, stage, requests, states, unit=1.0):
     """Both costs and the defects at requests and states."""
-    point = allocated(problem.spec, stage.smoothing)
+    point = allocated(problem.spec, smoothing=stage.smoothing)
     point.requests[:], point.states[:] = requests, states
     evaluate(problem.spec, stage, unit, point)
     return point

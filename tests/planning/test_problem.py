@@ -59,7 +59,7 @@ def test_the_exact_angles_are_those_of_the_simulation(joints, hold, cyclic):
 
 def reached(problem, requests, angles, radius):
     """Where every period leads from these angles."""
-    point = allocated(problem.spec, False)
+    point = allocated(problem.spec, smoothing=False)
     point.requests[:], point.states[:] = requests, angles
     evaluate(problem.spec, Stage(radius, 1.0), 1.0, point)
     return angles + point.defects, point.slopes[:, 0, 0, 0]
