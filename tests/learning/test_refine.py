@@ -101,6 +101,17 @@ def test_noise_alone_is_not_learnt() -> None:
     assert after.learning.noise[0] == pytest.approx(math.radians(0.3), rel=0.25)
 
 
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_the_noise_of_one_measured_motion_is_known_from_its_high_frequencies(cyclic) -> None:
+    """Of 400 rows the 100 highest of 200 frequencies; a median of so many is good to a tenth."""
+    phase = np.linspace(0.0, 4.0 * np.pi, 400, endpoint=False)
+    plan = planner.invert_optimal(KNOWN, 0.3 - 0.3 * np.cos(phase), cyclic=cyclic)
+    spread = math.radians(0.3)
+    measured = plan.predicted + np.random.default_rng(2).normal(0.0, spread, 400)
+    (noise,) = planner.refine(plan, measured, reidentify=False).learning.noise
+    assert noise == pytest.approx(spread, rel=0.2)
+
+
 def test_it_stops_at_the_speed_limit_and_says_so() -> None:
     """The model itself, on a path that is too fast: all of the error is the bound."""
     desired = random_path(2, 88, span=2.0, fastest=0.08)
