@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -91,6 +92,17 @@ def test_a_bag_has_the_topic_and_a_dataset_the_task_of_its_options(run, requests
     assert run("export", requests, *words, "-o", "set").exit_code == 0
     tasks = parquet.read_table(tmp_path / "set" / "meta" / "tasks.parquet").to_pylist()
     assert [each["task"] for each in tasks] == ["lift the cup"]
+
+
+def test_points_carry_velocities_where_they_are_asked_for(run, requests):
+    yaml = pytest.importorskip("yaml", reason="needs the extra yaml")
+    ask = ("export", requests, "--format", "yaml")
+    with_them, without = (
+        yaml.safe_load(run(*ask, *more).stdout)["points"] for more in (["--velocities"], [])
+    )
+    speed = math.radians(1.0) / 0.008
+    assert with_them[4]["velocities"] == pytest.approx([speed, -speed], rel=1e-6)
+    assert "velocities" not in without[4]
 
 
 def test_velocities_are_of_trajectories_only(run, requests):
