@@ -38,7 +38,7 @@ nitpick_ignore_regex = [
         r"|planner\.robot\.follow\.Planning|planner\.planning\.(task\.Task|plan\.RequestMotion)"
         r"|planner\.recording\.(retiming\.(Impossible|SpeedErrors)|recorded_path\.RecordedPath)"
         r"|Written|planner\.recording\.replaying\.JointReplay|TypeAliasForwardRef"
-        r"|(planner\.planning\.result\.)?ErrorsOfModels",
+        r"|(planner\.planning\.result\.)?ErrorsOfModels|PathSpeeds",
     ),  # the same, or aliases, or parts of an answer that its own docstring describes
     (
         "py:(mod|func|data|class)",

@@ -13,6 +13,7 @@ from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation
 from planner.model.joint import JointModel
 from planner.model.load import load_columns
+from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
 from planner.planning.error_norm import error_norm, largest_step
 from planner.planning.task import Scenarios
@@ -243,6 +244,11 @@ class Inversion(_View):
     def expected(self) -> Expectation:
         """Error to expect on the robot: see :attr:`planner.Plan.expected`."""
         return self.plan.expected[self.column]
+
+    @property
+    def speeds(self) -> PathSpeeds:
+        """Speeds of the desired path, and how fast the joint can be."""
+        return self.plan.speeds[self.column]
 
     @property
     def worst_error(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -12,9 +12,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from planner.model.joint import JointModel
-from planner.model.response import path_speeds, simulate
+from planner.model.response import simulate
 from planner.planning.arguments import JointLimits
-from planner.planning.bounds.certify import lower_bound
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
@@ -304,12 +303,12 @@ class JointReplay:
         NaN under a load of the pose: other requests would meet another load.
         """
         assert self.inversion is not None, "only a planned joint has a bound"
-        plan = self.inversion
-        if plan.load_of_pose:
+        if self.inversion.load_of_pose:
             return math.nan
-        if plan.norm == "rms":
-            return plan.lower_bound
-        return lower_bound(plan.model, plan.desired, cyclic=False, start=plan.start, load=plan.load)
+        if self.inversion.norm == "rms":
+            return self.inversion.lower_bound
+        plan = self.inversion.plan.joint(self.inversion.column)
+        return float(replace(plan, task=replace(plan.task, norm="rms")).lower_bounds[0])
 
     @cached_property
     def expected(self) -> float:
@@ -326,9 +325,8 @@ class JointReplay:
     @cached_property
     def too_fast(self) -> tuple[Span, ...]:
         """Parts in which the desired angles are faster than the joint can be [s]."""
-        model = self._model
-        load = None if self.inversion is None else self.inversion.load
-        beyond = path_speeds(model, self.desired, cyclic=False, load=load).too_fast
+        assert self.inversion is not None, "a joint without a model has no top speed"
+        beyond, model = self.inversion.speeds.too_fast, self._model
         edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
         return tuple(
             Span(float(a * model.period), float(b * model.period)) for a, b in edges.reshape(-1, 2)
