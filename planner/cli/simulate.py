@@ -57,7 +57,7 @@ def simulate(
     from planner.model.evidence import untested_words
     from planner.model.response import simulate as simulate_joint
     from planner.run.desired import load_joints, refused_models, repeats, starts_of
-    from planner.run.models import model_words
+    from planner.run.models import model_words, verdict_document
 
     given = load_joints(
         requests,
@@ -104,6 +104,7 @@ def simulate(
             name: {
                 **distances.get(name, {}),
                 **robot.get(name, {}),
+                **verdict_document(given.models[j]),
                 f"angles_{given.unit(j)}": np.degrees(angles[:, j]).tolist(),
             }
             for j, name in enumerate(given.names)

@@ -59,6 +59,14 @@ def models_of(
     return models
 
 
+def verdict_document(model: JointModel) -> dict[str, str]:
+    """Whether a model may be planned with, and why, for machines; nothing where it is not known."""
+    seen = model.evidence
+    if seen is None or seen.verdict is None:
+        return {}
+    return {"verdict": seen.verdict, "verdict_reason": seen.reason}
+
+
 def model_words(model: settings.Model) -> str:
     """Which model of the joints an answer is for, in words."""
     words = {

@@ -11,7 +11,7 @@ from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
-from planner.run.models import model_words
+from planner.run.models import model_words, verdict_document
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan, RequestMotion
@@ -36,6 +36,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
             "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
+            **verdict_document(desired.models[j]),
             **_motion(plan.motions[j], unit),
             f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
             f"predicted_{unit}": np.degrees(plan.predicted[:, j]).tolist(),

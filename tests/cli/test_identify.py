@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from planner.cli import cli
-from planner.files.joint_model import read_model_file
+from planner.files.joint_model import models_text, read_model_file
 from planner.files.paths import read_joint_path, write_joint_path
 from planner.files.table import write_table
 from planner.identification.excitation import excite
@@ -289,6 +289,20 @@ def test_every_command_says_once_of_all_joints_that_a_model_is_not_to_be_planned
         "request-planner: warning: do not plan with the models of hip, knee (it misses 41% of the "
         "motion): identify them anew"
     )
+
+
+@pytest.mark.parametrize("command", ["plan", "simulate"])
+def test_answers_for_machines_have_the_verdict_on_each_model(run, desired, tmp_path, command):
+    known = Evidence(verdict="refused", reason="it misses 41% of the motion")
+    models = {"hip": TRUE.with_evidence(known), "knee": TRUE}
+    (tmp_path / "leg.toml").write_text(models_text(models))
+    method = ["--method", "closed-form"] if command == "plan" else []
+    result = run(command, desired, "--model", "leg.toml", *method, "--json", "-o", "out.csv")
+    assert result.exit_code == 0, result.stderr
+    joints = json.loads(result.stdout)["joints"]
+    assert joints["hip"]["verdict"] == "refused"
+    assert joints["hip"]["verdict_reason"] == "it misses 41% of the motion"
+    assert "verdict" not in joints["knee"], "nothing is known of it"
 
 
 @pytest.mark.parametrize(
