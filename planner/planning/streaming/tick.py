@@ -37,7 +37,7 @@ from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array
 
-STEPS, FIRST_STEPS = 2, 12
+STEPS, FIRST_STEPS = 2, 10
 """Gauss-Newton steps of a joint at a tick, at most, and at the first one, from requests that hold
 the desired angles. With one, errors on recordings of an SO-101 are up to four times as large."""
 
