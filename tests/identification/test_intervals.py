@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,6 +49,28 @@ def test_intervals_hold_the_truth_nineteen_times_in_twenty():
     assert gains >= FEWEST_HITS
     errors = np.array([one.model.lag - AIBO.lag for one in found]) / AIBO.tick
     assert np.sqrt(np.mean(errors**2)) <= 0.125  # so a quarter of a tick is two deviations
+
+
+def test_narrow_intervals_are_196_hundredths_of_a_deviation_to_either_side():
+    found = planner.identify(rich_log(noise=NOISE, rows=400), hold_out=False)
+    deviations = np.sqrt(np.diag(found.covariance))
+    for name, deviation in zip(("v_max", "theta_0", "lag", "acceleration_time"), deviations):
+        interval = found.intervals[name]
+        half = (interval.upper - interval.lower) / 2.0
+        assert half == pytest.approx(1.97 * deviation, rel=0.01), name
+
+
+def test_the_interval_of_a_dead_band_is_as_wide_as_its_estimates_scatter():
+    joint = replace(AIBO, dead_band=0.03)
+    found = [
+        planner.identify(rich_log(joint, noise=0.01, rows=250, seed=seed), hold_out=False)
+        for seed in range(8)
+    ]
+    errors = np.array([each.model.dead_band - joint.dead_band for each in found])
+    intervals = [each.intervals["dead_band"] for each in found]
+    half = np.mean([each.upper - each.lower for each in intervals]) / 2.0
+    scatter = float(np.sqrt(np.mean(errors**2)))
+    assert 1.7 * scatter < half < 4.5 * scatter
 
 
 def test_a_joint_that_never_saturates_shows_only_the_ratio():
