@@ -46,6 +46,24 @@ def test_a_model_is_doubted_from_a_tenth_of_the_motion_on_and_refused_from_a_fou
     assert found.reason.endswith("% of the motion in the part that was held out")
 
 
+@pytest.mark.parametrize(
+    ("delayed", "verdict", "why"),
+    [
+        (True, "refused", "% of the motion, and a mere delay hardly more"),
+        (False, "usable", "% of the motion"),
+    ],
+)
+def test_a_model_that_misses_a_fifth_has_to_be_better_than_a_mere_delay(delayed, verdict, why):
+    """Of the gentle motion a delay misses 1.7 times as much as the model."""
+    log = rich_log(rows=600, amplitude=0.1)
+    late = np.concatenate([np.zeros(6), log.requests[:-6]])
+    clean = late if delayed else log.angles
+    noise = 0.225 * np.std(clean) * np.random.default_rng(0).standard_normal(600)
+    found = planner.identify(changed(log, angles=clean + noise), hold_out=False)
+    assert found.verdict == verdict
+    assert found.reason.endswith(why)
+
+
 def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
     rich = rich_log(rows=300)
     requests = np.concatenate([np.zeros(400), rich.requests])
