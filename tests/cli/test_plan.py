@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import planner
 from planner.cli import cli
-from planner.files.paths import read_joint_path
+from planner.files.paths import read_joint_path, write_joint_path
 from planner.model.evidence import Evidence
 
 JOINT = planner.JointModel.ers210a()
@@ -207,6 +207,23 @@ def test_every_joint_keeps_its_own_model_at_another_rate(run, desired):
     both, knee = (json.loads(run(*ask, *words).stdout) for words in ((), ("--joint", "knee")))
     assert both["joints"]["knee"] == knee["joints"]["knee"]
     assert both["period_s"] == 0.016
+
+
+def test_the_solver_that_is_chosen_plans(run, tmp_path):
+    write_joint_path(tmp_path / "few.csv", ["hip"], 0.01 * np.eye(6)[:, :1], period=0.008)
+    for solver in ("ipopt", "gauss-newton"):
+        result = run("plan", "few.csv", "--solver", solver, "--json", "-o", "out.csv")
+        assert result.exit_code == 0, result.stderr
+        assert json.loads(result.stdout)["joints"]["hip"]["solver"] == solver
+
+
+def test_a_tolerance_of_the_foot_is_of_the_norm_that_is_planned_for(run):
+    leg = ("--leg", "reference", "--unreachable", "clamp", "--method", "optimal", "--norm", "max")
+    ask = ("plan", "-", *leg, "--tolerance-cm", 0.5, "--json", "-o", "out.csv")
+    result = run(*ask, stdin=run("gait").stdout)
+    assert result.exit_code == 1
+    largest = json.loads(result.stdout)["foot"]["max_cm"]
+    assert f"the foot is off by {largest:.4g} cm (max), expected at most 0.5" in result.stderr
 
 
 @pytest.mark.parametrize("tick", [0.004, 0.016])
