@@ -77,6 +77,18 @@ def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
     assert planner.identify(log, hold_out=False).verdict == "holds"
 
 
+@pytest.mark.parametrize(("gentle", "said"), [(0.04, True), (0.6, False)])
+def test_a_top_speed_that_the_first_half_does_not_bound_is_that_of_all_rows(gentle, said):
+    halves = [rich_log(rows=300, amplitude=size, seed=3).requests for size in (gentle, 1.2)]
+    requests = np.concatenate(halves)
+    angles = planner.simulate(AIBO, requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(0), noise=NOISE, quantum=0.0)
+    times = np.arange(600) * AIBO.period
+    found = planner.identify(planner.Log(times=times, requests=requests, angles=angles))
+    assert any("calls for faster motion" in text for text in found.warnings) == said
+    assert found.held_out_rms < 3.0 * NOISE
+
+
 def test_the_second_half_of_the_rows_with_torque_is_held_out():
     log = rich_log(noise=NOISE, rows=400)
     off = changed(log, torque_on=np.arange(400) < 300)
