@@ -64,6 +64,17 @@ def test_a_model_that_misses_a_fifth_has_to_be_better_than_a_mere_delay(delayed,
     assert found.reason.endswith(why)
 
 
+def test_a_model_that_something_simpler_beats_is_usable_and_says_so():
+    """A joint that merely repeats its requests, between two rows later: some 40 % better."""
+    times = np.arange(500) * AIBO.period
+    rng = np.random.default_rng(1)
+    requests = np.repeat(rng.uniform(-0.5, 0.5, 60), 10)[:500]
+    angles = np.interp(times - 0.0444, times, requests) + rng.normal(0.0, NOISE, 500)
+    found = planner.identify(planner.Log(times=times, requests=requests, angles=angles))
+    assert found.verdict == "usable"
+    assert found.reason == "a delay with a first-order lag predicts better"
+
+
 def test_a_model_that_could_not_be_tested_is_usable_and_says_why():
     rich = rich_log(rows=300)
     requests = np.concatenate([np.zeros(400), rich.requests])
