@@ -20,7 +20,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import settings
 
-from planner.planning.foot import bound
+from planner.planning.bounds import foot_bound
 from tests.browser import Browser
 from tests.snapshots import Snapshot
 
@@ -221,8 +221,8 @@ def ready_experiments(answered, monkeypatch):
 @pytest.fixture
 def brief_search(monkeypatch):
     """Let the search for the bound of a foot end after its first rounds: weaker, and as valid."""
-    options = replace(bound.OPTIONS, effort=100)  # of 1000
-    monkeypatch.setattr(bound, "OPTIONS", options)
+    options = replace(foot_bound.OPTIONS, effort=100)  # of 1000
+    monkeypatch.setattr(foot_bound, "OPTIONS", options)
 
 
 @pytest.fixture

@@ -312,7 +312,7 @@ class Plan:
         if task.goal == "foot":
             if any(felt) or task.disturbance is not None:
                 return np.zeros(1)
-            from planner.planning.foot.bound import foot_bound
+            from planner.planning.bounds.foot_bound import foot_bound
 
             assert task.leg is not None, "a foot belongs to a leg"
             assert task.weights is not None, "the axes of a foot have weights"
@@ -353,7 +353,7 @@ class Plan:
     @property
     def foot_bound(self) -> float | None:
         """The bound of a foot [m]; None of joints, and where it would take more than minutes."""
-        from planner.planning.foot.bound import MOST_SAMPLES_BOUNDED
+        from planner.planning.bounds.foot_bound import MOST_SAMPLES_BOUNDED
 
         if self.task.goal == "angles" or len(self.requests) > MOST_SAMPLES_BOUNDED:
             return None

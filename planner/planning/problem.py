@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import numpy.typing as npt
 
-from planner.exceptions import NoSteadyCycle
+from planner.exceptions import Infeasible, NoSteadyCycle
 from planner.model.joint import JointModel, RequestAges, request_ages, weights_by_tick
-from planner.model.load import Loads, rest_requests, sags
+from planner.model.load import Loads, rest_angles, rest_requests, sags
 from planner.model.response import motion_under
 from planner.model.sensitivity import request_ages_of_all
 from planner.planning.arguments import Limits, Norm
 from planner.planning.error_norm import error_norm
+from planner.planning.task import Task, axis_scales
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
@@ -360,3 +361,59 @@ def track(
         first=None if first is None else column(first),
         loads=(load,),
     )
+
+
+def problem_of(task: Task) -> Problem:
+    """The problem of a task, for the nominal models: of a joint, or of all joints of a leg."""
+    models, loads = task.nominal, task.loads_on(task.nominal)
+    desired, added = task.desired, task.disturbance
+    if added is not None:
+        desired = desired - added
+    goal = None
+    if added is not None or task.goal == "foot":  # where requests within the limits can hold them
+        least, most = (rest_angles(models, end, loads) for end in (task.lower, task.upper))
+        desired = np.clip(desired, least, most)
+    if task.goal == "foot":
+        goal = _foot_goal(task, desired, np.zeros_like(desired) if added is None else added)
+    return Problem(
+        models=models,
+        desired=np.ascontiguousarray(desired),
+        foot=goal,
+        cyclic=task.cyclic,
+        norm=task.norm,
+        lower=task.lower,
+        upper=task.upper,
+        max_step=task.max_step,
+        start=task.start,
+        loads=tuple(loads),
+    )
+
+
+LEAST_FOOT_MOTION = 1e-9
+"""Movement of the foot per radian that is rounding, relative to the last link's length."""
+
+RIDGE = 1e-4
+"""Curvature added to that of the squared errors, where a joint that does not move the foot has none
+[-]; errors are in radians of a typical joint."""
+
+
+def _foot_goal(task: Task, nearest: Array, added: Array) -> FootGoal:
+    """The goal of a foot, its errors scaled by how far a radian of a joint moves it.
+
+    Args:
+        task: The task of a foot.
+        nearest: Angles of the models that bring the foot nearest [rad], (n, k).
+        added: What the joints' angles are taken to be beyond these [rad], (n, k).
+    """
+    assert task.leg is not None, "a foot belongs to a leg"
+    assert task.foot is not None, "what should follow a path"
+    assert task.weights is not None, "the axes of a foot have weights"
+    leg, scales = task.leg, axis_scales(task.weights)
+    jacobians = leg.jacobians(nearest + added) * scales[:, np.newaxis]
+    moved = float(np.sqrt(np.mean(jacobians**2)))
+    if moved <= LEAST_FOOT_MOTION * float(np.max(np.abs(leg.chain.tip), initial=LEAST_FOOT_MOTION)):
+        raise Infeasible(
+            "leg: none of its joints moves the foot along an axis that counts; choose another foot "
+            "frame, or give the axis along which it moves a weight"
+        )
+    return FootGoal(leg, task.foot, scales / moved, added, ridge=RIDGE)

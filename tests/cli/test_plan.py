@@ -41,7 +41,7 @@ def planned(tmp_path_factory):
 @pytest.fixture
 def unbounded(run, monkeypatch):
     """A walk that is too long for a bound, which would take seconds: a file and its positions."""
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 50)
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 50)
     text = run("gait").stdout
     return text, np.array([line.split(",")[1:] for line in text.splitlines()[1:]], dtype=float)
 
@@ -181,7 +181,7 @@ def test_a_plan_that_misses_its_tolerance_is_written_and_says_so_by_status_1(run
 def test_the_smaller_limit_on_steps_is_kept_by_joints_and_feet(
     run, foot, method, limits, monkeypatch
 ):
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
     ask = ("plan", foot, "--leg", "front-left", "--method", method, *limits)
     assert run(*ask, "-o", "requests.csv").exit_code == 0
     requests = np.degrees(read_joint_path("requests.csv").angles)
@@ -308,7 +308,7 @@ def test_a_robust_plan_tells_the_errors_over_the_models_beside_those_of_the_nomi
 def test_a_robust_plan_for_the_foot_tells_the_errors_of_the_foot_over_the_models(
     run, walk, uncertain, monkeypatch
 ):
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
     foot = walk.desired_foot[::4]
     rows = "\n".join(["x_m,y_m,z_m", *(",".join(map(repr, row)) for row in foot.tolist())])
     ask = ("plan", "-", *REFERENCE, "--model", uncertain, "--robust", "mean", "-o", "out.csv")

@@ -35,7 +35,7 @@ def execute():
 @pytest.fixture
 def unbounded(monkeypatch):
     """No lower bound of a foot, which takes seconds."""
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
 
 
 def test_the_same_line_again_and_again_lowers_the_error(run, desired, execute):

@@ -20,7 +20,7 @@ TESTED = Evidence(0.01, 1.0, 0.0, (-3.0, 3.0))
 def walk(tmp_path, monkeypatch):
     """A small walk of a leg, without the bounds that take seconds."""
     monkeypatch.setattr(shortest_cycle, "OPTIONS", replace(shortest_cycle.OPTIONS, proofs=0))
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0)
     file = tmp_path / "joint.toml"
     JointModel.ers210a().with_evidence(TESTED).to_toml(file)
     return "--leg", "front-left", "--model", file

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import planner
-from planner.planning.foot import bound as foot_bound
+from planner.planning.bounds import foot_bound
 from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose

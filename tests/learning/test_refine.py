@@ -348,7 +348,9 @@ def test_joints_of_a_plan_learn_each_by_themselves_and_keep_their_names() -> Non
 
 
 def test_a_foot_is_learnt_with_all_joints_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.planning.foot.bound.MOST_SAMPLES_BOUNDED", 0)  # it takes seconds
+    monkeypatch.setattr(
+        "planner.planning.bounds.foot_bound.MOST_SAMPLES_BOUNDED", 0
+    )  # it takes seconds
     walk = planner.reference_walk()
     true = replace(KNOWN, v_max=0.95 * KNOWN.v_max, lag=1.2 * KNOWN.lag, v_offset=0.1)
     plan = planner.invert_foot(KNOWN, walk.leg, walk.desired_foot)

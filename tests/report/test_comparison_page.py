@@ -10,7 +10,7 @@ import pytest
 
 import planner
 from planner.evaluation.checks import Check
-from planner.planning.foot import bound
+from planner.planning.bounds import foot_bound
 from planner.report.comparison import (
     above_bound,
     comparison_figure,
@@ -47,7 +47,9 @@ WALK = planner.reference_walk()
 @pytest.fixture(scope="module")
 def check():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bound, "OPTIONS", replace(bound.OPTIONS, effort=100))  # weaker, as valid
+        patch.setattr(
+            foot_bound, "OPTIONS", replace(foot_bound.OPTIONS, effort=100)
+        )  # weaker, as valid
         return planner.cross_check(planner.JointModel.ers210a(), WALK.desired, leg=WALK.leg)
 
 

@@ -1,1 +1,1 @@
-"""Lower bounds on the error of any requests for one joint."""
+"""Lower bounds on the error of any requests, for joints and for a foot."""

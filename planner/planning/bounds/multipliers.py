@@ -14,6 +14,7 @@ from scipy import sparse
 
 from planner.exceptions import SolverFailed
 from planner.planning.arguments import Norm
+from planner.planning.bounds.clarabel import Cones, ConicSolution, ConicSolver
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     Level,
@@ -21,7 +22,6 @@ from planner.planning.bounds.reachable_set import (
     farthest_per_period,
     reachable_set,
 )
-from planner.planning.clarabel import Cones, ConicSolution, ConicSolver
 from planner.trajectory import Array
 
 BOUND_TOLERANCE = 1e-10

@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
+from planner.planning.bounds.clarabel import Cones, ConicSolver
 from planner.planning.bounds.saturation_relaxation import (
     Ranges,
     RelaxedSolution,
     ScaledProblem,
 )
-from planner.planning.clarabel import Cones, ConicSolver
 from planner.trajectory import Array, Indices
 
 

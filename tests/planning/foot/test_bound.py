@@ -15,11 +15,11 @@ from planner.exceptions import NoSteadyCycle, SolverFailed
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.bounds.bundle_method import LagrangianRelaxation, Multipliers, dual_function
+from planner.planning.bounds.clarabel import ConicSolution
+from planner.planning.bounds.configuration_minima import OPTIONS, Distance, _first_cells, minima
+from planner.planning.bounds.foot_bound import FootBoundOptions, attainable_angles, foot_bound
 from planner.planning.bounds.reachable_set import BoundProblem, reachable_set
-from planner.planning.clarabel import ConicSolution
-from planner.planning.foot.bound import FootBoundOptions, attainable_angles, foot_bound
-from planner.planning.foot.bundle_method import LagrangianRelaxation, Multipliers, dual_function
-from planner.planning.foot.configuration_minima import OPTIONS, Distance, _first_cells, minima
 from planner.planning.inversion import invert_foot
 from tests.instances import random_model
 from tests.kinematics.made_up_robots import ers210a_leg
@@ -39,7 +39,7 @@ KINDS = [(1, True, "rms"), (1, True, "max"), (2, True, "rms"), (1, False, "rms")
 @pytest.fixture(autouse=True)
 def less_effort(monkeypatch):
     """Less effort than usual: what is proved is then less, and no less valid."""
-    monkeypatch.setattr("planner.planning.foot.bound.OPTIONS", FootBoundOptions(effort=600))
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.OPTIONS", FootBoundOptions(effort=600))
 
 
 def walk_plan(**options):
@@ -199,9 +199,9 @@ def test_a_solver_that_fails_makes_the_bound_weaker_and_never_wrong(monkeypatch)
     def fail(_):
         raise SolverFailed("lower bound of the foot", "no luck")
 
-    monkeypatch.setattr("planner.planning.foot.bundle_method._solve", fail)
+    monkeypatch.setattr("planner.planning.bounds.bundle_method._solve", fail)
     nothing = ConicSolution(np.zeros(0), np.zeros(0), "no luck", has_multipliers=False)
-    monkeypatch.setattr("planner.planning.clarabel.ConicSolver.solve", lambda _: nothing)
+    monkeypatch.setattr("planner.planning.bounds.clarabel.ConicSolver.solve", lambda _: nothing)
     assert 0.0 < replace(plan).lower_bound <= sharp
 
 
@@ -264,7 +264,7 @@ def test_minima_are_proved_from_below_and_reached_from_above(seed, share, size):
 
 def test_the_least_is_found_at_the_rim_of_a_cell_whose_centre_is_far_away(monkeypatch):
     whole = replace(OPTIONS, widest_cell=10.0)  # [rad]: the box is one cell
-    monkeypatch.setattr("planner.planning.foot.configuration_minima.OPTIONS", whole)
+    monkeypatch.setattr("planner.planning.bounds.configuration_minima.OPTIONS", whole)
     leg = WALK.leg
     lower, upper = (np.tile(limit, (3, 1)) for limit in leg.limits)
     rim = np.array([lower[0], upper[0], np.where([True, False, True], lower[0], upper[0])])

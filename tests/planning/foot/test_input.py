@@ -11,6 +11,7 @@ import pytest
 from kinematics.exceptions import InvalidPath, SingularLeg, UnsupportedLeg
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed
 from planner.model.joint import JointModel
+from planner.planning import solve
 from planner.planning.inversion import invert_foot
 from tests.kinematics.made_up_robots import Joint, X, Y, made_up_leg, reference_leg
 
@@ -127,8 +128,13 @@ def test_weights_only_where_the_leg_cannot_move_its_foot_are_refused(tmp_path):
 
 
 def test_joints_under_whose_requests_no_cycle_closes_are_a_failure_of_the_search(monkeypatch):
-    monkeypatch.setattr(
-        "planner.planning.foot.invert.minimise", lambda *given: (given[1], math.inf)
-    )
+    minimise = solve.minimise
+
+    def fail_for_the_foot(problem, state, stages):
+        if problem.foot is None:
+            return minimise(problem, state, stages)
+        return state.requests, math.inf
+
+    monkeypatch.setattr(solve, "minimise", fail_for_the_foot)
     with pytest.raises(SolverFailed, match=r"foot.*no requests lead to a steady cycle"):
         invert_foot(ERS210A, LEG, PATH)

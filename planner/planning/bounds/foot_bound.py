@@ -23,13 +23,7 @@ from kinematics.leg import Leg
 from planner.model.joint import JointModel
 from planner.model.load import Loads, sags
 from planner.planning.arguments import Norm
-from planner.planning.bounds.reachable_set import (
-    BoundProblem,
-    farthest_per_period,
-    reachable_set,
-)
-from planner.planning.error_norm import error_norm
-from planner.planning.foot.bundle_method import (
+from planner.planning.bounds.bundle_method import (
     Column,
     LagrangianRelaxation,
     Multipliers,
@@ -38,7 +32,13 @@ from planner.planning.foot.bundle_method import (
     stationary_point,
     zero_multipliers,
 )
-from planner.planning.foot.configuration_minima import Distance
+from planner.planning.bounds.configuration_minima import Distance
+from planner.planning.bounds.reachable_set import (
+    BoundProblem,
+    farthest_per_period,
+    reachable_set,
+)
+from planner.planning.error_norm import error_norm
 from planner.planning.task import axis_scales
 from planner.trajectory import Array
 

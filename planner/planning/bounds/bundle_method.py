@@ -19,9 +19,9 @@ from scipy import sparse
 
 from planner.exceptions import SolverFailed
 from planner.planning.arguments import Norm
+from planner.planning.bounds.clarabel import Cones, ConicSolver
+from planner.planning.bounds.configuration_minima import Distance, minima
 from planner.planning.bounds.reachable_set import ReachableSet
-from planner.planning.clarabel import Cones, ConicSolver
-from planner.planning.foot.configuration_minima import Distance, minima
 from planner.trajectory import Array
 
 
