@@ -122,22 +122,24 @@ def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bo
     The up-looking algorithm of QDLDL (B. Stellato and others, OSQP, Math. Prog. Comp. 12, 2020).
     """
     size = len(pivots)
-    work, following = np.zeros(size), pattern.below.copy()
+    column, row, reach, reached = pattern.column, pattern.row, pattern.reach, pattern.reached
+    below, rows = pattern.below, pattern.rows
+    work, following = np.zeros(size), below.copy()
     for k in range(size):
         pivot = 0.0
-        for at in range(pattern.column[k], pattern.column[k + 1]):
-            i = pattern.row[at]
+        for at in range(column[k], column[k + 1]):
+            i = row[at]
             if i == k:
                 pivot = values[at]
             else:
                 work[i] = values[at]
-        for at in range(pattern.reach[k], pattern.reach[k + 1]):
-            i = pattern.reached[at]
+        for at in range(reach[k], reach[k + 1]):
+            i = reached[at]
             value = work[i]
             work[i] = 0.0
             end = following[i]
-            for p in range(pattern.below[i], end):
-                work[pattern.rows[p]] -= lower[p] * value
+            for p in range(below[i], end):
+                work[rows[p]] -= lower[p] * value
             share = value / pivots[i]
             lower[end] = share
             following[i] = end + 1
@@ -151,17 +153,17 @@ def factorise(pattern: Factor, values: Array, lower: Array, pivots: Array) -> bo
 @compiled
 def solved(pattern: Factor, lower: Array, pivots: Array, right: Array, answer: Array) -> None:
     """Fill the solution, from the factor; unknowns in their own order."""
-    size = len(pivots)
+    size, position, below, rows = len(pivots), pattern.position, pattern.below, pattern.rows
     permuted = np.empty(size)
     for number in range(size):
-        permuted[pattern.position[number]] = right[number]
+        permuted[position[number]] = right[number]
     for i in range(size):
-        for p in range(pattern.below[i], pattern.below[i + 1]):
-            permuted[pattern.rows[p]] -= lower[p] * permuted[i]
+        for p in range(below[i], below[i + 1]):
+            permuted[rows[p]] -= lower[p] * permuted[i]
     for i in range(size - 1, -1, -1):
         value = permuted[i] / pivots[i]
-        for p in range(pattern.below[i], pattern.below[i + 1]):
-            value -= lower[p] * permuted[pattern.rows[p]]
+        for p in range(below[i], below[i + 1]):
+            value -= lower[p] * permuted[rows[p]]
         permuted[i] = value
     for number in range(size):
-        answer[number] = permuted[pattern.position[number]]
+        answer[number] = permuted[position[number]]

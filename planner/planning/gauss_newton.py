@@ -193,38 +193,40 @@ class Pattern(NamedTuple):
 
 
 @compiled
-def acting_request(spec: Spec, sample: int, place: int) -> int:
-    """Number of the request that acts before a sample, youngest first; from rest -1 before all."""
-    number = sample - spec.youngest - place
-    return number % len(spec.resting) if spec.cyclic else max(number, -1)
+def acting_request(number: int, samples: int, cyclic: bool) -> int:
+    """The request of this number, of a cycle modulo its length; from rest -1 before the first."""
+    return number % samples if cyclic else max(number, -1)
 
 
 @compiled
-def foot_of(spec: Spec, angles: Array, sample: int, foot: Array, jacobian: Array) -> None:
+def foot_of(leg: Array, angles: Array, foot: Array, jacobian: Array) -> None:
     """Fill the foot's position [m], (3,), and its derivatives by the joints' angles, (J, 3).
 
     ``p -> origin + (A + cos C + sin S) p`` from the last joint to the first: see
-    :class:`kinematics.chain.Link`.
+    :class:`kinematics.chain.Link`. ``leg`` is that of :class:`Spec`, angles are in rad, (J,).
     """
-    joints = len(spec.leg) - 1
-    foot[:] = spec.leg[joints, 0]
+    joints = len(leg) - 1
+    turned = np.empty((2, 3, 3))  # the link's rotation, and its derivative
     before = np.empty(3)
+    for i in range(3):
+        foot[i] = leg[joints, 0, i]
     for joint in range(joints - 1, -1, -1):
-        link = spec.leg[joint]
-        angle = angles[joint] + spec.goal[sample, 3 + joint]
-        cosine, sine = np.cos(angle), np.sin(angle)
+        cosine, sine = np.cos(angles[joint]), np.sin(angles[joint])
+        for i in range(3):
+            for j in range(3):
+                along, across = leg[joint, 4 + i, j], leg[joint, 7 + i, j]
+                turned[0, i, j] = leg[joint, 1 + i, j] + cosine * along + sine * across
+                turned[1, i, j] = cosine * across - sine * along
         for moved in range(joint, joints + 1):  # the derivative by this angle, others, the foot
-            before[:] = foot if moved in (joint, joints) else jacobian[moved]
+            own = moved == joint
+            for i in range(3):
+                before[i] = foot[i] if own or moved == joints else jacobian[moved, i]
             for i in range(3):
                 total = 0.0
                 for j in range(3):
-                    along, across = link[4 + i, j], link[7 + i, j]
-                    if moved == joint:
-                        total += (cosine * across - sine * along) * before[j]
-                    else:
-                        total += (link[1 + i, j] + cosine * along + sine * across) * before[j]
+                    total += turned[1 if own else 0, i, j] * before[j]
                 if moved == joints:
-                    foot[i] = link[0, i] + total
+                    foot[i] = leg[joint, 0, i] + total
                 else:
                     jacobian[moved, i] = total
 
@@ -232,18 +234,19 @@ def foot_of(spec: Spec, angles: Array, sample: int, foot: Array, jacobian: Array
 @compiled
 def errors_of(spec: Spec, states: Array, values: Array, jacobians: Array) -> None:
     """Fill the errors of every sample and scenario [rad], (n, C, m), and their derivatives by J."""
-    samples, scenarios, size = values.shape
-    joints = spec.resting.shape[1]
-    foot, jacobian = np.empty(3), np.empty((joints, 3))
-    for k in range(samples):
-        for c in range(scenarios):
-            if len(spec.leg) == 0:
-                values[k, c, 0], jacobians[k, c, 0, 0] = states[k, c] - spec.goal[k, 0], 1.0
+    goal, leg, joints = spec.goal, spec.leg, spec.resting.shape[1]
+    angles, foot, jacobian = np.empty(joints), np.empty(3), np.empty((joints, 3))
+    for k in range(len(values)):
+        for c in range(values.shape[1]):
+            if len(leg) == 0:
+                values[k, c, 0], jacobians[k, c, 0, 0] = states[k, c] - goal[k, 0], 1.0
                 continue
-            foot_of(spec, states[k, c * joints : (c + 1) * joints], k, foot, jacobian)
-            for i in range(size):
-                scale = spec.leg[joints, 1, i]
-                values[k, c, i] = (foot[i] - spec.goal[k, i]) * scale
+            for j in range(joints):
+                angles[j] = states[k, c * joints + j] + goal[k, 3 + j]
+            foot_of(leg, angles, foot, jacobian)
+            for i in range(3):
+                scale = leg[joints, 1, i]
+                values[k, c, i] = (foot[i] - goal[k, i]) * scale
                 for j in range(joints):
                     jacobians[k, c, i, j] = jacobian[j, i] * scale
 
@@ -258,59 +261,63 @@ def set_cost(
     the largest error.
     """
     samples, scenarios, size = values.shape
-    joints, cost, count = spec.resting.shape[1], 0.0, point.quadratic.shape[2]
-    quadratic, largest = point.quadratic, 1e-300
-    quadratic[:] = 0.0
+    quadratic, costs, shares, ridge = point.quadratic, point.costs, spec.shares, spec.ridge
+    blocks, count = quadratic.shape[1:3]
+    joints, cost, largest, together = jacobians.shape[3], 0.0, 1e-300, spec.together
+    power, least = stage.power, LEAST_WEIGHT
     for k in range(samples if unit == 0.0 else 0):
         squared = 0.0
         for c in range(scenarios):
             for i in range(size):
-                squared += spec.shares[c] * values[k, c, i] ** 2
+                squared += shares[c] * values[k, c, i] ** 2
         largest = max(largest, np.sqrt(squared))
     unit = largest if unit == 0.0 else unit
-    point.costs[2] = unit
     for k in range(samples):
         squared = 0.0
+        for block in range(blocks):
+            for j in range(count):
+                for h in range(count + 1):
+                    quadratic[k, block, j, h] = 0.0
         for c in range(scenarios):
-            block, offset = (0, c * joints) if spec.together else (c, 0)
+            block, offset = (0, c * joints) if together else (c, 0)
             for i in range(size):
-                squared += spec.shares[c] * values[k, c, i] ** 2
+                squared += shares[c] * values[k, c, i] ** 2
                 for j in range(joints):
-                    slope = spec.shares[c] * jacobians[k, c, i, j]
+                    slope = shares[c] * jacobians[k, c, i, j]
                     quadratic[k, block, offset + j, count] += slope * values[k, c, i]
                     for h in range(joints):
                         quadratic[k, block, offset + j, offset + h] += slope * jacobians[k, c, i, h]
-        if stage.power == 2.0:
+        weight, radial = 1.0, 0.0
+        if power == 2.0:
             cost += squared
         else:
             share = min(np.sqrt(squared) / unit, LARGEST_SHARE)
-            cost += unit**2 * share**stage.power
-            weight = stage.power / 2.0 * max(share ** (stage.power - 2.0), LEAST_WEIGHT)
-            radial = (stage.power - 2.0) / max(squared, 1e-300)
-            for block in range(quadratic.shape[1]):
-                own = quadratic[k, block]
-                for j in range(count):
-                    for h in range(count):
-                        own[j, h] = weight * (own[j, h] + radial * own[j, count] * own[h, count])
-                for j in range(count):
-                    own[j, count] *= weight
-        for block in range(quadratic.shape[1]):
+            cost += unit**2 * share**power
+            weight = power / 2.0 * max(share ** (power - 2.0), least)
+            radial = (power - 2.0) / max(squared, 1e-300)
+        for block in range(blocks):
             for j in range(count):
-                quadratic[k, block, j, j] += spec.ridge
-    point.costs[0] = cost
+                for h in range(count):
+                    both = quadratic[k, block, j, count] * quadratic[k, block, h, count]
+                    quadratic[k, block, j, h] = weight * (quadratic[k, block, j, h] + radial * both)
+                quadratic[k, block, j, j] += ridge
+            for j in range(count):
+                quadratic[k, block, j, count] *= weight
+    costs[0], costs[2] = cost, unit
 
 
 @compiled
-def around(spec: Spec, sample: int) -> tuple[int, int, int]:
+def around(sample: int, samples: int, cyclic: bool) -> tuple[int, int, int]:
     """The requests of a second difference: from rest the one before the first is the first."""
-    samples = len(spec.resting)
-    if spec.cyclic:
+    if cyclic:
         return (sample - 1) % samples, sample, (sample + 1) % samples
     return max(sample - 1, 0), sample, sample + 1
 
 
 @compiled
-def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
+def set_away(
+    requests: Array, resting: Array, centring: float, cyclic: bool, smoothing: bool, away: Array
+) -> None:
     """Fill what S makes of the requests, less their centre: distances, or second differences.
 
     The latter are one for every sample, from rest none for the last one; with a centring follow the
@@ -319,15 +326,15 @@ def set_away(spec: Spec, requests: Array, smoothing: bool, away: Array) -> None:
     samples, joints = requests.shape
     rows = 0
     if smoothing:
-        rows = samples if spec.cyclic else samples - 1
+        rows = samples if cyclic else samples - 1
         for k in range(rows):
-            before, here, after = around(spec, k)
+            before, here, after = around(k, samples, cyclic)
             for j in range(joints):
                 away[k, j] = requests[before, j] - 2.0 * requests[here, j] + requests[after, j]
-    scale = spec.centring if smoothing else 1.0
+    scale = centring if smoothing else 1.0
     for k in range(len(away) - rows):
         for j in range(joints):
-            away[rows + k, j] = scale * (requests[k, j] - spec.resting[k, j])
+            away[rows + k, j] = scale * (requests[k, j] - resting[k, j])
 
 
 @compiled
@@ -345,39 +352,41 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     """Fill the rest of a point from its requests and states."""
     samples, joints = point.requests.shape
     drives, _, width = spec.weights.shape
-    parts, states, requests = spec.parts, point.states, point.requests
+    parts, cyclic, youngest, periods = spec.parts, spec.cyclic, spec.youngest, spec.periods
+    states, requests, defects, derived = point.states, point.requests, point.defects, point.slopes
     slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty(width)
     for a in range(drives):
         row = spec.drives[a]
         law, weights = Law(row[0], row[1], row[2], row[3], row[4]), spec.weights[a, : int(row[5])]
-        rounded = (law.gain * stage.radius * row[6]) ** 2
+        rounded, unit_of_speed, start = (law.gain * stage.radius * row[6]) ** 2, row[7], row[8]
         for k in range(samples):
             for j in range(width):
-                window[j] = requests[max(acting_request(spec, k, j), 0), a % joints]
-            follows = k > 0 or spec.cyclic
-            angle = states[k - 1, a] if follows else row[8]
-            speed = states[k - 1, drives + a] / row[7] if parts == 2 and follows else 0.0
-            sag, faster = spec.periods[0, a, k], spec.periods[1, a, k]
+                number = acting_request(k - youngest - j, samples, cyclic)
+                window[j] = requests[max(number, 0), a % joints]
+            follows = k > 0 or cyclic
+            angle = states[k - 1, a] if follows else start
+            speed = states[k - 1, drives + a] / unit_of_speed if parts == 2 and follows else 0.0
+            sag, faster = periods[0, a, k], periods[1, a, k]
             angle, speed = period(
                 law, weights, window, sag, faster, rounded, angle, speed, slopes, bends
             )
-            point.defects[k, a] = angle - states[k, a]
+            defects[k, a] = angle - states[k, a]
             if parts == 2:
-                point.defects[k, drives + a] = row[7] * speed - states[k, drives + a]
+                defects[k, drives + a] = unit_of_speed * speed - states[k, drives + a]
             for s in range(parts):
-                scale = row[7] if s else 1.0
+                scale = unit_of_speed if s else 1.0
                 for t in range(parts):
-                    each = slopes[s, t] * scale / (row[7] if t else 1.0)
-                    point.slopes[k, a, s, t] = each if follows else 0.0
+                    each = slopes[s, t] * scale / (unit_of_speed if t else 1.0)
+                    derived[k, a, s, t] = each if follows else 0.0
                 for j in range(width):
-                    point.slopes[k, a, s, parts + j] = slopes[s, 2 + j] * scale
-                    point.slopes[k, a, s, parts + width + j] = bends[s, j] * scale
+                    derived[k, a, s, parts + j] = slopes[s, 2 + j] * scale
+                    derived[k, a, s, parts + width + j] = bends[s, j] * scale
     size = 1 if len(spec.leg) == 0 else 3
     values = np.empty((samples, len(spec.shares), size))
     jacobians = np.empty((samples, len(spec.shares), size, joints))
     errors_of(spec, states, values, jacobians)
     set_cost(spec, stage, unit, values, jacobians, point)
-    set_away(spec, requests, stage.smoothing, point.away)
+    set_away(requests, spec.resting, spec.centring, cyclic, stage.smoothing, point.away)
     point.costs[1] = point.costs[0] + stage.weight * squares(point.away)
 
 
@@ -414,25 +423,27 @@ def set_entries(
     drives, _, width = spec.weights.shape
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
-    change, e = multiplier + samples * states, 0
-    own = stage.weight * (spec.centring**2 if stage.smoothing else 1.0)
+    change, e, cyclic, youngest = multiplier + samples * states, 0, spec.cyclic, spec.youngest
+    quadratic, slopes, smoothing = point.quadratic, point.slopes, stage.smoothing
+    own = stage.weight * (spec.centring**2 if smoothing else 1.0)
     for number in range(state):
         rows[e] = columns[e] = number
         values[e] = terms[number // joints, number % joints] + own
         e += 1
-    if stage.smoothing:
-        for k in range(samples if spec.cyclic else samples - 1):
-            numbers, factors = around(spec, k), (1.0, -2.0, 1.0)
+    if smoothing:
+        weight = stage.weight
+        for k in range(samples if cyclic else samples - 1):
+            numbers, factors = around(k, samples, cyclic), (1.0, -2.0, 1.0)
             for j in range(joints):
                 for one in range(3):
                     for other in range(one + 1):
                         rows[e] = numbers[one] * joints + j
                         columns[e] = numbers[other] * joints + j
                         twice = one != other and numbers[one] == numbers[other]
-                        values[e] = stage.weight * factors[one] * factors[other]
+                        values[e] = weight * factors[one] * factors[other]
                         values[e] *= 2.0 if twice else 1.0
                         e += 1
-    blocks, count = point.quadratic.shape[1:3]
+    blocks, count = quadratic.shape[1:3]
     for k in range(samples):
         for block in range(blocks):
             for i in range(count):
@@ -440,7 +451,7 @@ def set_entries(
                 for h in range(i + 1):
                     rows[e] = state + k * states + a
                     columns[e] = state + k * states + block * count + h
-                    values[e] = point.quadratic[k, block, i, h] + (eased[k, a] if h == i else 0.0)
+                    values[e] = quadratic[k, block, i, h] + (eased[k, a] if h == i else 0.0)
                     e += 1
         for s in range(states):
             row, a, part = multiplier + k * states + s, s % drives, s // drives
@@ -452,16 +463,16 @@ def set_entries(
             values[e] = -SLACK
             rows[e + 1], columns[e + 1], values[e + 1] = row, state + k * states + s, 1.0
             e += 2
-            for t in range(parts if k > 0 or spec.cyclic else 0):
+            for t in range(parts if k > 0 or cyclic else 0):
                 rows[e] = row
                 columns[e] = state + ((k - 1) % samples) * states + t * drives + a
-                values[e] = -point.slopes[k, a, part, t]
+                values[e] = -slopes[k, a, part, t]
                 e += 1
             for j in range(width):
-                number = acting_request(spec, k, j)
+                number = acting_request(k - youngest - j, samples, cyclic)
                 if number >= 0:
                     rows[e], columns[e] = row, number * joints + a % joints
-                    values[e] = -point.slopes[k, a, part, parts + j]
+                    values[e] = -slopes[k, a, part, parts + j]
                     e += 1
     if spec.limited:
         for number in range(state):
@@ -574,38 +585,41 @@ def set_step(
     states, parts = drives * spec.parts, spec.parts
     state, multiplier = samples * joints, samples * (joints + states)
     change, count = multiplier + samples * states, point.quadratic.shape[2]
-    held, tight = search.active[0], search.active[1]
+    held, tight, cyclic, youngest = search.active[0], search.active[1], spec.cyclic, spec.youngest
+    bounds, slopes, quadratic = spec.bounds, point.slopes, point.quadratic
+    requests, away, defects, smoothing = point.requests, point.away, point.defects, stage.smoothing
+    multipliers, limited = search.multipliers, spec.limited
     terms, eased = np.full((samples, joints), search.damping[0]), np.zeros((samples, drives))
     for k in range(samples if search.damping[1] else 0):
         for a in range(drives):
             for j in range(width):
                 bend = 0.0
                 for s in range(parts):
-                    bent = point.slopes[k, a, s, parts + width + j]
-                    bend -= search.multipliers[k, s * drives + a] * bent
+                    bent = slopes[k, a, s, parts + width + j]
+                    bend -= multipliers[k, s * drives + a] * bent
                 if bend > 0.0:
-                    eased[k - 1, a] += bend if k > 0 or spec.cyclic else 0.0
-                    number = acting_request(spec, k, j)
+                    eased[k - 1, a] += bend if k > 0 or cyclic else 0.0
+                    number = acting_request(k - youngest - j, samples, cyclic)
                     if number >= 0:
                         terms[number, a % joints] += bend
 
     right = np.zeros(len(step))
-    rows = (samples if spec.cyclic else samples - 1) if stage.smoothing else 0
+    rows = (samples if cyclic else samples - 1) if smoothing else 0
     for k in range(rows):
-        before, here, after = around(spec, k)
+        before, here, after = around(k, samples, cyclic)
         for j in range(joints):
-            force = stage.weight * point.away[k, j]
+            force = stage.weight * away[k, j]
             right[before * joints + j] -= force
             right[here * joints + j] += 2.0 * force
             right[after * joints + j] -= force
-    scale = stage.weight * (spec.centring if stage.smoothing else 1.0)
-    for number in range((len(point.away) - rows) * joints):
-        right[number] -= scale * point.away[rows + number // joints, number % joints]
+    scale = stage.weight * (spec.centring if smoothing else 1.0)
+    for number in range((len(away) - rows) * joints):
+        right[number] -= scale * away[rows + number // joints, number % joints]
     for k in range(samples):
         for a in range(drives):
-            right[state + k * states + a] = -point.quadratic[k, a // count, a % count, count]
+            right[state + k * states + a] = -quadratic[k, a // count, a % count, count]
         for s in range(states):
-            right[multiplier + k * states + s] = point.defects[k, s]
+            right[multiplier + k * states + s] = defects[k, s]
 
     values = np.empty(len(pattern.rows))
     fixed, place, nothing = np.zeros(len(step), np.bool_), np.zeros(len(step)), np.zeros(len(step))
@@ -614,14 +628,14 @@ def set_step(
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             k, j = number // joints, number % joints
-            bound = FIRST if k == 0 and not spec.cyclic else LOWER if held[k, j] < 0 else UPPER
+            bound = FIRST if k == 0 and not cyclic else LOWER if held[k, j] < 0 else UPPER
             fixed[number] = bound == FIRST or held[k, j] != 0
-            place[number] = spec.bounds[bound, j] - point.requests[k, j] if fixed[number] else 0.0
-            if spec.limited:
+            place[number] = bounds[bound, j] - requests[k, j] if fixed[number] else 0.0
+            if limited:
                 room = 0.0
                 if tight[k, j]:
-                    moved = point.requests[(k + 1) % samples, j] - point.requests[k, j]
-                    room = tight[k, j] * spec.bounds[LARGEST_CHANGE, j] - moved
+                    moved = requests[(k + 1) % samples, j] - requests[k, j]
+                    room = tight[k, j] * bounds[LARGEST_CHANGE, j] - moved
                 right[change + number] = room
         if not solve_kkt(pattern, values, nothing, right, fixed, place, step):
             return False, 0.0
@@ -633,13 +647,13 @@ def set_step(
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             j = number % joints
-            if not (number < joints and not spec.cyclic):
-                fixed[number] = spec.bounds[LOWER, j] == spec.bounds[UPPER, j]
+            if not (number < joints and not cyclic):
+                fixed[number] = bounds[LOWER, j] == bounds[UPPER, j]
             place[number] = place[number] if fixed[number] else 0.0
         for number in range(state):
             k, j = number // joints, number % joints
             tight[k, j] = 0
-            held[k, j] = -1 if spec.bounds[LOWER, j] == spec.bounds[UPPER, j] else 0
+            held[k, j] = -1 if bounds[LOWER, j] == bounds[UPPER, j] else 0
         if not interior_point(spec, pattern, point, values, right, fixed, place, search, step):
             return False, 0.0
 
@@ -648,17 +662,16 @@ def set_step(
         for block in range(drives // count):
             first = state + k * states + block * count
             for i in range(count):
-                row = point.quadratic[k, block, i]
-                total = 2.0 * row[count]
+                total = 2.0 * quadratic[k, block, i, count]
                 for h in range(count):
-                    total += row[h] * step[first + h]
+                    total += quadratic[k, block, i, h] * step[first + h]
                 predicted += step[first + i] * total
-    away, requests = np.empty(point.away.shape), np.empty((samples, joints))
+    moved_requests, further = np.empty((samples, joints)), np.empty(away.shape)
     for number in range(state):
         k, j = number // joints, number % joints
-        requests[k, j] = point.requests[k, j] + step[number]
-    set_away(spec, requests, stage.smoothing, away)
-    return True, predicted + stage.weight * squares(away)
+        moved_requests[k, j] = requests[k, j] + step[number]
+    set_away(moved_requests, spec.resting, spec.centring, cyclic, smoothing, further)
+    return True, predicted + stage.weight * squares(further)
 
 
 @compiled
@@ -684,16 +697,18 @@ def solve_kkt(
     """
     matrix, target = np.zeros(len(pattern.factor.row)), right.copy()
     lower, pivots = np.empty(len(pattern.factor.rows)), np.empty(len(step))
+    rows, columns, places = pattern.rows, pattern.columns, pattern.factor.place
+    diagonal = pattern.diagonal
     for e in range(len(values)):
-        one, other = pattern.rows[e], pattern.columns[e]
+        one, other = rows[e], columns[e]
         if not (fixed[one] or fixed[other]):
-            matrix[pattern.factor.place[e]] += values[e]
+            matrix[places[e]] += values[e]
         elif not fixed[one]:
             target[one] -= values[e] * place[other]
         elif not fixed[other]:
             target[other] -= values[e] * place[one]
     for number in range(len(step)):
-        at = pattern.diagonal[number]
+        at = diagonal[number]
         if fixed[number]:
             matrix[at], target[number] = 1.0, place[number]
         else:
@@ -736,6 +751,7 @@ def interior_point(
     samples, joints = spec.resting.shape
     state, change = samples * joints, samples * (joints + 2 * point.states.shape[1])
     count = 2 * state if spec.limited else state  # requests, then changes to the next request
+    bounds, requests, active, cyclic = spec.bounds, point.requests, search.active, spec.cyclic
     at, now, moved = np.empty(count), np.empty(count), np.empty(count)
     of, sign, bound, limits = (
         np.empty(2 * count, np.int64),
@@ -746,13 +762,13 @@ def interior_point(
     for number in range(count):
         k, j = number % state // joints, number % joints
         following = (k + 1) % samples
-        at[number], least, most = point.requests[k, j], spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+        at[number], least, most = requests[k, j], bounds[LOWER, j], bounds[UPPER, j]
         free = not fixed[number % state]
         if number >= state:
-            at[number] = point.requests[following, j] - at[number]
-            most = spec.bounds[LARGEST_CHANGE, j]
+            at[number] = requests[following, j] - at[number]
+            most = bounds[LARGEST_CHANGE, j]
             least = -most
-            free = (free or not fixed[following * joints + j]) and (spec.cyclic or following > 0)
+            free = (free or not fixed[following * joints + j]) and (cyclic or following > 0)
         for way, limit in ((-1.0, -least), (1.0, most)):
             if free and limit < np.inf:
                 of[limits], sign[limits], bound[limits] = number, way, limit
@@ -816,7 +832,7 @@ def interior_point(
         number = of[i]
         if force[i] > slack[i]:
             k, j = number % state // joints, number % joints
-            search.active[number // state, k, j] = 1 if sign[i] > 0.0 else -1
+            active[number // state, k, j] = 1 if sign[i] > 0.0 else -1
     return True
 
 
@@ -849,20 +865,21 @@ def active_changed(
     """
     samples, joints = spec.resting.shape
     change, first = samples * (joints + 2 * point.states.shape[1]), 0 if spec.cyclic else 1
-    changed = False
+    changed, bounds, requests = False, spec.bounds, point.requests
+    rows, columns = pattern.rows, pattern.columns
     if not (spec.limited or spec.bounded):
         return False
     force = -right
     for e in range(len(values)):
-        one, other = pattern.rows[e], pattern.columns[e]
+        one, other = rows[e], columns[e]
         force[one] += values[e] * step[other]
         if one != other:
             force[other] += values[e] * step[one]
     for k in range(first, samples):
         for j in range(joints):
             number, before = k * joints + j, held[k, j]
-            low, high = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
-            request = point.requests[k, j] + step[number]
+            low, high = bounds[LOWER, j], bounds[UPPER, j]
+            request = requests[k, j] + step[number]
             if low == high:
                 continue
             if before != 0:
@@ -875,8 +892,8 @@ def active_changed(
     for k in range(samples - first if spec.limited else 0):
         for j in range(joints):
             number, following, before = k * joints + j, (k + 1) % samples, tight[k, j]
-            largest, after = spec.bounds[LARGEST_CHANGE, j], following * joints + j
-            moved = point.requests[following, j] + step[after] - point.requests[k, j] - step[number]
+            largest, after = bounds[LARGEST_CHANGE, j], following * joints + j
+            moved = requests[following, j] + step[after] - requests[k, j] - step[number]
             too_far = abs(moved) > largest + TOUCHING
             if held[following, j] != 0 and (held[k, j] != 0 or k < first):
                 tight[k, j] = 0
@@ -928,14 +945,15 @@ def keep_step(requests: Array, max_step: Array, cyclic: bool) -> None:
 @compiled
 def limit(spec: Spec, requests: Array) -> None:
     """Bring requests (n, J) within the limits [rad]; from rest the first is held."""
+    bounds = spec.bounds
     for j in range(requests.shape[1] if not spec.cyclic else 0):
-        requests[0, j] = spec.bounds[FIRST, j]
+        requests[0, j] = bounds[FIRST, j]
     for turn in range(2 if spec.limited else 1):
         if turn:  # and afterwards once more within the limits: rounding
-            keep_step(requests, spec.bounds[LARGEST_CHANGE], spec.cyclic)
+            keep_step(requests, bounds[LARGEST_CHANGE], spec.cyclic)
         for k in range(len(requests)):
             for j in range(requests.shape[1]):
-                low, high = spec.bounds[LOWER, j], spec.bounds[UPPER, j]
+                low, high = bounds[LOWER, j], bounds[UPPER, j]
                 requests[k, j] = min(max(requests[k, j], low), high)
 
 
@@ -943,10 +961,10 @@ def limit(spec: Spec, requests: Array) -> None:
 def merit_of(point: Point, step: Array, penalty: float) -> float:
     """The augmented Lagrangian: to first order, the cost once the defects are closed."""
     merit, first = point.costs[1], point.requests.size + point.states.size
-    states = point.states.shape[1]
-    for k in range(len(point.states)):
+    states, defects = point.states.shape[1], point.defects
+    for k in range(len(defects)):
         for s in range(states):
-            multiplier, defect = step[first + k * states + s], point.defects[k, s]
+            multiplier, defect = step[first + k * states + s], defects[k, s]
             merit += (penalty * defect - 2.0 * multiplier) * defect
     return float(merit)
 

@@ -188,7 +188,9 @@ class Problem:
         from planner.planning import gauss_newton
 
         terms = np.empty((gauss_newton.rows_of_smoothing(self.spec), self.joints))
-        gauss_newton.set_away(self.spec, np.ascontiguousarray(requests), True, terms)
+        gauss_newton.set_away(
+            np.ascontiguousarray(requests), self.resting, self.centring, self.cyclic, True, terms
+        )
         return float(np.vdot(terms, terms))
 
     def errors(self, angles: Array) -> tuple[Array, Array]:
