@@ -10,6 +10,9 @@ import pytest
 import planner
 from planner.exceptions import Infeasible, InvalidFile, InvalidInput
 from planner.files.paths import read_joint_path
+from planner.model.evidence import Evidence
+from planner.planning.plan import Plan, request_motion
+from planner.planning.task import Task
 
 AIBO = planner.JointModel.ers210a()
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)
@@ -144,3 +147,85 @@ def test_models_read_back_are_the_models_written(tmp_path):
     assert planner.read_models(tmp_path / "both.toml") == {"hip": SLOW, "knee": SLOW}
     with pytest.raises(InvalidFile, match="holds models of hip, knee, expected one; name the"):
         planner.JointModel.from_toml(tmp_path / "both.toml")
+
+
+def planted(desired, requests, models=AIBO, **options):
+    """A plan with these requests: nothing is searched."""
+    return Plan(task=Task.of(models, desired, smoothness=0.0, **options), requests=requests)
+
+
+def test_the_ways_of_requests_and_of_desired_angles_are_counted_apart_back_and_forth():
+    requests = np.array([0.0, 0.3, 0.1, 0.4])
+    motion = request_motion(requests, 0.5 * requests, period=0.1, cyclic=False)
+    assert motion.path_length == pytest.approx(0.3 + 0.2 + 0.3)
+    assert motion.desired_length == pytest.approx(0.5 * motion.path_length)
+
+
+def test_desired_angles_requested_as_they_are_meet_the_load_and_the_rest_of_the_plan():
+    models = (LOADED, SLOW)
+    options = {"load": TORQUES, "cyclic": False}
+    made = planted(DESIRED, DESIRED, models, **options)
+    for j, model in enumerate(models):
+        load = TORQUES[:, j] if model.feels_load else None
+        alone = planner.simulate(model, DESIRED[:, j], cyclic=False, load=load)
+        np.testing.assert_array_equal(made.direct[:, j], alone)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_a_path_is_too_fast_where_the_load_makes_the_joint_slower(cyclic):
+    slowed = dataclasses.replace(SLOW, compliance=0.01, speed_per_torque=1.0)
+    desired = SLOW.v_max * SLOW.period * 0.8 * np.arange(20.0)[:, np.newaxis]
+    load = {"load": -0.5, "cyclic": cyclic}  # towards smaller angles: v_max - 0.5 rad/s upwards
+    free, held = (planted(desired, desired, each, **load) for each in (SLOW, slowed))
+    boundary = 1 if cyclic else 0
+    assert free.too_fast[0] == pytest.approx(boundary / (19 + boundary))
+    assert held.too_fast[0] == 1.0
+
+
+def test_of_joints_under_the_load_of_a_pose_those_that_feel_none_keep_their_bounds():
+    made = planted(5.0 * DESIRED, 5.0 * DESIRED, (LOADED, SLOW))
+    posed = made.under(TORQUES)
+    assert posed.lower_bounds[0] == 0.0
+    assert posed.lower_bounds[1] == made.lower_bounds[1] > 0.0
+    assert [each.load_of_pose for each in posed.inversions] == [True, False]
+
+
+def test_the_foot_on_the_robot_is_expected_off_by_the_plans_errors_and_those_of_the_models():
+    walk = planner.reference_walk()
+    error = 0.02
+    model = AIBO.with_evidence(Evidence(error))
+    task = Task.of(model, walk.desired_foot, leg=walk.leg, smoothness=0.0)
+    made = Plan(task=task, requests=np.roll(task.desired, -5, axis=0), method="foot_optimal")
+    jacobians = walk.leg.jacobians(made.predicted)
+    squares = np.mean(made.distances**2) + error**2 * np.mean(np.sum(jacobians**2, axis=(1, 2)))
+    assert made.expected_foot == pytest.approx(np.sqrt(squares), rel=0.01)
+    learnt = dataclasses.replace(task, disturbance=np.full_like(task.desired, 0.01))
+    assert dataclasses.replace(made, task=learnt).expected_foot is None
+    np.testing.assert_array_equal(dataclasses.replace(made, task=learnt).lower_bounds, [0.0])
+
+
+def test_requests_keep_a_task_that_are_within_both_limits_and_the_largest_step():
+    task = Task.of(AIBO, DESIRED, limits=(-0.5, 0.5), max_step=0.2)
+    for rows, kept in (([0.4, 0.5, 0.4], True), ([0.4, 0.6, 0.4], False), ([-0.6] * 3, False)):
+        requests = np.repeat(rows, 20)[:, np.newaxis] * [1.0, 0.0]
+        assert task.keeps(requests, rounding=1e-9) is kept
+    assert not task.keeps(np.repeat([0.0, 0.21], 30)[:, np.newaxis] * [0.0, 1.0], rounding=1e-9)
+
+
+def test_a_plan_for_the_nominal_models_alone_is_robust_against_nothing():
+    models = [[AIBO, dataclasses.replace(AIBO, lag=0.05)], AIBO]
+    made = planner.plan(models, DESIRED)
+    assert (made.task.robust, made.nominal.task.robust) == ("mean", None)
+    several, one = made.inversions
+    assert (several.robust, one.robust, one.nominal, one.models) == ("mean", None, None, ())
+    assert [len(each) for each in made.errors_of_models] == [2, 1]
+    assert made.joint(1).nominal_requests is None
+
+
+def test_without_a_limit_a_foot_says_that_it_has_no_largest_step():
+    walk = planner.reference_walk()
+    for step, expected in ((None, None), ([0.1, np.inf, np.inf], [0.1, np.inf, np.inf])):
+        task = Task.of(AIBO, walk.desired_foot, leg=walk.leg, max_step=step)
+        view = Plan(task=task, requests=task.desired, method="foot_optimal").of_foot
+        np.testing.assert_array_equal(view.max_step, expected)
+        assert view.scenarios == ()

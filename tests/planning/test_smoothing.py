@@ -236,6 +236,22 @@ def test_what_a_model_is_known_to_miss_is_not_worth_rough_requests():
     assert rough(plan) < 0.3 * rough(exact)
 
 
+def test_an_encoder_shows_no_less_than_its_step_however_well_a_model_was_tested():
+    desired = saturating(np.random.default_rng(3), ERS210A)
+    tested = ERS210A.with_evidence(Evidence(error=1e-9))
+    plan, other = (invert_optimal(model, desired) for model in (ERS210A, tested))
+    np.testing.assert_array_equal(other.requests, plan.requests)
+
+
+def test_for_the_largest_error_smoothing_leaves_the_root_mean_square_near_where_it_was():
+    """One sample that no joint could reach: the largest error would bear a joint at rest."""
+    desired = 0.1 * np.sin(2.0 * np.pi * np.arange(60) / 60)
+    desired[30] += 1.5
+    exact, plan = (invert_optimal(ERS210A, desired, norm="max", smoothness=s) for s in (0.0, 0.005))
+    assert rough(plan) < rough(exact)
+    assert plan.rms <= allowed_error(exact.rms, 0.1) + ROUNDING
+
+
 def test_a_largest_error_far_below_the_dead_band_is_smoothed_without_overflow():
     model = JointModel(
         v_max=9.7, theta_0=0.56, lag=0.019, acceleration_time=0.05, hold=4, dead_band=0.02
