@@ -87,7 +87,7 @@ class Problem:
 
     @cached_property
     def first_requests(self) -> Array | None:
-        """From rest: the requests that hold the joints [rad], (J,)."""
+        """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
         return np.asarray(self.start - (self.sags if self.sags.ndim == 1 else self.sags[0]))
@@ -147,7 +147,8 @@ class Problem:
             start = 0.0 if self.start is None else self.start[number % self.joints]
             unit = self.units[number] if self.has_speeds else 1.0
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
-        first = empty if self.first_requests is None else self.first_requests
+        first = self.first_requests
+        first = empty if first is None else np.clip(first, self.lower, self.upper)
         return Spec(
             self.cyclic,
             ages.youngest,

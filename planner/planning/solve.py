@@ -137,9 +137,11 @@ def first_request_freed(
 
     Anywhere within the dead band it holds the joint at the start. Until it has left the window of
     the acceleration it draws on a joint that moves, the less the nearer it is to the edge on the
-    side of the motion. The middle is left only for what a robot would show.
+    side of the motion. The middle is left only for what a robot would show. It may lie beyond the
+    limits: edges are about the middle itself, and the problem clips them.
     """
-    (model,), middle = problem.models, problem.resting[0]
+    (model,), middle = problem.models, problem.first_requests
+    assert middle is not None, "from rest a first request holds the joint"
     answers = []
     for edge in (-WITHIN_BAND, WITHIN_BAND):
         held = replace(problem, first=middle + edge * model.dead_band)

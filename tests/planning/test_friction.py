@@ -315,3 +315,16 @@ def test_from_rest_the_first_request_is_the_one_in_the_dead_band_that_serves_bes
         assert plan.rms < np.radians(17.4)
     rests = invert_optimal(servo, np.zeros(24), cyclic=False)
     assert np.max(np.abs(rests.requests)) == 0.0
+
+
+def test_from_rest_beyond_the_limits_the_first_request_still_holds_the_joint():
+    """Dry friction holds it up to a dead band beyond: the band's middle is then out of reach."""
+    joint = JointModel(v_max=5.0, theta_0=0.4, lag=0.016, acceleration_time=0.024, dead_band=0.05)
+    desired = np.maximum(0.44 - 0.02 * np.arange(30), 0.0)
+    for way in (1.0, -1.0):
+        limits = (-1.0, 0.4) if way > 0.0 else (-0.4, 1.0)
+        made = invert_optimal(joint, way * desired, cyclic=False, limits=limits, smoothness=0.0)
+        first = way * made.requests[0]
+        assert 0.39 <= first <= 0.4  # a dead band from the start, 0.44, and within the limits
+        held = simulate(joint, np.full(30, made.requests[0]), cyclic=False, start=made.start)
+        assert np.array_equal(held, np.full(30, made.start))
