@@ -249,7 +249,8 @@ def _undetermined(
             note(
                 "search",
                 f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do "
-                "not say how much further it would go, and the joint is hardly like the model",
+                "not say how much further it would go, and the model probably does not fit this "
+                "joint",
             )
     delays = open_delays(fit, bounds, uncertainty)
     return [*found, *(Finding("delays", words) for words in delays)]

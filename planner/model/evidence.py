@@ -60,9 +60,7 @@ WITHOUT_ANGLES = ("lag", "acceleration_time", GAIN)
 """Parameters that are the same in any unit of the angles."""
 
 
-OPEN_TOP_SPEED = (
-    "the logs leave open how fast the joint can be, and v_max is the least that fits them"
-)
+OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower bound"
 """Of a joint whose :attr:`Evidence.top_speed` is infinite."""
 
 TRACKING = "tracking"

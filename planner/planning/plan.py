@@ -178,7 +178,9 @@ class Plan:
     def direct(self) -> Array:
         """Angles of the models when the desired angles are requested as they are [rad], (n, k)."""
         task = self.task
-        return simulate_joints(task.nominal, task.desired, cyclic=task.cyclic, loads=task.loads)
+        return simulate_joints(
+            task.nominal, task.desired, cyclic=task.cyclic, starts=task.starts, loads=task.loads
+        )
 
     @cached_property
     def errors(self) -> Array:

@@ -418,7 +418,9 @@ def _changed(plan: Plan, changes: dict[str, Any]) -> Plan:
             case "approximation":
                 plan = replace(plan, approximations=only)
             case "nominal":
-                plan = replace(plan, nominal_requests=value and value.plan.requests)
+                plan = replace(
+                    plan, nominal_requests=None if value is None else rows(value.requests)
+                )
             case "desired" | "disturbance":
                 task = replace(task, **{name: rows(value)})
             case "model":

@@ -485,7 +485,7 @@ def test_a_limit_by_a_top_speed_that_no_log_shows_is_said_to_be_the_models(
         *("--report", "page.html"),
     )
     assert result.exit_code == 0, result.stderr
-    words = "the logs leave open how fast the joint can be, and v_max is the least that fits them"
+    words = "the logs do not determine the top speed; v_max is a lower bound"
     answer = next(line for line in result.stderr.splitlines() if line.startswith("within 2"))
     assert answer.count(f"which holds for its model only: {words}") == said
     page = demo.with_name("page.html").read_text()

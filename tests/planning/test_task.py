@@ -8,7 +8,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from planner import JointModel, invert_foot, invert_optimal, plan, reference_walk
+from planner import (
+    JointModel,
+    invert_foot,
+    invert_optimal,
+    plan,
+    reference_walk,
+    simulate,
+)
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.planning.plan import joined
 from planner.planning.task import Task
@@ -97,3 +104,11 @@ def test_a_task_that_was_copied_is_read_only():
     for field in fields(Task):
         value = getattr(again, field.name)
         assert not isinstance(value, np.ndarray) or not value.flags.writeable, field.name
+
+
+def test_the_desired_angles_sent_as_they_are_begin_where_the_plan_does():
+    phase = 2.0 * np.pi * np.arange(60) / 60
+    desired = 0.3 * np.sin(phase)
+    made = invert_optimal(JointModel.ers210a(), desired, cyclic=False, start=0.5)
+    expected = simulate(JointModel.ers210a(), desired, cyclic=False, start=0.5)
+    np.testing.assert_array_equal(made.plan.direct[:, 0], expected)
