@@ -176,3 +176,13 @@ def test_angles_miss_desired_ones_by_their_difference():
     values, jacobians = problem.errors(np.array([[0.0], [-1.0], [2.5]]))
     np.testing.assert_array_equal(values, [[[-0.5]], [[0.0]], [[0.5]]])
     np.testing.assert_array_equal(jacobians, np.ones((3, 1, 1, 1)))
+
+
+def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nominal_one():
+    problem = track(ERS210A, np.zeros(3), cyclic=False, start=0.3)
+    raised = replace(ERS210A, offset=0.1)
+    both = problem.in_scenarios([(raised,), (ERS210A,)], [(None,)] * 2, "mean")
+    np.testing.assert_array_equal(both.first_requests, problem.first_requests)
+    weighted = replace(both, weights=(0.2, 0.8))
+    distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
+    np.testing.assert_allclose(distances, math.sqrt(0.2 * 9.0 + 0.8 * 1.0), rtol=1e-12)
