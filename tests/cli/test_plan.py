@@ -402,7 +402,9 @@ def test_bounds_at_an_unknown_top_speed_are_of_the_model_only(run, tmp_path, mos
     path = "elbow_deg\n" + "".join(f"{angle}\n" for angle in desired)
     output = ("-o", tmp_path / "r.csv", "--report", page)
     done = run("plan", "-", "--model", model, *output, stdin=path)
-    assert ("lower bounds of the model only: elbow (the logs leave open" in done.stderr) == said
+    assert (
+        "lower bounds of the model only: elbow (the logs do not determine" in done.stderr
+    ) == said
     assert ("For elbow this is the model" in page.read_text()) == said
 
 
