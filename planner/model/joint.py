@@ -435,6 +435,12 @@ def request_ages(model: JointModel) -> RequestAges:
     return RequestAges(-youngest, -oldest)
 
 
+def request_ages_of_all(models: Sequence[JointModel]) -> RequestAges:
+    """The ages of the requests that act on any of the joints between two samples."""
+    ages = [request_ages(model) for model in models]
+    return RequestAges(min(r.youngest for r in ages), max(r.oldest for r in ages))
+
+
 def acting(ages: RequestAges, samples: int, *, cyclic: bool) -> npt.NDArray[np.int_]:
     """Number of the request that acts before sample k, the j-th youngest: shape (samples, count).
 

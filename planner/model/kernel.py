@@ -1,7 +1,7 @@
 """The law of a joint for numbers: section 1 of ``docs/math.md``, compiled by Numba.
 
 One tick is ``drive`` and ``moved``; everything else here is a loop over ticks around them:
-a run, a run's response to second order with rounded corners, and a run along a log with its
+a run, the derivatives of request periods with rounded corners, and a run along a log with its
 derivatives by the parameters. The same law in CasADi symbols is in ``model/symbolic.py``, and these
 two files are all that changes with it. Units: radians and ticks.
 
@@ -284,77 +284,48 @@ def period(
 
 
 @compiled
-def respond(
+def linearise(
     law: Law,
     weights: Array,
-    before: Array,
-    windows: Array,
+    history: Array,
     sags: Array,
     faster: Array,
     radius: float,
-    unit: float,
-    reached: Array,
-    by_own: Array,
-    by_other: Array,
-    by_request: Array,
-    bending: Array,
-    joint: int,
-    speed_at: int,
-    first: int,
+    angles: Array,
+    speeds: Array,
+    slopes: Array,
 ) -> None:
-    """Where each request period of one joint leads with rounded corners, to second order.
+    """Derivatives of request periods, each from the state that is given before it.
 
     Args:
         law: Of :func:`run`.
         weights: Of the same.
-        before: State before each period, (n, states): the joint's angle [rad], and where it has
-            inertia its speed in ``unit``.
-        windows: Requests that act in it, youngest first [rad], (width of all, n, joints).
-        sags: Of :func:`run`.
+        history: Of the same.
+        sags: Of the same.
         faster: Of the same.
         radius: Radius of the corners [rad].
-        unit: Time in which a speed counts as an angle [ticks].
-        reached: Filled with the states after each period.
-        by_own: Filled with the derivative of each state by itself.
-        by_other: Filled with that of each state by the joint's other one.
-        by_request: Filled at ``[first + j, k, state]`` with the derivative by each request.
-        bending: Filled with the second derivative by a request's distance from the angle [1/rad].
-        joint: Number of the joint, which is that of its angle among the states.
-        speed_at: Number of its speed among them; -1 where it has none.
-        first: Place of its youngest request in the windows.
+        angles: Angle before each period [rad], (n,).
+        speeds: Speed before it [rad/tick], (n,).
+        slopes: Filled with the derivatives of :func:`period`, (n, 2, 2 + width).
     """
     width = weights.shape[1]
     rounded = (law.gain * radius) ** 2
-    slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty(width)
-    for k in range(len(before)):
+    bends, window = np.empty((2, width)), np.empty(width)
+    for k in range(len(angles)):
         for j in range(width):
-            window[j] = windows[first + j, k, joint]
-        speed = before[k, speed_at] / unit if speed_at >= 0 else 0.0
-        angle, speed = period(
+            window[j] = history[k + width - 1 - j]
+        period(
             law,
             weights,
             window,
             sags[k],
             faster[k],
             rounded,
-            before[k, joint],
-            speed,
-            slopes,
+            angles[k],
+            speeds[k],
+            slopes[k],
             bends,
         )
-        reached[k, joint] = angle
-        by_own[k, joint] = slopes[0, 0]
-        for j in range(width):
-            by_request[first + j, k, joint] = slopes[0, 2 + j]
-            bending[first + j, k, joint] = bends[0, j]
-        if speed_at >= 0:
-            reached[k, speed_at] = unit * speed
-            by_own[k, speed_at] = slopes[1, 1]
-            by_other[k, joint] = slopes[0, 1] / unit
-            by_other[k, speed_at] = unit * slopes[1, 0]
-            for j in range(width):
-                by_request[first + j, k, speed_at] = unit * slopes[1, 2 + j]
-                bending[first + j, k, speed_at] = unit * bends[1, j]
 
 
 class Servo(NamedTuple):

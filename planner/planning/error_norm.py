@@ -1,4 +1,4 @@
-"""The size of a plan's errors and steps, and the distance of an error from its lower bound."""
+"""The size of a plan's errors, and the distance of an error from its lower bound."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from planner.planning.arguments import Norm
-from planner.trajectory import Array, rms, steps
+from planner.trajectory import Array, rms
 
 
 def error_norm(errors: Array, norm: Norm) -> float:
@@ -20,11 +20,6 @@ def error_norm(errors: Array, norm: Norm) -> float:
     if norm == "max":
         return float(np.max(np.abs(errors)))
     return rms(errors)
-
-
-def largest_step(requests: Array, *, cyclic: bool) -> float:
-    """Largest change from one request to the next, a cycle closed [rad]; shape (n, ...)."""
-    return float(np.max(np.abs(steps(requests, cyclic=cyclic)), initial=0.0))
 
 
 def relative_gap(error: float, bound: float) -> float:

@@ -146,7 +146,7 @@ class Options(NamedTuple):
 OPTIONS = Options()
 
 LENGTHS = 4  # of a step that are tried before it is computed anew
-ROUNDS = 8  # sets of active limits that are tried before the interior-point method
+ACTIVE_SETS = 8  # that are tried before the interior-point method
 INITIAL = 1e-2  # first slacks [rad] and forces of the interior-point method
 INTERIOR_STEPS = 40  # of the interior-point method; some ten are usual
 INTERIOR_GAP = 1e-12  # mean product of slack and force at which it ends [rad^2]
@@ -624,7 +624,7 @@ def set_step(
     values = np.empty(len(pattern.rows))
     fixed, place, nothing = np.zeros(len(step), np.bool_), np.zeros(len(step)), np.zeros(len(step))
     settled = False
-    for _ in range(ROUNDS):
+    for _ in range(ACTIVE_SETS):
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
             k, j = number // joints, number % joints
@@ -646,14 +646,11 @@ def set_step(
         tight[:] = 1
         set_entries(spec, stage, point, terms, eased, tight, pattern.rows, pattern.columns, values)
         for number in range(state):
-            j = number % joints
-            if not (number < joints and not cyclic):
-                fixed[number] = bounds[LOWER, j] == bounds[UPPER, j]
-            place[number] = place[number] if fixed[number] else 0.0
-        for number in range(state):
             k, j = number // joints, number % joints
-            tight[k, j] = 0
-            held[k, j] = -1 if bounds[LOWER, j] == bounds[UPPER, j] else 0
+            still = bounds[LOWER, j] == bounds[UPPER, j]
+            fixed[number] = still or (k == 0 and not cyclic)
+            place[number] = place[number] if fixed[number] else 0.0
+            held[k, j], tight[k, j] = -1 if still else 0, 0
         if not interior_point(spec, pattern, point, values, right, fixed, place, search, step):
             return False, 0.0
 
@@ -753,12 +750,8 @@ def interior_point(
     count = 2 * state if spec.limited else state  # requests, then changes to the next request
     bounds, requests, active, cyclic = spec.bounds, point.requests, search.active, spec.cyclic
     at, now, moved = np.empty(count), np.empty(count), np.empty(count)
-    of, sign, bound, limits = (
-        np.empty(2 * count, np.int64),
-        np.empty(2 * count),
-        np.empty(2 * count),
-        0,
-    )
+    of, limits = np.empty(2 * count, np.int64), 0  # what each limit is on, and how many
+    sign, bound = np.empty(2 * count), np.empty(2 * count)
     for number in range(count):
         k, j = number % state // joints, number % joints
         following = (k + 1) % samples
@@ -791,7 +784,6 @@ def interior_point(
             product[i] = 0.0
         if gap < INTERIOR_GAP and off < TOUCHING:
             break
-        length = 1.0
         for corrected in range(2):
             weight[:], pull[:] = 1e-12, 0.0
             for i in range(limits):

@@ -14,7 +14,7 @@ import numpy as np
 from planner.approximation.curve import PiecewiseLinear
 from planner.model.evidence import Expectation, expectation
 from planner.model.joint import JointModel
-from planner.model.response import PathSpeeds, path_speeds, simulate_joints
+from planner.model.response import PathSpeeds, path_speeds
 from planner.planning.arguments import Solver
 from planner.planning.bounds.multipliers import linear_bound
 from planner.planning.bounds.reachable_set import BoundProblem
@@ -177,10 +177,7 @@ class Plan:
     @cached_property
     def direct(self) -> Array:
         """Angles of the models when the desired angles are requested as they are [rad], (n, k)."""
-        task = self.task
-        return simulate_joints(
-            task.nominal, task.desired, cyclic=task.cyclic, starts=task.starts, loads=task.loads
-        )
+        return self.task.response(self.task.desired)
 
     @cached_property
     def errors(self) -> Array:

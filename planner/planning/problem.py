@@ -12,10 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import Infeasible, NoSteadyCycle
-from planner.model.joint import JointModel, RequestAges, request_ages, weights_by_tick
+from planner.model.joint import (
+    JointModel,
+    RequestAges,
+    request_ages,
+    request_ages_of_all,
+    weights_by_tick,
+)
 from planner.model.load import Loads, rest_angles, rest_requests, sags
 from planner.model.response import motion_under
-from planner.model.sensitivity import request_ages_of_all
 from planner.planning.arguments import Limits, Norm
 from planner.planning.error_norm import error_norm
 from planner.planning.task import Task, axis_scales
@@ -95,11 +100,7 @@ class Problem:
     @cached_property
     def resting(self) -> Array:
         """Requests within the limits that would hold the desired angles, R* of (10), (n, J)."""
-        from planner.planning import gauss_newton
-
-        requests = np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints]))
-        gauss_newton.limit(self._spec(requests), requests)
-        return requests
+        return self.spec.resting
 
     @cached_property
     def has_speeds(self) -> bool:
@@ -126,10 +127,7 @@ class Problem:
     @cached_property
     def spec(self) -> Spec:
         """The problem as the compiled search takes it."""
-        return self._spec(self.resting)
-
-    def _spec(self, resting: Array) -> Spec:
-        from planner.planning.gauss_newton import Spec
+        from planner.planning.gauss_newton import Spec, limit
 
         count, ages, empty = len(self.desired), self.ages, np.zeros(self.joints)
         ticks = max(model.hold for model in self.models)
@@ -149,7 +147,7 @@ class Problem:
             drives.append((*model.law, model.hold, model.theta_0, unit, start))
         first = self.first_requests
         first = empty if first is None else np.clip(first, self.lower, self.upper)
-        return Spec(
+        spec = Spec(
             self.cyclic,
             ages.youngest,
             2 if self.has_speeds else 1,
@@ -162,11 +160,13 @@ class Problem:
             weights,
             periods,
             np.array([first, self.lower, self.upper, self.max_step], dtype=np.float64),
-            np.array(resting),
+            np.array(rest_requests(self.nominal, self.desired, self.loads[: self.joints])),
             np.array(self.desired) if self.foot is None else self.foot.rows,
             np.empty((0, 10, 3)) if self.foot is None else self.foot.links,
             np.array(self.weights),
         )
+        limit(spec, spec.resting)
+        return spec
 
     def admissible(self, requests: Array) -> Array:
         """Requests near the given ones within the limits [rad], shape (n, J).
@@ -301,9 +301,6 @@ class FootGoal:
     """A foot that should follow a path; its errors count in radians of a typical joint's turn.
 
     Attributes:
-        leg: The leg.
-        desired: Positions of the foot [m], (n, 3).
-        scale: What turns metres along each axis into errors [rad/m], (3,).
         rows: Desired positions, and what is added to the joints' angles, as in ``Spec``.
         links: The constants of the leg, as there.
         ridge: Curvature added to that of the squared errors, where a joint that does not move the
@@ -313,8 +310,16 @@ class FootGoal:
     def __init__(
         self, leg: Leg, desired: Array, scale: Array, added: Array, *, ridge: float
     ) -> None:
-        """Take what a foot should do; ``added`` is added to the joints' angles [rad], (n, J)."""
-        self.leg, self.desired, self.scale, self.ridge = leg, desired, scale, ridge
+        """Take what a foot should do.
+
+        Args:
+            leg: The leg.
+            desired: Positions of the foot [m], (n, 3).
+            scale: What turns metres along each axis into errors [rad/m], (3,).
+            added: Added to the joints' angles before the position is computed [rad], (n, J).
+            ridge: See above.
+        """
+        self.ridge = ridge
         self.rows = np.hstack([desired, added])
         self.links = np.zeros((len(leg.chain.links) + 1, 10, 3))
         for own, link in zip(self.links, leg.chain.links, strict=False):

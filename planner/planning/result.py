@@ -15,7 +15,7 @@ from planner.model.joint import JointModel
 from planner.model.load import load_columns
 from planner.model.response import PathSpeeds
 from planner.planning.arguments import Norm, Robust, Solver
-from planner.planning.error_norm import error_norm, largest_step
+from planner.planning.error_norm import error_norm
 from planner.planning.task import Scenarios
 from planner.planning.trials import Learning
 from planner.trajectory import Array, Mask
@@ -263,7 +263,7 @@ class Inversion(_View):
     @property
     def largest_step(self) -> float:
         """Largest change from one request to the next, cycles closed [rad]."""
-        return largest_step(self.requests, cyclic=self.cyclic)
+        return float(self.plan.largest_steps[self.column])
 
     @property
     def excess(self) -> float:
@@ -393,7 +393,7 @@ class FootInversion(_View):
     @property
     def largest_step(self) -> float:
         """Largest change from one request of a joint to its next, cycles closed [rad]."""
-        return largest_step(self.requests, cyclic=self.cyclic)
+        return float(np.max(self.plan.largest_steps))
 
 
 def _changed(plan: Plan, changes: dict[str, Any]) -> Plan:

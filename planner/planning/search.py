@@ -285,11 +285,11 @@ def smoothed(
     allowed = allowed_beside(
         problem, found if best is None else judged(problem, best), smoothness=smoothness
     )
-    starts = [(requests, found)]
+    starts = [(State(requests, angles), found)]
     for other in others:
         reached = problem.exact_angles(other)
         if reached is not None and allowed.by(also := judged(problem, reached)):
-            starts.append((other, also))
+            starts.append((State(other, reached), also))
     mean = math.inf
     if problem.norm == "max":
         share = 1.0 + OPTIONS.mean * smoothness
@@ -417,9 +417,7 @@ class _Bound(NamedTuple):
         return (motion.error - error) / room if room > 0.0 else math.inf
 
 
-def _smoothest(
-    problem: Problem, requests: Array, start: Judged, error: float, bound: _Bound
-) -> Array:
+def _smoothest(problem: Problem, state: State, start: Judged, error: float, bound: _Bound) -> Array:
     """The smoothest requests that are met within the bound.
 
     Steps minimise ``J + w |D2 R|^2`` with sharp corners, J the cost of the errors and D2 the second
@@ -430,24 +428,23 @@ def _smoothest(
 
     Args:
         problem: What is to be reached.
-        requests: Where to start [rad], (n, J).
+        state: Where to start: requests and their angles.
         start: Their errors.
         error: That of the best plan.
         bound: What is to be kept.
     """
     power = stages_for(problem, NARROW)[-1].power
-    best, least = requests, problem.roughness(requests)
+    best, least = state.requests, problem.roughness(state.requests)
     most, factor = bound.error(start), 1.0
     if least <= STRAIGHT or most <= error:
         return best
-    angles = problem.exact_angles(requests)
-    assert angles is not None, "requests with errors have angles"
-    search, now = begun(problem, State(requests, angles)), least
-    shares = problem.distances(angles) / error if error else np.zeros(0)
-    cost = float(np.sum(np.minimum(shares, LARGEST_SHARE) ** power))
+    search, now, cost = begun(problem, state), least, 0.0
+    if power != 2.0 and error:  # the sum of the powers at the start, in units of the error
+        shares = np.minimum(problem.distances(state.angles) / error, LARGEST_SHARE)
+        cost = float(np.sum(shares**power))
     for radius in OPTIONS.radii:
         before = now
-        allowed = _allowed_rise(error, most, power, len(angles), cost)
+        allowed = _allowed_rise(error, most, power, len(best), cost)
         if before <= STRAIGHT or allowed <= 0.0 or most <= error:
             break
         share = min(most / error, LARGEST_SHARE) if error else 1.0

@@ -15,10 +15,11 @@ from planner.exceptions import InvalidInput
 from planner.model.joint import JointModel, request_ages
 from planner.model.load import rest_requests
 from planner.model.response import motion_under, simulate
-from planner.model.sensitivity import Periods, sensitivities
+from planner.model.sensitivity import sensitivities
 from planner.model.symbolic import period
 from tests.independent import equation_2, from_rest, next_cycle
 from tests.instances import random_model
+from tests.model.rounded_periods import rounded_periods
 from tests.model.test_symbolic import chained
 from tests.strategies import models, trajectories
 
@@ -268,55 +269,42 @@ def test_rounded_periods_and_derivatives_are_those_that_casadi_writes(smoothing,
     rng = np.random.default_rng([3, hold])
     samples = 9
     plain = random_model(rng, whole=False, hold=hold, offset=True)
-    models_ = [random_dry_model(rng, whole=False, hold=hold, offset=True), plain]
-    if inert:
-        models_ = [with_inertia(rng, model) for model in models_]
-    torques = [loads(samples), None]
-    every = Periods(models_, samples, torques)
-    ages = every.ages
-    before = rng.uniform(-1.0, 1.0, (samples, 2))
-    speeds = rng.uniform(-1.0, 1.0, (samples, 2)) * [m.v_max_per_tick for m in models_]
-    errors = rng.uniform(-2.0, 2.0, (ages.width, samples, 2)) * [m.theta_0 for m in models_]
-    windows = before + errors - [m.offset for m in models_]
-    together = every(every.states(before, speeds), windows, smoothing)
-    for joint, model in enumerate(models_):
+    for model, load_ in (
+        (random_dry_model(rng, whole=False, hold=hold, offset=True), loads(samples)),
+        (plain, None),
+    ):
+        model = with_inertia(rng, model) if inert else model
         own = request_ages(model)
-        felt = slice(own.youngest - ages.youngest, own.oldest + 1 - ages.youngest)
+        before = rng.uniform(-1.0, 1.0, samples)
+        speeds = rng.uniform(-1.0, 1.0, samples) * model.v_max_per_tick
+        errors = rng.uniform(-2.0, 2.0, (samples, own.width)) * model.theta_0
+        windows = before[:, np.newaxis] + errors - model.offset
+        compiled = rounded_periods(model, before, windows, smoothing, speeds=speeds, load=load_)
         angle, speed, load = (casadi.SX.sym(name) for name in ("angle", "speed", "load"))
         requests, radius = casadi.SX.sym("requests", own.width), casadi.SX.sym("radius")
         after = period(model, angle, requests, speed=speed, load=load, radius=radius)
-        state, unit = casadi.vertcat(*after), every.units[joint]
+        state = casadi.vertcat(*after)
         slopes = [
             casadi.jacobian(state, casadi.vertcat(angle, speed)),
             casadi.jacobian(state, requests),
         ]
         given_ = [angle, speed, requests, load, radius]
         written = casadi.Function("period", given_, [state, *slopes])
+        size = 2 if inert else 1
         for k in range(samples):
-            torque = 0.0 if torques[joint] is None else torques[joint][k]
+            torque = 0.0 if load_ is None else load_[k]
             # A corner that is not rounded at all has no derivative; none is met here.
             rounding = max(smoothing * model.theta_0, 1e-150)
-            window = windows[felt, k, joint]
-            answers = written(before[k, joint], speeds[k, joint], window, torque, rounding)
+            answers = written(before[k], speeds[k], windows[k], torque, rounding)
             reached, by_state, by_request = (np.asarray(answer) for answer in answers)
-            at = [joint, 2 + joint] if inert else [joint]
-            scale = np.array([1.0, unit])[: len(at)]
-            expected = by_state[: len(at), : len(at)] * scale[:, np.newaxis] / scale
             np.testing.assert_allclose(
-                together.reached[k, at], reached[: len(at), 0] * scale, rtol=0.0, atol=1e-13
+                compiled.states[k, :size], reached[:size, 0], rtol=0.0, atol=1e-13
             )
             np.testing.assert_allclose(
-                together.by_own[k, at], np.diagonal(expected), rtol=0.0, atol=1e-12
+                compiled.by_state[k, :size, :size], by_state[:size, :size], rtol=0.0, atol=1e-12
             )
-            if inert:
-                np.testing.assert_allclose(
-                    together.by_other[k, at], [expected[0, 1], expected[1, 0]], rtol=0.0, atol=1e-12
-                )
             np.testing.assert_allclose(
-                together.by_request[felt, k][:, at],
-                by_request[: len(at)].T * scale,
-                rtol=0.0,
-                atol=1e-12,
+                compiled.by_request[k, :size], by_request[:size], rtol=0.0, atol=1e-12
             )
 
 
@@ -331,28 +319,31 @@ def with_inertia(rng, model):
 def test_the_bending_is_the_slope_of_the_slopes():
     rng = np.random.default_rng(8)
     model = replace(random_dry_model(rng, whole=False), dead_band=0.0)
-    every = Periods([model], 9, [loads(9)])
-    before = rng.uniform(-1.0, 1.0, (9, 1))
-    windows = before + rng.uniform(-2.0, 2.0, (every.ages.width, 9, 1)) * model.theta_0
-    bending = every(before, windows, 0.3).bending
-    step = 1e-5
-    for j in range(len(windows)):
-        push = np.zeros_like(windows)
-        push[j] = step
-        above, below = (every(before, windows + s * push, 0.3).by_request[j] for s in (1.0, -1.0))
-        np.testing.assert_allclose(bending[j], (above - below) / (2.0 * step), atol=1e-6)
+    before, load = rng.uniform(-1.0, 1.0, 9), loads(9)
+    width, step = request_ages(model).width, 1e-5
+    windows = before[:, np.newaxis] + rng.uniform(-2.0, 2.0, (9, width)) * model.theta_0
+    bending = rounded_periods(model, before, windows, 0.3, load=load).bending[:, 0]
+    for j in range(width):
+        push = step * (np.arange(width) == j)
+        above, below = (
+            rounded_periods(model, before, windows + s * push, 0.3, load=load).by_request[:, 0, j]
+            for s in (1.0, -1.0)
+        )
+        np.testing.assert_allclose(bending[:, j], (above - below) / (2.0 * step), atol=1e-6)
 
 
 def test_with_friction_the_bending_is_that_of_all_requests_moved_together():
     rng = np.random.default_rng(9)
     model = random_dry_model(rng, whole=False)
-    every = Periods([model], 9)
-    before = rng.uniform(-1.0, 1.0, (9, 1))
-    windows = before + rng.uniform(-2.0, 2.0, (every.ages.width, 9, 1)) * model.theta_0
-    bending, step = every(before, windows, 0.3).bending, 1e-5
-    above, below = (every(before, windows + s * step, 0.3).by_request for s in (1.0, -1.0))
-    together = (above - below).sum(axis=0) / (2.0 * step)
-    np.testing.assert_allclose(bending.sum(axis=0), together, atol=1e-6)
+    before, width, step = rng.uniform(-1.0, 1.0, 9), request_ages(model).width, 1e-5
+    windows = before[:, np.newaxis] + rng.uniform(-2.0, 2.0, (9, width)) * model.theta_0
+    bending = rounded_periods(model, before, windows, 0.3).bending[:, 0]
+    above, below = (
+        rounded_periods(model, before, windows + s * step, 0.3).by_request[:, 0]
+        for s in (1.0, -1.0)
+    )
+    together = (above - below).sum(axis=1) / (2.0 * step)
+    np.testing.assert_allclose(bending.sum(axis=1), together, atol=1e-6)
 
 
 @pytest.mark.parametrize("hold", [1, 3])

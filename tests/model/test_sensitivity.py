@@ -11,9 +11,10 @@ import pytest
 from planner.exceptions import InvalidInput, InvalidTrajectory, NoSteadyCycle
 from planner.model.joint import JointModel, request_ages
 from planner.model.response import Motion, simulate
-from planner.model.sensitivity import Periods, periods, request_ages_of_all, sensitivities
+from planner.model.sensitivity import sensitivities
 from planner.model.symbolic import period
-from tests.instances import TICK, random_model, random_model_outside_equation_13
+from tests.instances import random_model, random_model_outside_equation_13
+from tests.model.rounded_periods import rounded_periods
 
 ERS210A = JointModel.ers210a()
 
@@ -35,15 +36,13 @@ AGREEMENT = 1e-5
 HELD = pytest.mark.parametrize("hold", [1, 2, 3])
 
 
-def stacked(seed, *, joints=3, samples=9, hold=1):
-    """Joints of different lag, sag and tick, but of one period, and angles and requests."""
+def random_periods(seed, *, samples=9, hold=1):
+    """A joint, and angles and requests for periods of it."""
     rng = np.random.default_rng([seed, hold])
-    models = [random_model(rng, whole=False, hold=hold, offset=True) for _ in range(joints)]
-    models[0] = replace(models[0], tick=TICK / 2.0, hold=2 * hold)
-    shape = (request_ages_of_all(models).width, samples, joints)
-    errors = rng.uniform(-1.5, 1.5, shape) * [model.theta_0 for model in models]
-    before = rng.uniform(-1.0, 1.0, (samples, joints))
-    return models, before, before + errors - [model.offset for model in models]
+    model = random_model(rng, whole=False, hold=hold, offset=True)
+    before = rng.uniform(-1.0, 1.0, samples)
+    errors = rng.uniform(-1.5, 1.5, (samples, request_ages(model).width)) * model.theta_0
+    return model, before, before[:, np.newaxis] + errors - model.offset
 
 
 def symbolic_period(model):
@@ -57,67 +56,41 @@ def symbolic_period(model):
 
 @HELD
 @pytest.mark.parametrize("smoothing", [0.0, 0.01, 0.4])
-def test_every_period_and_its_derivatives_are_those_that_casadi_writes(smoothing, hold):
-    models, before, windows = stacked(1, hold=hold)
-    together = Periods(models, len(before))(before, windows, smoothing)
-    for joint, model in enumerate(models):
-        own, union = request_ages(model), request_ages_of_all(models)
-        felt = slice(own.youngest - union.youngest, own.oldest + 1 - union.youngest)
-        written = symbolic_period(model)
-        for k in range(len(before)):
-            window = windows[felt, k, joint]
-            # A corner that is not rounded at all has no derivative; none is met here.
-            radius = max(smoothing * model.theta_0, 1e-150)
-            answers = written(before[k, joint], window, radius)
-            after, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
-            assert together.reached[k, joint] == pytest.approx(after[0], abs=SAME)
-            assert together.by_own[k, joint] == pytest.approx(by_angle[0], abs=SAME)
-            np.testing.assert_allclose(
-                together.by_request[felt, k, joint], by_request, rtol=0.0, atol=SAME
-            )
-
-
-@HELD
-def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it(hold):
-    models, before, windows = stacked(2, hold=hold)
-    response = Periods(models, len(before))(before, windows, 0.1)
-    each = [request_ages(model) for model in models]
-    assert len(set(each)) > 1
-    ages = request_ages_of_all(models).youngest + np.arange(len(windows))
-    for joint, own in enumerate(each):
-        beyond = (ages < own.youngest) | (ages > own.oldest)
-        assert np.all(response.by_request[beyond, :, joint] == 0.0)
-        assert np.all(response.bending[beyond, :, joint] == 0.0)
+@pytest.mark.parametrize("seed", range(3))
+def test_every_period_and_its_derivatives_are_those_that_casadi_writes(seed, smoothing, hold):
+    model, before, windows = random_periods(seed, hold=hold)
+    written, compiled = symbolic_period(model), rounded_periods(model, before, windows, smoothing)
+    for k, (angle, window) in enumerate(zip(before, windows, strict=True)):
+        # A corner that is not rounded at all has no derivative; none is met here.
+        answers = written(angle, window, max(smoothing * model.theta_0, 1e-150))
+        after, by_angle, by_request = (np.asarray(a).ravel() for a in answers)
+        assert compiled.states[k, 0] == pytest.approx(after[0], abs=SAME)
+        assert compiled.by_state[k, 0, 0] == pytest.approx(by_angle[0], abs=SAME)
+        np.testing.assert_allclose(compiled.by_request[k, 0], by_request, rtol=0.0, atol=SAME)
 
 
 def test_the_bending_is_the_slope_of_the_slopes():
-    models, before, windows = stacked(3)
-    models[0] = ERS210A  # the bending by requests that are held is an estimate
-    windows = windows[: request_ages_of_all(models).width]
-    every = Periods(models, len(before))
-    response = every(before, windows, 0.3)
-    for j in range(len(windows)):
-        push = np.zeros_like(windows)
-        push[j] = STEP
-        above, below = (every(before, windows + s * push, 0.3).by_request[j] for s in (1.0, -1.0))
+    _, before, windows = random_periods(3)  # the bending by requests that are held is an estimate
+    model, width = ERS210A, request_ages(ERS210A).width
+    windows = np.resize(windows, (len(before), width))
+    response = rounded_periods(model, before, windows, 0.3)
+    for j in range(width):
+        push = STEP * (np.arange(width) == j)
+        above, below = (
+            rounded_periods(model, before, windows + s * push, 0.3).by_request[:, 0, j]
+            for s in (1.0, -1.0)
+        )
         expected = (above - below) / (2.0 * STEP)
-        np.testing.assert_allclose(response.bending[j], expected, rtol=0.0, atol=SLOPES)
+        np.testing.assert_allclose(response.bending[:, 0, j], expected, rtol=0.0, atol=SLOPES)
 
 
 def test_smoothing_is_measured_in_each_joints_own_errors():
     small = replace(ERS210A, v_max=ERS210A.v_max / 4.0, theta_0=ERS210A.theta_0 / 4.0)
     rng = np.random.default_rng(4)
-    column, windows = rng.normal(size=(30, 1)), rng.normal(size=(6, 30, 1))
-    scale = np.array([1.0, 0.25])
-    response = Periods([ERS210A, small], 30)(column * scale, windows * scale, 0.5)
-    np.testing.assert_allclose(
-        response.reached[:, 1], response.reached[:, 0] / 4.0, rtol=0.0, atol=SAME
-    )
-
-
-def test_the_same_joints_and_length_are_worked_out_once():
-    assert periods((ERS210A,), 12) is periods((ERS210A,), 12)
-    assert periods((ERS210A,), 12) is not periods((ERS210A, ERS210A), 12)
+    column, windows = rng.normal(size=30), rng.normal(size=(30, request_ages(ERS210A).width))
+    whole = rounded_periods(ERS210A, column, windows, 0.5).states
+    quarter = rounded_periods(small, column / 4.0, windows / 4.0, 0.5).states
+    np.testing.assert_allclose(quarter, whole / 4.0, rtol=0.0, atol=SAME)
 
 
 def differences(model, requests, **options):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from planner.gait.half_ellipse import reference_walk
-from planner.model.joint import JointModel
+from planner.model.joint import JointModel, request_ages
+from planner.model.response import simulate
 from planner.planning import gauss_newton
 from planner.planning.gauss_newton import SPEED_TERM, Search, Stage, allocated, evaluate, set_step
 from planner.planning.problem import FootGoal, Problem, track
@@ -303,3 +304,46 @@ def test_a_search_keeps_what_the_limits_allow(cyclic):
     assert np.all((requests >= low) & (requests <= high))
     changes = np.diff(requests[:, 0], append=requests[:1, 0] if cyclic else requests[-1:, 0])
     assert np.max(np.abs(changes)) <= 0.2
+
+
+def differing_joints():
+    """Joints of different lag, sag and tick, but of one period, that share a problem."""
+    rng = np.random.default_rng(2)
+    models = tuple(random_model(rng, whole=False, hold=2, offset=True) for _ in range(3))
+    models = (replace(models[0], tick=TICK / 2.0, hold=4), *models[1:])
+    desired = np.column_stack([saturating(rng, model, samples=12) for model in models])
+    unlimited = np.full(3, np.inf)
+    return Problem(
+        models=models,
+        desired=desired,
+        lower=-unlimited,
+        upper=unlimited,
+        max_step=unlimited,
+        loads=(None,) * 3,
+    )
+
+
+def test_the_requests_that_act_on_a_joint_lead_where_its_simulation_does():
+    problem = differing_joints()
+    motion = np.column_stack(
+        [
+            simulate(model, requests)
+            for model, requests in zip(problem.models, problem.desired.T, strict=True)
+        ]
+    )
+    point = evaluated(problem, Stage(1e-150, 0.0), problem.desired, motion)
+    np.testing.assert_allclose(point.defects, 0.0, atol=1e-12)  # of cycles closed to 1e-12 rad
+
+
+def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it():
+    problem = differing_joints()
+    assert len({request_ages(model) for model in problem.models}) > 1
+    point = point_at(problem, Stage(0.1, 0.0))
+    ages = problem.ages.youngest + np.arange(problem.ages.width)
+    for joint, model in enumerate(problem.models):
+        own = request_ages(model)
+        beyond = (ages < own.youngest) | (ages > own.oldest)
+        by_request, bending = np.split(point.slopes[:, joint, 0, 1:], 2, axis=-1)
+        assert np.all(by_request[:, beyond] == 0.0)
+        assert np.all(bending[:, beyond] == 0.0)
+        assert np.any(by_request[:, ~beyond] != 0.0)

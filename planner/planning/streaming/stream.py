@@ -17,8 +17,13 @@ import numpy.typing as npt
 
 from planner.exceptions import Infeasible, InvalidInput, angle_text
 from planner.model.evidence import warn_of_refused
-from planner.model.joint import JointModel, checked_model, request_ages, weights_by_tick
-from planner.model.sensitivity import request_ages_of_all
+from planner.model.joint import (
+    JointModel,
+    checked_model,
+    request_ages,
+    request_ages_of_all,
+    weights_by_tick,
+)
 from planner.planning.arguments import checked_limits, limits_of_each, steps_of_each
 from planner.planning.closed_form import switching_time
 from planner.trajectory import LARGEST, MOST_TURNS, TURN, Array, not_radians, turns_words
@@ -207,11 +212,13 @@ class Stream:
 
     def reset(self) -> None:
         """Forget everything: the next step is a first one, with the joints at rest."""
+        from planner.planning.streaming.tick import LEAST_DAMPING
+
         states, path = self._data.states, self._path
         for array in (states["angle"], states["read"], states["believed"], *path[:3]):
             array[:] = math.nan
         states["unread"] = 0.0
-        states["damping"] = 3e-4  # the least of ``tick``
+        states["damping"] = LEAST_DAMPING
         self._data.plan[:] = 0.0
         path.errors[:] = 0.0
         self._status = self._all_planned

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from planner.model.joint import request_ages, weights_by_tick
-from planner.model.sensitivity import Periods
 from planner.planning.streaming.tick import (
     EXCEEDING,
     JOINT,
@@ -19,6 +18,7 @@ from planner.planning.streaming.tick import (
     gauss_newton_step,
 )
 from tests.instances import random_model
+from tests.model.rounded_periods import rounded_periods
 
 SAMPLES, RADIUS, DAMPING = 30, 0.2, 1e-3
 LOWER, UPPER, RATE, SMOOTHING = -0.3, 0.4, 0.4, 2e-3
@@ -79,23 +79,25 @@ class Plan:
 def linearised(plan):
     """Exact angles under its requests, and their derivatives by those of the plan."""
     ages = request_ages(plan.model)
-    acting = np.arange(SAMPLES) - np.arange(ages.width)[:, np.newaxis]
-    windows = plan.requests[plan.past + acting][:, :, np.newaxis]
-    evaluate = Periods((plan.model,), SAMPLES, (plan.load,))
-    begin = evaluate.states(np.array([[plan.angle]]), np.array([[plan.speed]]))
-    before = np.repeat(begin, SAMPLES + 1, axis=0)
+    acting = np.arange(SAMPLES)[:, np.newaxis] - np.arange(ages.width)
+    windows = plan.requests[plan.past + acting]
+
+    def period(i, state, radius):
+        at, during = slice(i, i + 1), plan.load[i : i + 1]
+        angle, speed = state[np.newaxis].T
+        return rounded_periods(plan.model, angle, windows[at], radius, speeds=speed, load=during)
+
+    state, slope = np.array([plan.angle, plan.speed]), np.zeros((2, SAMPLES))
+    angles, slopes = np.empty(SAMPLES), np.empty((SAMPLES, SAMPLES))
     for i in range(SAMPLES):
-        before[i + 1] = evaluate(before[:-1], windows, 0.0).reached[i]
-    rounded = evaluate(before[:-1], windows, RADIUS)
-    slopes = np.zeros((SAMPLES, before.shape[1], SAMPLES))
-    for i in range(SAMPLES):
-        slopes[i] = rounded.by_own[i][:, np.newaxis] * slopes[i - 1]
-        if rounded.by_other is not None:
-            slopes[i] += rounded.by_other[i][:, np.newaxis] * slopes[i - 1][::-1]
+        rounded = period(i, state, RADIUS)
+        slope = rounded.by_state[0] @ slope
         for j in range(ages.width):
-            if acting[j, i] >= 0:
-                slopes[i, :, acting[j, i]] += rounded.by_request[j, i]
-    return before[1:, 0], slopes[:, 0]
+            if acting[i, j] >= 0:
+                slope[:, acting[i, j]] += rounded.by_request[0, :, j]
+        state = period(i, state, 0.0).states[0]
+        angles[i], slopes[i] = state[0], slope[0]
+    return angles, slopes
 
 
 def normal_equations(plan, angles, slopes):

@@ -1,0 +1,56 @@
+"""Request periods with rounded corners, each from a state of its own, by ``kernel.period``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.model import kernel
+from planner.model.joint import JointModel, request_ages, weights_by_tick
+from planner.trajectory import Array
+
+
+class Periods(NamedTuple):
+    """Angle and speed after n periods of a joint, and their derivatives.
+
+    Attributes:
+        states: Angles [rad] and speeds [rad/tick], (n, 2).
+        by_state: Derivatives by angle and speed before each period, (n, 2, 2).
+        by_request: Derivatives by the requests that act, youngest first, (n, 2, width).
+        bending: Second derivatives by a request's distance from the angle, (n, 2, width).
+    """
+
+    states: Array
+    by_state: Array
+    by_request: Array
+    bending: Array
+
+
+def rounded_periods(model: JointModel, angles, windows, radius, *, speeds=None, load=None):
+    """Where periods lead from angles [rad] and speeds [rad/tick], (n,), under requests (n, width).
+
+    The radius of the corners counts in theta_0; ``load`` is a torque in each period [N m], (n,).
+    """
+    n, width = windows.shape
+    assert width == request_ages(model).width
+    torques = np.zeros(n) if load is None else load
+    sags, faster = model.sag(torques), model.faster_per_tick(torques)
+    rounded = (model.law.gain * max(radius, 1e-150) * model.theta_0) ** 2
+    states, slopes = np.empty((n, 2)), np.empty((n, 2, 2 + width))
+    bending = np.empty((n, 2, width))
+    for k in range(n):
+        speed = 0.0 if speeds is None else speeds[k]
+        states[k] = kernel.period(
+            model.law,
+            weights_by_tick(model),
+            np.ascontiguousarray(windows[k]),
+            sags[k],
+            faster[k],
+            rounded,
+            angles[k],
+            speed,
+            slopes[k],
+            bending[k],
+        )
+    return Periods(states, slopes[:, :, :2], slopes[:, :, 2:], bending)
