@@ -34,7 +34,7 @@ def _sources():
         file.relative_to(ROOT).as_posix()
         for package in PACKAGES
         for file in (ROOT / package).rglob("*")
-        if file.is_file() and file.parent.name != "__pycache__"
+        if file.is_file() and "__pycache__" not in file.parts
         if not any(part.startswith(".") for part in file.relative_to(ROOT).parts)
     }
 
