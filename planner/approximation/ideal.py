@@ -39,10 +39,8 @@ def slope_bounded(
 ) -> Array:
     """Least-squares sequence x with |x[k+1] - x[k]| <= step, by an exact dynamic programme.
 
-    The cost of the best sequence that ends in x is convex and piecewise quadratic; its derivative
-    is kept as two stacks of corners left and right of its root, which one more sample moves apart
-    by ``step`` and tilts by one. A cycle is cut out of three in a row; where its ends do not meet,
-    as happens when ``step`` is tiny, it is solved again as a QP with a knot on every sample.
+    A cycle is cut out of three in a row; where its ends do not meet, as happens when ``step`` is
+    tiny, it is solved again as a QP with a knot on every sample.
 
     Args:
         desired: What to come close to [any unit], shape (n,).
@@ -51,16 +49,18 @@ def slope_bounded(
         weights: Weight of every sample's squared error, shape (n,); by default all the same.
 
     Returns:
-        The sequence, shape (n,). Cost O(n) in practice, a microsecond or two per sample.
+        The sequence, shape (n,). Cost O(n) in practice.
     """
     ends = desired[-1:] if cyclic else desired[:1]
     if float(np.max(np.abs(np.diff(desired, prepend=ends)))) <= step:
         return desired.copy()
+    from planner.approximation.bounded_slopes import open_ended
+
     weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:
-        return _open_ended(desired, weights, step)
+        return open_ended(desired, weights, step)
     n = desired.size
-    three = _open_ended(np.tile(desired, 3), np.tile(weights, 3), step)
+    three = open_ended(np.tile(desired, 3), np.tile(weights, 3), step)
     cycle = three[n : 2 * n]
     if abs(three[n] - three[2 * n]) <= 1e-9 * np.ptp(desired) or n > LONGEST_QP:
         return cycle
@@ -84,46 +84,6 @@ def _closed(desired: Array, weights: Array, step: float, near: Array) -> Array:
     except SolverFailed:
         return near
     return middle + unit * values
-
-
-def _open_ended(desired: Array, weights: Array, step: float) -> Array:
-    roots = _roots(desired.tolist(), weights.tolist(), step)
-    best = roots[-1]
-    backwards = [best]
-    for root in reversed(roots[:-1]):
-        best = min(max(root, best - step), best + step)
-        backwards.append(best)
-    return np.array(backwards[::-1])
-
-
-def _roots(desired: list[float], weights: list[float], step: float) -> list[float]:
-    """For every k the x[k] that is best for the samples up to k alone."""
-    left: list[tuple[float, float]] = []  # corners (place + k * step, change of slope outwards)
-    right: list[tuple[float, float]] = []  # corners (place - k * step, change of slope outwards)
-    root, slope = desired[0], weights[0]
-    roots = [root]
-    for k in range(1, len(desired)):
-        shift = k * step
-        # The split at the root: flat between, the old slope outside.
-        left.append((root - step + shift, slope))
-        right.append((root + step - shift, slope))
-        root, slope = desired[k], weights[k]
-        while left and left[-1][0] - shift > root:
-            place, change = left.pop()
-            at = place - shift
-            height = slope * (at - root)
-            slope += change
-            root = at - height / slope
-            right.append((at - shift, -change))
-        while right and right[-1][0] + shift < root:
-            place, change = right.pop()
-            at = place + shift
-            height = slope * (root - at)
-            slope += change
-            root = at + height / slope
-            left.append((at + shift, -change))
-        roots.append(root)
-    return roots
 
 
 def attainable_error(desired: Array, step: float, *, cyclic: bool) -> float:

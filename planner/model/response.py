@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,27 +20,8 @@ from planner.model.load import Loads, checked_load
 from planner.trajectory import LARGEST, SAME, Array, Mask, as_trajectory, steps
 from planner.validation import as_flag, as_number, shown
 
-CYCLE_TOLERANCE = 1e-12
-"""A cycle is closed when its ends agree to this [rad], relative to angles beyond 1 rad."""
-
-FIXED_POINT_CYCLES = 3
-"""First cycles that start where the one before ended, where the secant method has no slope;
-afterwards bisection takes its place."""
-
-SECANT_CYCLES = 10
-"""Cycles of the secant method alone; afterwards every other cycle is a bisection."""
-
 MOST_CYCLES = 200
 """Cycles after which a response that still drifts is given up; bisection ends well before."""
-
-DIFFERENCE = 1e-7
-"""Step of the difference quotients of a cycle's end by its start [rad, rad/tick]."""
-
-CLOSER = 0.01
-"""How much closer, beside the speeds, bisection brings the angles at a cycle's ends."""
-
-SINGULAR = 1e-6
-"""Share of its largest singular value below which one of the matrix of these counts as 0."""
 
 MOST_TICKS = 20_000_000
 """Longest simulation [ticks]: more than two days at 100 Hz."""
@@ -124,40 +104,21 @@ def motion_under(
     Raises:
         NoSteadyCycle: The response does not settle.
     """
-    from planner.model import kernel
+    from planner.model.kernel import run
+    from planner.model.steady_cycle import Cycle, run_steady_cycle
 
-    count, weights = len(requests), weights_by_tick(model)
+    count = len(requests)
     load = np.zeros(count) if torques is None else torques
-    sags, faster = model.sag(load), model.faster_per_tick(load)
-    history = requests_acting(requests, request_ages(model), cyclic=cyclic)
     motion = Motion(np.empty(count), np.empty(count))
-    rest = float(requests[0] + sags[0])
-
-    def run(angle: float, speed: float = 0.0, skipped: int = 0) -> tuple[float, float]:
-        return kernel.run(model.law, weights, history, sags, faster, angle, speed, skipped, *motion)
-
+    history = requests_acting(requests, request_ages(model), cyclic=cyclic)
+    sags, faster = model.sag(load), model.faster_per_tick(load)
+    joint = Cycle(model.law, weights_by_tick(model), history, sags, faster, *motion)
+    angle = float(requests[0] + sags[0]) if start is None else start
     if not cyclic:
-        run(rest if start is None else start, skipped=model.hold - 1)
-    elif model.has_inertia:
-        _steady_motion(run, rest, _ends(model, requests, load))
-    else:
-        ends = _ends(model, requests, load)
-        steady_cycle(lambda angle: run(angle)[0], ends, near=rest, nearest=model.dead_band > 0.0)
+        run(*joint[:5], angle, 0.0, model.hold - 1, *motion)
+    elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):
+        raise NoSteadyCycle(apart, MOST_CYCLES)
     return motion
-
-
-def _ends(model: JointModel, requests: Array, load: Array) -> tuple[float, float]:
-    """Angles between which some steady cycle begins [rad]; with inertia, one of any speed."""
-    law, top = model.law, float(np.max(np.abs(model.speed_limits(load)))) * model.tick
-    # The joint overshoots a request by at most the difference of v_max and theta_0, and coasts.
-    beyond = max(model.v_max_per_tick - model.theta_0, 0.0) * top / model.v_max_per_tick
-    if model.has_inertia:
-        beyond += 2.0 * top / law.share + top**2 / law.acceleration
-    low, high = (
-        float(end(requests) + model.offset + model.compliance * end(load))
-        for end in (np.min, np.max)
-    )
-    return low - beyond, high + beyond
 
 
 def requests_acting(requests: Array, ages: RequestAges, *, cyclic: bool) -> Array:
@@ -200,153 +161,6 @@ def simulate_joints(
             for model, column, start, load in columns
         ]
     )
-
-
-def steady_cycle(
-    run: Callable[[float], float], ends: tuple[float, float], *, near: float, nearest: bool
-) -> None:
-    """Run the cycle that repeats itself: the fixed point of ``run``, which is run last.
-
-    The angle at the end of a cycle of a joint without inertia is a continuous, piecewise linear
-    function of the angle at its start, of slope within [-1, 1]: the secant method finds where they
-    agree, between two angles that are known to be on either side of it. With a dead band they may
-    agree in a whole range of angles.
-
-    Args:
-        run: Last angle of a cycle, given the angle before it [rad].
-        ends: Angles between which they agree [rad].
-        near: Angle near which the ends of the cycle are sought [rad].
-        nearest: Whether the answer is to be the cycle that is nearest to it.
-
-    Raises:
-        NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES`.
-    """
-    low, high = ends
-    tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))
-    start, earlier = min(max(near, low), high), None
-    if nearest:
-        _nearest_cycle(run, start, (low, high), tolerance)
-        return
-    for cycle in range(MOST_CYCLES):
-        end = run(start)
-        mismatch = abs(end - start)
-        if mismatch <= tolerance:
-            return
-        low, high = (start, high) if end > start else (low, start)
-        middle = (low + high) / 2.0
-        closing = math.inf if earlier is None else _secant(earlier, (start, end))
-        earlier = start, end
-        if cycle > SECANT_CYCLES and cycle % 2:
-            start = middle
-        elif low < closing < high:
-            start = closing
-        else:
-            start = end if cycle < FIXED_POINT_CYCLES else middle
-    raise NoSteadyCycle(mismatch, MOST_CYCLES)
-
-
-def _nearest_cycle(
-    run: Callable[[float], float], start: float, ends: tuple[float, float], tolerance: float
-) -> None:
-    """Run the steady cycle that is nearest to ``start``: fixed-point iteration, bisected.
-
-    How much further a cycle ends than it starts does not increase with the angle where it starts.
-    So the steady cycles start in one range, on the side of ``start`` to which a cycle from there
-    moves. Where v_max <= theta_0 a tick the iteration cannot pass the near end of that range.
-    """
-    end = run(start)
-    if abs(end - start) <= tolerance:
-        return
-    sign, far = (1.0, ends[1]) if end > start else (-1.0, ends[0])
-    for cycle in range(1, MOST_CYCLES):
-        bisecting = cycle > FIXED_POINT_CYCLES and cycle % 2 == 1
-        bisecting |= sign * (far - end) <= 0.0
-        trial = (start + far) / 2.0 if bisecting else end
-        after = run(trial)
-        ahead = sign * (after - trial)
-        if ahead > tolerance:
-            start, end = trial, after
-        elif abs(ahead) <= tolerance and not bisecting:
-            return
-        else:
-            far = trial
-        if abs(far - start) <= tolerance:
-            return
-    raise NoSteadyCycle(abs(end - start), MOST_CYCLES)
-
-
-def _steady_motion(
-    run: Callable[[float, float], tuple[float, float]], rest: float, ends: tuple[float, float]
-) -> None:
-    """Run the cycle of a joint with inertia that repeats itself, from rest near an angle.
-
-    Newton's method on angle and speed, between two corners of the law exact. Where a step of it
-    does not halve how far the ends of a cycle are apart, bisection finds the angle at which a cycle
-    of a given speed closes, and that speed is the mean of those tried and where they led (Mann's
-    iteration). With a dead band the cycles that repeat themselves are not isolated: the step is the
-    shortest one.
-
-    Args:
-        run: Last angle [rad] and speed [rad/tick] of a cycle, given those before it.
-        ends: Angles between which a cycle of any speed that the joint reaches closes [rad].
-        rest: Angle near which the ends of the cycle are sought [rad].
-
-    Raises:
-        NoSteadyCycle: The ends still differ after :data:`MOST_CYCLES` steps.
-    """
-    largest = max(1.0, *np.abs(ends))
-    start = np.array([rest, 0.0])
-    end = np.array(run(rest, 0.0))
-    bisected = 0
-    for _ in range(MOST_CYCLES):
-        apart = end - start
-        mismatch = float(np.max(np.abs(apart)))
-        if mismatch <= CYCLE_TOLERANCE * largest:
-            run(*start.tolist())
-            return
-        step = DIFFERENCE * largest
-        columns = [np.array(run(*(start + way).tolist())) - end for way in step * np.eye(2)]
-        closing = np.eye(2) - np.column_stack(columns) / step
-        trial = start + np.linalg.lstsq(closing, apart, rcond=SINGULAR)[0]
-        reached = np.array(run(*trial.tolist()))
-        if not np.max(np.abs(reached - trial)) < mismatch / 2.0:
-            bisected += 1
-            speed = float(start[1] + 2.0 / (1.0 + bisected) * apart[1])
-            close = max(CYCLE_TOLERANCE * largest, CLOSER * abs(float(apart[1])))
-            trial = np.array([_closing_angle(run, speed, float(start[0]), ends, close), speed])
-            reached = np.array(run(*trial.tolist()))
-        start, end = trial, reached
-    raise NoSteadyCycle(mismatch, MOST_CYCLES)
-
-
-def _closing_angle(
-    run: Callable[[float, float], tuple[float, float]],
-    speed: float,
-    near: float,
-    ends: tuple[float, float],
-    close: float,
-) -> float:
-    """Angle at which a cycle that starts with a speed closes, to ``close`` [rad], by bisection.
-
-    Of several, the one nearest to ``near`` in the direction in which a cycle from there moves.
-    """
-    angle, sign = near, 0.0
-    for _ in range(MOST_CYCLES):
-        ahead = run(angle, speed)[0] - angle
-        if not sign:
-            sign, far = (1.0, ends[1]) if ahead > 0.0 else (-1.0, ends[0])
-        near, far = (angle, far) if sign * ahead > close else (near, angle)
-        if abs(far - near) <= close:
-            break
-        angle = (near + far) / 2.0
-    return angle
-
-
-def _secant(one: tuple[float, float], other: tuple[float, float]) -> float:
-    """Where start and end agree, if the end is a straight line between two runs of a cycle."""
-    (start, end), (before, ended) = other, one
-    slope = (end - ended) / (start - before) if start != before else 1.0
-    return start + (end - start) / (1.0 - slope) if slope < 1.0 else math.inf
 
 
 class PathSpeeds(NamedTuple):
