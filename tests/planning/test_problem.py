@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.gauss_newton import Stage, allocated, evaluate
-from planner.planning.problem import Problem, track
+from planner.planning.problem import Problem, problem_of, track
+from planner.planning.task import Task
 from tests.instances import TICK, random_model, saturating
 
 ERS210A = JointModel.ers210a()
@@ -186,3 +188,164 @@ def test_scenarios_count_by_their_weights_and_keep_the_first_request_of_the_nomi
     weighted = replace(both, weights=(0.2, 0.8))
     distances = weighted.distances(np.tile([3.0, 1.0], (3, 1)))
     np.testing.assert_allclose(distances, math.sqrt(0.2 * 9.0 + 0.8 * 1.0), rtol=1e-12)
+
+
+INERT = replace(ERS210A, time_constant=0.03, max_acceleration=80.0)
+
+
+def test_the_speed_of_a_state_is_the_mean_one_since_the_last_sample():
+    """In the unit of an angle: per tick, times the ticks in which the joint coasts that far."""
+    slow = replace(INERT, tick=TICK / 2.0, hold=2)  # of the same period
+    problem = Problem(
+        models=(INERT, slow) * 2,
+        desired=np.zeros((5, 2)),
+        lower=np.full(2, -np.inf),
+        upper=np.full(2, np.inf),
+        max_step=np.full(2, np.inf),
+        loads=(None,) * 4,
+        cyclic=False,
+        start=np.array([0.3, -0.2]),
+        weights=(0.5, 0.5),
+    )
+    rates = np.array([0.01, 0.02, -0.01, 0.03])  # from one sample to the next [rad]
+    angles = np.array([0.3, -0.2, 0.3, -0.2]) + rates * np.arange(1, 6)[:, np.newaxis]
+    states = problem.states_of(angles)
+    np.testing.assert_array_equal(states[:, :4], angles)
+    ticks = np.array([1, 2, 1, 2])
+    coasts = 0.03 / np.array([TICK, TICK / 2.0] * 2)  # about 1 / share ticks, and half of one more
+    np.testing.assert_allclose(problem.units, coasts + 0.5, rtol=0.02)
+    np.testing.assert_allclose(states[:, 4:], np.tile(problem.units * rates / ticks, (5, 1)))
+    around = replace(problem, cyclic=True, start=None).states_of(angles)
+    jump = (angles[0] - angles[-1]) * problem.units / ticks
+    np.testing.assert_allclose(around[0, 4:], jump)
+    np.testing.assert_array_equal(around[1:], states[1:])
+    assert track(replace(INERT, hold=8), np.zeros(3), cyclic=True).units == 8.0
+
+
+def test_at_a_steady_speed_the_state_of_a_joint_with_inertia_leads_to_the_next():
+    for model in (INERT, replace(INERT, hold=3)):
+        requests = 0.3 + 0.4 * model.v_max_per_period * np.arange(200.0)
+        angles = simulate(model, requests, cyclic=False, start=0.3)
+        problem = track(model, requests, cyclic=False, start=0.3)
+        point = allocated(problem.spec, smoothing=False)
+        point.requests[:] = requests[:, np.newaxis]
+        point.states[:] = problem.states_of(angles[:, np.newaxis])
+        evaluate(problem.spec, Stage(1e-9, 1.0), 1.0, point)
+        np.testing.assert_allclose(point.defects[100:], 0.0, rtol=0.0, atol=SAME)
+
+
+def loaded(**options):
+    """A joint that sags under a load, from rest, with the torque of each sample [N m]."""
+    model = replace(ERS210A, compliance=0.1, offset=0.02)
+    torques = np.array([1.0, -1.0, 2.0, 0.5])
+    desired = np.array([0.3, 0.2, 0.1, 0.0])
+    options = {"cyclic": False, "start": 0.4, "load": torques, **options}
+    return track(model, desired, **options), 0.1 * torques + 0.02, desired
+
+
+def test_requests_that_hold_the_desired_angles_are_lower_by_the_sag_of_each_sample():
+    problem, sag, desired = loaded()
+    np.testing.assert_allclose(problem.resting[1:, 0], (desired - sag)[1:])
+    assert problem.resting[0, 0] == problem.first_requests[0] == pytest.approx(0.4 - sag[0])
+    cyclic, _, _ = loaded(cyclic=True, start=None)
+    np.testing.assert_allclose(cyclic.resting[:, 0], desired - sag)
+    given, _, _ = loaded(first=0.31)
+    assert given.resting[0, 0] == given.first_requests[0] == 0.31
+
+
+def test_a_first_request_beyond_the_limits_is_the_nearest_within_them():
+    problem, _, _ = loaded(limits=(-1.0, 0.25))
+    assert problem.first_requests[0] == pytest.approx(0.28)
+    assert problem.admissible(np.zeros((4, 1)))[0, 0] == 0.25
+    evaluated = problem.spec.bounds
+    np.testing.assert_array_equal(evaluated[:, 0], [0.25, -1.0, 0.25, np.inf])
+
+
+def test_limits_and_largest_steps_of_one_joint_are_kept_beside_joints_without():
+    problem, requests = stacked(8, 2, cyclic=True)
+    far = 3.0 * requests
+    limits = np.array([-0.1, -np.inf]), np.array([np.inf, np.inf])
+    low = replace(problem, lower=limits[0], upper=limits[1]).admissible(far)
+    np.testing.assert_array_equal(low, np.maximum(far, limits[0]))
+    steady = replace(problem, max_step=np.array([np.inf, 0.01])).admissible(far)
+    np.testing.assert_array_equal(steady[:, 0], far[:, 0])
+    assert np.max(np.abs(np.diff(steady[:, 1], append=steady[0, 1]))) <= 0.01
+    assert replace(problem, lower=limits[0], upper=limits[1]).spec.bounded
+    assert replace(problem, max_step=np.array([np.inf, 0.01])).spec.limited
+    assert (problem.spec.bounded, problem.spec.limited) == (False, False)
+
+
+def test_what_cycles_have_added_is_taken_off_the_desired_angles_within_the_limits():
+    desired = np.array([[0.3], [0.2], [0.1]])
+    added = np.array([[0.05], [-0.1], [0.2]])
+    task = replace(Task.of([ERS210A], desired, limits=(-0.05, 0.3)), disturbance=added)
+    np.testing.assert_allclose(problem_of(task).desired, [[0.25], [0.3], [-0.05]])
+
+
+def foot_task(**options):
+    walk = reference_walk()
+    return Task.of(ERS210A, walk.desired_foot[::8], leg=walk.leg, **options)
+
+
+def test_errors_of_a_foot_count_in_radians_of_a_typical_joint_where_it_was_measured_to_be():
+    added = 0.1 * np.random.default_rng(3).normal(size=(11, 3))
+    for weights in ((1.0, 1.0, 1.0), (4.0, 1.0, 0.25)):
+        task = foot_task(weights=weights, disturbance=added)
+        problem = problem_of(task)
+        _, jacobians = problem.errors(problem.desired)
+        assert np.sqrt(np.mean(jacobians**2)) == pytest.approx(1.0)
+        angles = problem.desired + 0.1
+        values, _ = problem.errors(angles)
+        where = task.leg.foot_positions(angles + added)
+        away = (where - task.desired_foot) * np.sqrt(np.array(weights) / max(weights))
+        ratios = np.linalg.norm(values[:, 0], axis=1) / np.linalg.norm(away, axis=1)
+        np.testing.assert_allclose(ratios, ratios[0])  # one unit for all samples and axes
+
+
+def test_the_largest_error_over_several_models_is_that_of_all_of_them_together():
+    """So that powers of it lower the distances of (10), not those of each model by itself."""
+    problem = track(ERS210A, np.zeros(3), cyclic=True, norm="max")
+    assert not problem.spec.together
+    several = problem.in_scenarios([(ERS210A,)] * 2, [(None,)] * 2, "worst")
+    assert several.spec.together
+    assert not replace(several, norm="rms").spec.together
+    angles = np.array([[0.1, 0.2], [-0.4, 0.1], [0.0, 0.3]])
+    np.testing.assert_allclose(several.errors_of_models(angles), [0.4, 0.3])
+    assert several.error(angles) == pytest.approx(0.4)
+    even = replace(several, robust="mean")
+    assert even.error(angles) == pytest.approx(math.sqrt((0.16 + 0.09) / 2.0))
+
+
+def test_the_models_of_every_scenario_begin_where_their_joint_does():
+    problem, requests = stacked(9, 2, cyclic=False)
+    other = tuple(replace(model, lag=2.0 * model.lag) for model in problem.models)
+    both = problem.in_scenarios([problem.models, other], [(None, None)] * 2, "mean")
+    assert both.nominal == problem.models
+    np.testing.assert_array_equal(both.spec.drives[:, 8], np.tile(problem.start, 2))
+    angles = both.exact_angles(requests)
+    np.testing.assert_array_equal(angles[:, :2], problem.exact_angles(requests))
+    for joint, model in enumerate(other):
+        start = float(problem.start[joint])
+        alone = simulate(model, requests[:, joint], cyclic=False, start=start)
+        np.testing.assert_allclose(angles[:, 2 + joint], alone, rtol=0.0, atol=SAME)
+
+
+def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle_of_the_band():
+    """A tenth of the distance, beside second differences; docs/math.md, section 6."""
+    rng = np.random.default_rng(5)
+    for cyclic in (True, False):
+        start = None if cyclic else 0.1
+        plain, sticky = (
+            track(replace(ERS210A, dead_band=band), np.full(6, 0.1), cyclic=cyclic, start=start)
+            for band in (0.0, 0.02)
+        )
+        requests = rng.normal(size=(6, 1))
+        bends = requests[:-2] - 2.0 * requests[1:-1] + requests[2:]
+        first = requests[1] - requests[0]  # before the first the joint rests at it
+        squares = float(np.sum(bends**2)) + float(first[0] ** 2)
+        if cyclic:
+            closed = np.vstack([requests[-1:], requests, requests[:1]])
+            squares = float(np.sum(np.diff(closed, 2, axis=0) ** 2))
+        assert plain.roughness(requests) == pytest.approx(squares)
+        away = float(np.sum((0.1 * (requests - 0.1)) ** 2))
+        assert sticky.roughness(requests) == pytest.approx(squares + away)

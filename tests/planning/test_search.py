@@ -1,0 +1,194 @@
+"""The search's own bookkeeping: held requests, weights of models, and what smoothing may cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.gait.half_ellipse import reference_walk
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.planning.inversion import invert_optimal
+from planner.planning.problem import problem_of, track
+from planner.planning.search import (
+    ENCODER_STEP,
+    NARROW,
+    Judged,
+    State,
+    allowed_beside,
+    begun,
+    judged,
+    known_errors,
+    minimise,
+    robust_requests,
+    smoothed,
+    stages_for,
+)
+from planner.planning.solve import holding
+from planner.planning.task import Task
+from tests.instances import REFERENCE_JOINTS, saturating
+
+ERS210A = JointModel.ers210a()
+
+ROUNDING = 1e-12
+"""Of sums over some hundred samples [relative]."""
+
+
+def foot_problem(models=ERS210A, **options):
+    """The reference walk's foot, every fourth sample, and a motion beside its desired angles."""
+    walk = reference_walk()
+    task = Task.of(models, walk.desired_foot[::4], leg=walk.leg, **options)
+    problem = problem_of(task)
+    beside = 0.05 * np.random.default_rng(0).normal(size=problem.desired.shape)
+    return problem, np.tile(problem.desired + beside, len(problem.models) // 3)
+
+
+def test_requests_between_equal_limits_are_held_from_the_first_step_on():
+    problem, angles = foot_problem()
+    held = holding(problem, np.array([False, True, False]))
+    active = begun(held, State(problem.resting, angles)).active
+    np.testing.assert_array_equal(active[0], np.tile([0, -1, 0], (22, 1)))
+    np.testing.assert_array_equal(active[1], 0)
+
+
+def test_several_models_without_a_cycle_at_first_begin_at_the_desired_angles(monkeypatch):
+    """The nominal plan's cycle is known; that of the other model is not, and has to be found."""
+    desired = 0.3 * np.sin(2.0 * np.pi * np.arange(40) / 40)
+    problem = track(ERS210A, desired, cyclic=True)
+    others = [(ERS210A,), (replace(ERS210A, offset=0.02),)]
+    begins = []
+
+    def stop(_, state, __):
+        begins.append(state)
+        return state.requests, 1.0
+
+    monkeypatch.setattr("planner.planning.search.minimise", stop)
+    monkeypatch.setattr("planner.planning.problem.Problem.exact_angles", lambda *_: None)
+    robust_requests(problem, others, [(None,)] * 2, problem.resting, robust="mean", smoothness=0.0)
+    np.testing.assert_array_equal(begins[0].angles, np.column_stack([desired, desired]))
+
+
+def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
+    """Sags of 0, 0.1 and 0.3 rad: requests of -0.15 miss two of them by 0.15 each, none by more."""
+    models = [replace(ERS210A, offset=sag) for sag in (0.0, 0.1, 0.3)]
+    made = invert_optimal(models, np.zeros(20), robust="worst")
+    assert made.worst_error == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
+    mean = invert_optimal(models, np.zeros(20), robust="mean")
+    np.testing.assert_allclose(mean.requests, -0.4 / 3.0, rtol=0.0, atol=1e-3)
+
+
+def test_errors_that_a_robot_would_show_add_in_quadrature():
+    assert Judged(0.3, 0.2, 0.4, 0.1).shown == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("weights", [(0.5, 0.5), (0.2, 0.8)])
+def test_a_motion_of_a_foot_is_judged_by_what_each_joint_moves_it_in_each_scenario(weights):
+    """Root mean squares over samples and axes, the scenarios by their weights."""
+    noise = (0.01, 0.02, 0.03)
+    models = [ERS210A.with_evidence(Evidence(each)) for each in noise]
+    nominal, _ = foot_problem(models)
+    both = nominal.in_scenarios([tuple(models)] * 2, [(None,) * 3] * 2, "mean")
+    both = replace(both, weights=weights)
+    rng = np.random.default_rng(1)
+    angles = np.tile(nominal.desired, 2) + 0.05 * rng.normal(size=(22, 6))
+    found = judged(both, angles)
+    squares = np.zeros(3)
+    for scenario, weight in enumerate(weights):
+        values, jacobians = nominal.errors(angles[:, 3 * scenario : 3 * scenario + 3])
+        moved = jacobians[:, 0]  # (n, 3 axes, J)
+        squares += weight * np.array(
+            [
+                np.mean(np.sum(values[:, 0] ** 2, axis=1)),
+                np.mean(np.sum((moved * noise) ** 2, axis=(1, 2))),
+                np.mean(np.sum((moved * ENCODER_STEP) ** 2, axis=(1, 2))),
+            ]
+        )
+    expected = np.sqrt(squares)
+    assert [found.mean, found.known, found.unseen] == pytest.approx(expected, rel=ROUNDING)
+    assert found.error == both.error(angles)
+
+
+def test_the_root_mean_square_is_judged_beside_the_largest_error():
+    desired = np.array([0.1, 0.2, 0.3])
+    problem = track(ERS210A, desired, cyclic=True, norm="max")
+    found = judged(problem, (desired + np.array([0.03, 0.0, -0.04]))[:, np.newaxis])
+    assert found.error == pytest.approx(0.04)
+    assert found.mean == pytest.approx(0.05 / math.sqrt(3.0))
+    assert found.known == found.unseen == pytest.approx(ENCODER_STEP)
+
+
+def test_what_models_miss_is_at_least_an_encoders_step_and_grows_with_the_motion():
+    """A model whose error grows with the acceleration, and motions that are seen as they repeat."""
+    by_acceleration = Evidence(0.01, by_acceleration=((0.0, 0.004), (60.0, 0.05)))
+    models = [
+        ERS210A,
+        ERS210A.with_evidence(Evidence(1e-9)),
+        ERS210A.with_evidence(Evidence(math.nan)),
+        ERS210A.with_evidence(by_acceleration),
+    ]
+    ramp = np.tile(np.linspace(0.0, 1.0, 30)[:, np.newaxis], 4)  # jumps back where it repeats
+    cyclic, once = (known_errors(models, ramp, cyclic=each) for each in (True, False))
+    np.testing.assert_array_equal(cyclic[:3], ENCODER_STEP)
+    np.testing.assert_array_equal(once[:3], ENCODER_STEP)
+    assert once[3] == pytest.approx(0.004, rel=0.05)
+    assert cyclic[3] > 2.0 * once[3]
+
+
+def test_more_is_allowed_where_nearly_the_same_motion_follows_from_many_requests():
+    """For a foot and with dry friction an encoder's step in any case."""
+    best = Judged(0.3, 0.2, 0.4, 0.05)
+    desired = np.zeros(5)
+    plain = track(ERS210A, desired, cyclic=True)
+    sticky = track(replace(ERS210A, dead_band=0.01), desired, cyclic=True)
+    foot, _ = foot_problem()
+    for problem, unseen in ((plain, 0.0), (sticky, 0.05), (foot, 0.05)):
+        allowed = allowed_beside(problem, best, smoothness=0.1)
+        assert allowed.shown == pytest.approx(1.1 * 0.5)
+        assert allowed.unseen == unseen
+        none = allowed_beside(problem, best, smoothness=0.0)
+        assert none.by(best)
+        assert not none.by(best._replace(error=0.3001))
+    allowed = allowed_beside(sticky, best, smoothness=0.1)
+    assert allowed.by(Judged(0.37, 0.2, 0.4, 0.05))  # hypot(0.37, 0.4) is 0.545
+    assert not allowed.by(Judged(0.39, 0.2, 0.4, 0.05))
+    assert allowed.by(Judged(0.04, 0.2, 2.0, 0.05))
+
+
+def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed():
+    """The desired angles, sent early, are smoother than a plan, and too far off to be allowed."""
+    joint = REFERENCE_JOINTS[2]
+    best = invert_optimal(ERS210A, joint.desired, smoothness=0.0).requests[:, np.newaxis]
+    smooth = invert_optimal(ERS210A, joint.desired).requests[:, np.newaxis]
+    far = np.roll(joint.desired, -8)[:, np.newaxis]
+    problem = track(ERS210A, joint.desired, cyclic=True)
+    shaken = best + 1e-3 * np.random.default_rng(0).normal(size=best.shape)
+
+    def made(requests, *others):
+        return smoothed(problem, requests, smoothness=0.005, others=others)
+
+    assert problem.roughness(made(shaken, smooth)) <= problem.roughness(smooth)
+    np.testing.assert_array_equal(made(best, far), made(best))
+
+
+def test_where_the_largest_error_counts_wide_corners_come_before_growing_powers():
+    problem = track(ERS210A, np.zeros(4), cyclic=True)
+    assert [*stages_for(problem, NARROW)] == [*NARROW]
+    largest = stages_for(replace(problem, norm="max"), NARROW)
+    radii, powers = [each.radius for each in largest], [each.power for each in largest]
+    assert radii == sorted(radii, reverse=True)
+    assert powers == sorted(powers)
+    assert (radii[0], powers[0], powers[-1]) == (0.5, 2.0, 64.0)
+
+
+def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
+    """The beginning too: a search never makes requests worse by the exact model."""
+    desired = saturating(np.random.default_rng(4), ERS210A, samples=40)
+    problem = track(ERS210A, desired, cyclic=True)
+    best, least = minimise(problem, State(problem.resting, problem.desired), NARROW)
+    assert least == problem.exact_error(best)
+    again, error = minimise(problem, State(best, problem.exact_angles(best)), NARROW[:1])
+    np.testing.assert_array_equal(again, best)
+    assert error == least
