@@ -11,8 +11,9 @@ import planner
 from planner.exceptions import Infeasible, InvalidFile, InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
-from planner.planning.plan import Plan, request_motion
+from planner.planning.plan import Plan, joined, request_motion
 from planner.planning.task import Task
+from planner.planning.trials import Learning
 
 AIBO = planner.JointModel.ers210a()
 SLOW = planner.JointModel(v_max=2.0, theta_0=0.1, lag=0.03, acceleration_time=0.05)
@@ -230,3 +231,187 @@ def test_without_a_limit_a_foot_says_that_it_has_no_largest_step():
         view = Plan(task=task, requests=task.desired, method="foot_optimal").of_foot
         np.testing.assert_array_equal(view.max_step, expected)
         assert view.scenarios == ()
+
+
+def test_what_cycles_have_added_is_part_of_what_is_predicted():
+    added = 0.01 * np.arange(120.0).reshape(60, 2)
+    made = planted(DESIRED, 0.9 * DESIRED)
+    learnt = dataclasses.replace(made, task=dataclasses.replace(made.task, disturbance=added))
+    np.testing.assert_array_equal(learnt.predicted, made.predicted + added)
+    np.testing.assert_array_equal(learnt.errors, made.predicted + added - DESIRED)
+    np.testing.assert_array_equal(learnt.direct, made.direct)  # of the models alone
+
+
+def test_the_bound_of_a_foot_is_about_the_same_task_as_its_plan(monkeypatch):
+    """All that is asked of the foot, and under which loads and from where."""
+    walk, asked = planner.reference_walk(), {}
+
+    def bound(models, leg, desired, angles, **options):
+        asked.update(options, models=models, leg=leg, desired=desired, angles=angles)
+        return 0.25
+
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.foot_bound", bound)
+    models = (LOADED, SLOW, AIBO)
+    foot, load = walk.desired_foot[::8], np.full((11, 3), 0.2)
+    limits = np.array([[-2.0, -1.0, -0.5], [2.0, 1.6, 2.5]])
+    task = Task.of(
+        [dataclasses.replace(each, tick=0.008) for each in models],
+        foot,
+        leg=walk.leg,
+        weights=(1.0, 0.5, 0.0),
+        cyclic=False,
+        norm="max",
+        limits=limits,
+        load=load,
+    )
+    made = Plan(task=task, requests=task.desired, method="foot_optimal")
+    assert (made.foot_bound, made.of_foot.lower_bound) == (0.25, 0.25)
+    assert (asked["models"], asked["leg"]) == (task.nominal, walk.leg)
+    assert (asked["cyclic"], asked["norm"]) == (False, "max")
+    for name, expected in (
+        ("desired", foot),
+        ("angles", made.predicted),
+        ("weights", [1.0, 0.5, 0.0]),
+        ("limits", limits),
+        ("start", task.desired[0]),
+    ):
+        np.testing.assert_array_equal(asked[name], expected, err_msg=name)
+    np.testing.assert_array_equal(asked["loads"][0], 0.2)
+    assert asked["loads"][1:] == (None, None)  # which feel none
+    posed = dataclasses.replace(made, task=task.under(load, of_pose=True))
+    assert posed.lower_bounds[0] == 0.0
+
+
+@pytest.mark.parametrize("samples", [1000, 1001])
+def test_a_foot_path_of_more_than_a_thousand_samples_is_not_bounded(samples, monkeypatch):
+    monkeypatch.setattr("planner.planning.bounds.foot_bound.foot_bound", lambda *_, **__: 0.25)
+    walk = planner.reference_walk()
+    foot = np.resize(walk.desired_foot, (samples, 3))
+    task = Task.of(AIBO, foot, leg=walk.leg)
+    made = Plan(task=task, requests=task.desired, method="foot_optimal")
+    assert made.foot_bound == (0.25 if samples == 1000 else None)
+    assert planted(DESIRED, DESIRED).foot_bound is None
+
+
+def test_the_bound_of_each_joint_holds_under_its_load():
+    heavy = dataclasses.replace(SLOW, compliance=0.1, speed_per_torque=0.8)
+    load = np.column_stack([-0.5 * np.sign(np.cos(PHASE)), 0.0 * PHASE])  # against the motion
+    made = planted(4.0 * DESIRED, DESIRED, (heavy, SLOW), load=load)
+    for j, (model, torque) in enumerate(((heavy, load[:, 0]), (SLOW, None))):
+        alone = planner.lower_bound(model, 4.0 * DESIRED[:, j], load=torque)
+        assert made.lower_bounds[j] == pytest.approx(alone, rel=1e-9)
+    assert made.lower_bounds[0] > 1.01 * planner.lower_bound(SLOW, 4.0 * DESIRED[:, 0])
+
+
+def test_what_a_joint_is_expected_to_miss_follows_its_own_motion_and_load():
+    by_motion = Evidence(0.01, load=0.25, by_acceleration=((0.0, 0.004), (20.0, 0.02)))
+    models = [LOADED.with_evidence(by_motion), AIBO.with_evidence(Evidence(0.02, speed=0.1)), AIBO]
+    ramp = np.column_stack([np.linspace(0.0, 0.5, 60), 0.0 * PHASE, 0.2 * np.sin(PHASE)])
+    load = 0.3 * np.ones((60, 3))
+    made = planted(ramp, ramp, models, cyclic=False, load=load)
+    for j, model in enumerate(models[:2]):
+        known = model.evidence.error_of(made.predicted[:, j], period=AIBO.period, cyclic=False)
+        assert made.expected_rms[j] == pytest.approx(np.hypot(made.rms[j], known))
+    assert [each.untested for each in made.expected] == [("load",), (), ()]
+    assert np.isnan(made.expected_rms[2])
+    around = planted(ramp, ramp, models, load=load)
+    assert around.expected_rms[0] > 2.0 * made.expected_rms[0]  # the jump back accelerates
+
+
+def test_the_foot_is_expected_off_by_what_the_models_miss_beside_the_plans_own_errors():
+    """A joint's expected error holds that of the plan, which is part of the foot's already."""
+    walk = planner.reference_walk()
+    model = AIBO.with_evidence(Evidence(1e-9))
+    task = Task.of(model, walk.desired_foot, leg=walk.leg, smoothness=0.0)
+    made = Plan(task=task, requests=np.roll(task.desired, -2, axis=0), method="foot_optimal")
+    assert made.rms[0] > 0.005
+    assert made.expected_foot == pytest.approx(made.rms[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("requests", "cyclic", "reversals"),
+    [
+        ([0.0, 1.0, 2.0, 1.0], True, 2),
+        ([0.0, 1.0, 2.0, 1.0], False, 1),
+        ([0.0, 1.0, 1.0, 2.0], True, 2),
+        ([0.0, 1.0, 1.0, 0.0], False, 1),
+        ([0.0, 1.0, 1.0 - 1e-10, 2.0], False, 0),
+        ([0.0, 1e-5, 0.0, 1e-5], False, 2),
+        ([1.0, 1.0, 1.0, 1.0], True, 0),
+    ],
+)
+def test_reversals_are_counted_by_second_where_requests_turn_by_more_than_rounding(
+    requests, cyclic, reversals
+):
+    requests = np.array(requests)
+    motion = request_motion(requests, requests, period=0.05, cyclic=cyclic)
+    assert motion.reversals_per_s == pytest.approx(reversals / 0.2)
+    assert motion.largest_step == pytest.approx(
+        np.max(np.abs(np.diff(requests, append=requests[0] if cyclic else requests[-1])))
+    )
+
+
+def test_the_largest_step_is_that_of_each_joint():
+    requests = np.array([[0.0, 0.0], [0.1, 0.3], [0.3, 0.4]])
+    cyclic, once = (
+        planted(requests, requests, cyclic=each).largest_steps.tolist() for each in (True, False)
+    )
+    assert cyclic == pytest.approx([0.3, 0.4])
+    assert once == pytest.approx([0.2, 0.3])
+
+
+def learning(stopped):
+    return Learning(
+        trials=(),
+        noise=np.zeros(1),
+        gain=1.0,
+        reidentified=(0,),
+        delays=(),
+        best=0,
+        floor=(0.0, 0.0),
+        next_error=0.0,
+        stopped=stopped,
+        remarks=(),
+    )
+
+
+def test_a_joint_of_a_plan_has_its_own_lines_and_its_own_learning_and_joined_all_of_them():
+    made = planner.plan([AIBO, SLOW], DESIRED, names=["hip", "knee"], method="closed_form")
+    assert [len(each.models) for each in made.inversions] == [0, 0]
+    known = (learning(""), learning("enough"))
+    made = dataclasses.replace(made, learning=known)
+    assert made.stopped == {"knee": "enough"}
+    for j, view in enumerate(made.inversions):
+        one = made.joint(j)
+        assert one.names == made.names[j : j + 1]
+        assert one.approximations == (made.approximations[j],) == (view.approximation,)
+        assert one.learning == (known[j],) == (view.learning,)
+        assert view.stopped == ("", "enough")[j]
+        np.testing.assert_allclose(one.approximations[0].angles, DESIRED[:, j], atol=0.1)
+    again = joined([made.joint(0), made.joint(1)])
+    assert again.approximations == made.approximations
+    assert again.learning == known
+
+
+def test_joined_plans_have_nominal_requests_where_any_of_them_has():
+    models = [AIBO, [AIBO, dataclasses.replace(AIBO, lag=0.05)]]
+    made = planner.plan(models, DESIRED)
+    for order in ((0, 1), (1, 0)):
+        each = [made.joint(j) for j in order]
+        again = joined(each)
+        np.testing.assert_array_equal(again.nominal_requests, made.nominal_requests[:, order])
+        assert [len(errors) for errors in again.errors_of_models] == [(1, 2)[j] for j in order]
+    assert joined([made.joint(0)] * 2).nominal_requests is None
+    np.testing.assert_array_equal(made.requests[:, 0], made.nominal_requests[:, 0])
+
+
+def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
+    others = [dataclasses.replace(AIBO, offset=sag) for sag in (0.1, -0.3)]
+    made = planted(np.zeros((5, 2)), np.full((5, 2), 0.05), [[AIBO, *others], [SLOW]])
+    np.testing.assert_allclose(made.errors_of_models[0], [0.05, 0.15, 0.25], atol=1e-12)
+    np.testing.assert_allclose(made.errors_of_models[1], [0.05], atol=1e-12)
+    told = made.over_models[0]
+    assert told == pytest.approx((0.05, np.sqrt(0.0875 / 3.0), 0.25))
+    assert made.inversions[0].worst_error == told.worst
+    wrong = planted(np.zeros((5, 1)), np.full((5, 1), 0.3), [[AIBO, others[1]]])
+    assert wrong.over_models[0].worst == pytest.approx(0.3)  # the nominal one's

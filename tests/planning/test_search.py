@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -78,6 +79,32 @@ def test_the_weights_of_the_worst_models_grow_until_their_errors_are_equal():
     assert made.worst_error == pytest.approx(0.15, rel=0.02)  # six rounds leave 1 %
     mean = invert_optimal(models, np.zeros(20), robust="mean")
     np.testing.assert_allclose(mean.requests, -0.4 / 3.0, rtol=0.0, atol=1e-3)
+
+
+def test_the_worst_error_is_smoothed_with_the_weights_under_which_it_was_least(monkeypatch):
+    """Each round's weights are those before times the errors, together 1."""
+    problem = track(ERS210A, np.zeros(20), cyclic=True)
+    scenarios = [(replace(ERS210A, offset=sag),) for sag in (0.0, 0.1, 0.3)]
+    seen, given = [], []
+
+    def record(each, state, stages):
+        made = minimise(each, state, stages)
+        seen.append((each.weights, made[0], made[1]))
+        return made
+
+    monkeypatch.setattr("planner.planning.search.minimise", record)
+    monkeypatch.setattr(
+        "planner.planning.search.smoothed", lambda each, made, **_: given.append(each) or made
+    )
+    robust_requests(
+        problem, scenarios, [(None,)] * 3, problem.resting, robust="worst", smoothness=0.1
+    )
+    even = problem.in_scenarios(scenarios, [(None,)] * 3, "worst")
+    for (weights, column, _), (others, _, _) in pairwise(seen):
+        product = weights * even.errors_of_models(even.exact_angles(column))
+        np.testing.assert_allclose(others, product / np.sum(product))
+    errors = [error for _, _, error in seen]
+    assert given[0].weights == seen[int(np.argmin(errors))][0] != seen[0][0]
 
 
 def test_errors_that_a_robot_would_show_add_in_quadrature():
@@ -170,7 +197,22 @@ def test_the_smoothest_of_several_beginnings_is_taken_of_those_that_are_allowed(
         return smoothed(problem, requests, smoothness=0.005, others=others)
 
     assert problem.roughness(made(shaken, smooth)) <= problem.roughness(smooth)
-    np.testing.assert_array_equal(made(best, far), made(best))
+    for other in (far, np.full_like(best, np.mean(best))):
+        np.testing.assert_array_equal(made(best, other), made(best))
+    # Where no step is allowed, the smoothest of what was given is left.
+    kept = smoothed(problem, best, smoothness=0.1, others=[smooth], at_most=0.0)
+    np.testing.assert_array_equal(kept, smooth)
+
+
+def test_where_smoothing_meets_a_smaller_error_its_share_is_of_that():
+    """Shaken requests err by 1.2 % more than the plan: the first steps take nearly all of it."""
+    joint = REFERENCE_JOINTS[2]
+    plan = invert_optimal(ERS210A, joint.desired, smoothness=0.0)
+    shaken = plan.requests + 0.05 * np.random.default_rng(0).normal(size=88)
+    problem = track(ERS210A, joint.desired, cyclic=True)
+    made = smoothed(problem, shaken[:, np.newaxis], smoothness=0.005)
+    assert problem.exact_error(shaken[:, np.newaxis]) > 1.01 * plan.rms
+    assert problem.exact_error(made) <= 1.006 * plan.rms
 
 
 def test_where_the_largest_error_counts_wide_corners_come_before_growing_powers():

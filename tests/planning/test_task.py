@@ -17,7 +17,7 @@ from planner import (
     simulate,
 )
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
-from planner.planning.plan import joined
+from planner.planning.plan import Plan, joined
 from planner.planning.task import Task
 
 SERVO = replace(JointModel.ers210a(), compliance=0.02)
@@ -112,3 +112,183 @@ def test_the_desired_angles_sent_as_they_are_begin_where_the_plan_does():
     made = invert_optimal(JointModel.ers210a(), desired, cyclic=False, start=0.5)
     expected = simulate(JointModel.ers210a(), desired, cyclic=False, start=0.5)
     np.testing.assert_array_equal(made.plan.direct[:, 0], expected)
+
+
+def test_the_load_of_the_first_sample_decides_where_a_joint_may_rest_before():
+    """The joint rests at 0.3 + 0.02 tau at most: a torque of 5 N m lifts it to 0.4."""
+    loads = np.array([5.0, *np.full(39, 0.0)])
+    options = {"names": ("knee",), "limits": (-0.3, 0.3), "cyclic": False}
+    path = np.full((40, 1), 0.1)
+    task = Task.of(SERVO, path, start=0.39, load=loads[:, np.newaxis], **options)
+    assert task.starts == (0.39,)
+    for load, start in ((loads, 0.41), (loads[::-1], 0.39), (-loads, 0.25)):
+        with pytest.raises(Infeasible, match=r"^start: it is"):
+            Task.of(SERVO, path, start=start, load=load[:, np.newaxis], **options)
+
+
+def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
+    sticky = replace(JointModel.ers210a(), dead_band=0.05, offset=-0.1)
+    for reached in (0.249, -0.449):
+        desired = np.array([[0.0], [reached], [0.0]])
+        Task.of(sticky, desired, limits=(-0.3, 0.3))
+        beyond = desired * (np.abs(reached) + 0.011) / np.abs(reached)
+        with pytest.raises(Infeasible, match=r"beyond the angles -0\.45 to 0\.25 rad") as raised:
+            Task.of(sticky, beyond, limits=(-0.3, 0.3))
+        assert "sample 1 is" in str(raised.value)
+        assert ", 0.01 rad beyond" in str(raised.value)
+
+
+def test_of_several_angles_beyond_the_limits_the_farthest_is_named():
+    with pytest.raises(Infeasible, match=r"^desired: sample 2 is -0\.7 rad, 0\.4 rad beyond"):
+        Task.of(SERVO, np.array([[0.5], [0.1], [-0.7], [0.6]]), limits=(-0.3, 0.3))
+
+
+def test_requests_keep_a_task_up_to_rounding_and_across_the_boundary_of_a_cycle():
+    rows = np.array([[0.0], [0.1], [0.2], [0.3]])
+    options = {"limits": (-0.5, 0.3), "max_step": 0.1}
+    once = Task.of(SERVO, 0.0 * rows, cyclic=False, **options)
+    assert once.keeps(rows, rounding=1e-9)
+    assert not Task.of(SERVO, 0.0 * rows, **options).keeps(rows, rounding=1e-9)
+    assert once.keeps(rows + 1e-6, rounding=1e-5)
+    assert not once.keeps(rows + 1e-6, rounding=1e-7)
+    assert not once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-6)
+    assert once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-4)
+
+
+def test_a_joint_with_one_model_has_it_beside_every_model_of_the_others():
+    late = replace(SERVO, lag=0.05)
+    slow = replace(SERVO, v_max=2.0)
+    task = Task.of([[SERVO, late, slow], SERVO], PATH, names=NAMES)
+    assert task.scenarios == ((SERVO, SERVO), (late, SERVO), (slow, SERVO))
+    assert task.nominal == (SERVO, SERVO)
+    assert (task.joint(0).robust, task.joint(1).robust) == ("mean", None)
+    alone = task.with_models((late, SERVO))
+    assert (alone.models, alone.robust) == (((late,), (SERVO,)), None)
+
+
+def test_a_load_is_kept_where_any_model_of_a_joint_feels_it():
+    plain = JointModel.ers210a()
+    load = np.column_stack([np.arange(40.0), np.full(40, 0.5)]) / 100.0
+    task = Task.of([[plain, SERVO], [plain, plain]], PATH, names=NAMES, load=load)
+    np.testing.assert_array_equal(task.loads[0], load[:, 0])
+    assert task.loads[1] is None
+    assert task.loads_on(task.nominal) == (None, None)
+    np.testing.assert_array_equal(task.loads_on(task.scenarios[1])[0], load[:, 0])
+    np.testing.assert_array_equal(task.load, load * [1.0, 0.0])
+    assert not task.under(load).load_of_pose
+    assert task.under(load, of_pose=True).load_of_pose
+    unloaded = Task.of(plain, PATH).under(load, of_pose=True)
+    assert (unloaded.load, unloaded.load_of_pose) == (None, False)
+
+
+def test_errors_of_a_foot_count_along_its_axes_by_the_roots_of_their_weights():
+    walk = reference_walk()
+    task = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg, weights=(0.0, 0.5, 2.0))
+    angles = task.desired + 0.1
+    off = walk.leg.foot_positions(angles) - walk.desired_foot[::8]
+    squares = 0.25 * off[:, 1] ** 2 + off[:, 2] ** 2  # the heaviest counts by 1
+    assert task.errors_of(angles) == pytest.approx(np.sqrt([np.mean(squares)]))
+    largest = replace(task, norm="max").errors_of(angles)
+    assert largest == pytest.approx(np.sqrt([np.max(squares)]))
+
+
+def test_from_rest_a_leg_begins_as_near_to_the_first_point_as_its_limits_let_it_rest():
+    walk = reference_walk()
+    nearest = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg).desired[0]
+    limits = nearest - np.array([0.1, -0.2, 1.0]), nearest + np.array([0.2, 0.5, -0.3])
+    load = np.zeros((11, 3))
+    load[0] = 2.0  # lifts each joint by 0.04
+    task = Task.of(
+        SERVO, walk.desired_foot[::8], leg=walk.leg, limits=limits, load=load, cyclic=False
+    )
+    np.testing.assert_allclose(task.start - nearest, [0.0, 0.24, -0.26])
+
+
+def test_joined_tasks_have_what_any_of_them_has():
+    load = np.column_stack([np.arange(40.0), np.zeros(40)]) / 100.0
+    models = [[SERVO], [JointModel.ers210a(), replace(JointModel.ers210a(), lag=0.05)]]
+    options = {"cyclic": False, "start": [0.1, 0.2], "max_step": [0.1, 0.2], "robust": "worst"}
+    task = Task.of(
+        models, PATH, names=NAMES, limits={"knee": (-1.0, 2.0)}, load=load, **options
+    ).under(load, of_pose=True)
+    task = replace(task, disturbance=0.1 * PATH)
+    again = Task.joined([task.joint(0), task.joint(1)])
+    _same(task, again)
+    assert again.load_of_pose
+    assert again.robust == "worst"
+    single = task.joint(1)
+    assert (single.names, single.limits, single.starts) == (("knee",), ((-1.0, 2.0),), (0.2,))
+    np.testing.assert_array_equal(single.max_step, [0.2])
+    np.testing.assert_array_equal(single.disturbance, 0.1 * PATH[:, 1:])
+
+
+CHANGES = {
+    "desired": (PATH[:, 0] + 0.1, lambda task: task.desired[:, 0]),
+    "disturbance": (0.1 * PATH[:, 0], lambda task: task.disturbance[:, 0]),
+    "limits": ((-0.7, 0.8), lambda task: task.limits[0]),
+    "max_step": (0.3, lambda task: task.max_step[0]),
+    "start": (0.2, lambda task: task.starts[0]),
+    "load": (np.linspace(0.0, 1.0, 40), lambda task: task.loads[0]),
+    "norm": ("max", lambda task: task.norm),
+    "smoothness": (0.1, lambda task: task.smoothness),
+    "tolerance": (0.01, lambda task: task.tolerance),
+    "model": (replace(SERVO, lag=0.07), lambda task: task.nominal[0]),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_what_is_replaced_of_a_joint_is_that_of_its_task_and_of_the_view_of_it(name):
+    value, of_task = CHANGES[name]
+    made = plan([SERVO, [SERVO, replace(SERVO, lag=0.05)]], PATH, names=NAMES, cyclic=False)
+    view = made.inversions[1]
+    changed = replace(view, **{name: value})
+    np.testing.assert_array_equal(of_task(changed.plan.task), value)
+    np.testing.assert_array_equal(getattr(changed, name), value)
+    np.testing.assert_array_equal(changed.requests, view.requests)
+    np.testing.assert_array_equal(getattr(made.inversions[1], name), getattr(view, name))
+    others = set(CHANGES) - {name}
+    for other in others:
+        np.testing.assert_array_equal(getattr(changed, other), getattr(view, other), err_msg=other)
+    assert len(changed.models) == 2
+
+
+def test_what_is_replaced_by_none_is_left_out():
+    asked = {"limits": (-0.5, 0.5), "max_step": 0.2, "start": 0.1, "load": 0.1, "cyclic": False}
+    view = invert_optimal([SERVO, replace(SERVO, lag=0.05)], PATH[:, 0], **asked)
+    free = replace(view, limits=None, max_step=None, load=None)
+    assert (free.limits, free.max_step, free.load) == (None, None, None)
+    assert free.start == 0.1
+    assert replace(view, start=None, cyclic=True).start is None
+    assert replace(view, models=(), robust=None, nominal=None).models == ()
+    assert replace(view, models=(), robust=None, nominal=None).nominal is None
+    assert view.nominal.requests.shape == (40,)
+    other = replace(view, nominal=replace(view.nominal, requests=view.requests))
+    np.testing.assert_array_equal(other.nominal.requests, view.requests)
+
+
+def test_what_is_replaced_of_a_foot_is_that_of_all_its_joints():
+    walk = reference_walk()
+    servo = JointModel.ers210a()
+    late = replace(servo, lag=0.05)
+    task = Task.of([[servo, late]] * 3, walk.desired_foot[::8], leg=walk.leg)
+    made = Plan(
+        task=task, requests=task.desired, method="foot_optimal", nominal_requests=task.desired
+    ).of_foot
+    assert made.scenarios == ((servo,) * 3, (late,) * 3)
+    assert replace(made, scenarios=()).scenarios == ()
+    assert replace(made, models=(late,) * 3).models == (late,) * 3
+    swapped = replace(made, scenarios=((late,) * 3, (servo,) * 3))
+    assert (swapped.models, swapped.scenarios[1]) == ((late,) * 3, (servo,) * 3)
+    limits = np.full(3, -2.0), np.array([1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(replace(made, limits=limits).limits, limits)
+    np.testing.assert_array_equal(replace(made, max_step=0.3).max_step, np.full(3, 0.3))
+    loads = (np.full(11, 0.5), None, None)
+    sagging = replace(made, scenarios=(), models=(SERVO,) * 3, loads=loads)
+    np.testing.assert_array_equal(sagging.loads[0], 0.5)
+    np.testing.assert_array_equal(sagging.loads[1], 0.0)
+    high = replace(made, desired_foot=made.desired_foot + np.array([0.0, 0.0, 0.1]))
+    expected = made.error_of(walk.leg.joint_angles(made.desired_foot)) + 0.1
+    assert high.error_of(task.desired) == pytest.approx(expected, abs=1e-6)
+    assert (made.nominal.scenarios, made.nominal.robust) == (made.scenarios, None)
+    steps = np.abs(np.diff(task.desired, axis=0, append=task.desired[:1]))
+    assert made.largest_step == np.max(steps)
