@@ -234,3 +234,16 @@ def test_the_best_end_of_all_sharp_stages_is_kept_even_if_the_last_is_worse():
     again, error = minimise(problem, State(best, problem.exact_angles(best)), NARROW[:1])
     np.testing.assert_array_equal(again, best)
     assert error == least
+
+
+def test_smoothing_keeps_the_share_of_the_best_plan_where_that_is_another():
+    joint = REFERENCE_JOINTS[2]
+    plan = invert_optimal(ERS210A, joint.desired, smoothness=0.0)
+    problem = track(ERS210A, joint.desired, cyclic=True)
+    late = (plan.requests + 0.05 * np.random.default_rng(0).normal(size=88))[:, np.newaxis]
+    best = plan.predicted[:, np.newaxis]
+    assert problem.exact_error(late) > 1.01 * problem.error(best)
+    np.testing.assert_array_equal(smoothed(problem, late, smoothness=0.005, best=best), late)
+    more = smoothed(problem, late, smoothness=0.05, best=best)
+    assert problem.exact_error(more) <= 1.05 * problem.error(best)
+    assert problem.roughness(more) < problem.roughness(late)
