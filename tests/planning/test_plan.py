@@ -266,6 +266,7 @@ def test_the_bound_of_a_foot_is_about_the_same_task_as_its_plan(monkeypatch):
     )
     made = Plan(task=task, requests=task.desired, method="foot_optimal")
     assert (made.foot_bound, made.of_foot.lower_bound) == (0.25, 0.25)
+    assert made.inversions == ()
     assert (asked["models"], asked["leg"]) == (task.nominal, walk.leg)
     assert (asked["cyclic"], asked["norm"]) == (False, "max")
     for name, expected in (
@@ -290,7 +291,8 @@ def test_a_foot_path_of_more_than_a_thousand_samples_is_not_bounded(samples, mon
     task = Task.of(AIBO, foot, leg=walk.leg)
     made = Plan(task=task, requests=task.desired, method="foot_optimal")
     assert made.foot_bound == (0.25 if samples == 1000 else None)
-    assert planted(DESIRED, DESIRED).foot_bound is None
+    joints = planted(DESIRED, DESIRED)
+    assert (joints.foot_bound, joints.of_foot) == (None, None)
 
 
 def test_the_bound_of_each_joint_holds_under_its_load():

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from planner import InvalidInput, JointModel, Log, fastest, replay, simulate
 from planner.exceptions import Infeasible
+from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
+from planner.recording.recorded_path import recorded_path
+from planner.recording.replaying import replay_at
+from planner.recording.retiming import Measure
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -142,3 +147,176 @@ def test_a_recording_that_its_model_refutes_at_its_own_speed_proves_no_limit():
     found = fastest(log, slow, tolerance=np.radians(2.0))
     assert found.speed < 1.0
     assert (found.contradicted, found.impossible) == (("joint",), None)
+
+
+class MadeUp:
+    """A joint whose plans err by a known multiple of the tolerance at each speed.
+
+    Attributes:
+        best: Highest factor at which the plan of least rms error keeps the tolerance.
+        largest: The same of the plan for the largest error.
+        proved: Lowest factor that the bound refutes.
+        tried: Each factor that was planned, with the norm and the plans that were kept.
+    """
+
+    def __init__(self, monkeypatch, *, best, largest=0.0, proved=np.inf):
+        self.best, self.largest, self.proved, self.tried = best, largest, proved, []
+        monkeypatch.setattr("planner.recording.retiming.replay_at", self.replay_at)
+        monkeypatch.setattr("planner.recording.retiming.lower_bound", self.lower_bound)
+
+    def error(self, speed, norm):
+        kept = self.largest if norm == "max" else self.best
+        return TOLERANCE * speed / kept if kept else np.inf
+
+    def replay_at(self, path, moments, *, speed=None, norm="rms", known=None, **_):
+        if speed is None:
+            speed = (moments[-1] - moments[0]) / ((len(moments) - 1) * path.period)
+        self.tried.append((speed, norm, known))
+        size = self.error(speed, norm)
+        errors = size * np.resize([1.0, 0.5, -1.0], len(moments))
+        factors = {"direct": 5.0, "shifted": 2.0, "planned": 1.0, "resent": 5.0}
+        joints = tuple(
+            SimpleNamespace(
+                name=each.name,
+                path=each,
+                desired=each.at(moments, each.followed),
+                inversion=SimpleNamespace(max_error=size),
+                error_of=lambda kind: factors[kind] * errors,
+            )
+            for each in path.planned
+        )
+        return SimpleNamespace(
+            planned=joints, joints=joints, speed=speed, moments=moments, path=path
+        )
+
+    def lower_bound(self, _, desired, **options):
+        assert (options["cyclic"], options["norm"]) == (False, "max")
+        assert options["start"] == desired[0]
+        self.fewest = len(desired)
+        return TOLERANCE * (ROWS - 1) / (len(desired) - 1) / self.proved
+
+
+ROWS = 1601
+
+
+def found_for(_, rows=ROWS):
+    """The fastest replay of a long, slow swing by a made-up joint."""
+    return fastest(log(swing(0.5, rows)), SERVO, tolerance=TOLERANCE)
+
+
+@pytest.mark.parametrize("best", [0.07, 0.3, 0.99, 1.0, 1.3, 2.0, 5.0, 63.0])
+def test_the_largest_factor_is_found_to_a_hundredth_and_keeps_the_tolerance(best, monkeypatch):
+    made_up = MadeUp(monkeypatch, best=best)
+    found = found_for(made_up)
+    assert best / 1.0101 <= found.constant <= best
+    assert found.replay.speed == found.speed == found.constant
+    assert np.max(np.abs(found.replay.joints[0].error_of("planned"))) <= TOLERANCE
+    speeds = [speed for speed, norm, _ in made_up.tried if norm == "rms"]
+    assert len(set(speeds)) == len(speeds)  # each speed is planned once
+
+
+def test_no_replay_is_faster_than_eight_periods_or_sixty_four_times(monkeypatch):
+    for rows, most in ((ROWS, 64.0), (161, 16.0), (257, 32.0), (256, 16.0)):
+        assert found_for(MadeUp(monkeypatch, best=1e9), rows).constant == most
+
+
+def test_a_replay_is_no_slower_than_a_sixteenth(monkeypatch):
+    with pytest.raises(Infeasible, match=r"at 0\.0625 times the speed the plan still is 1\.25 tim"):
+        found_for(MadeUp(monkeypatch, best=0.05))
+    assert found_for(MadeUp(monkeypatch, best=1.0 / 16.0)).constant == 1.0 / 16.0
+
+
+@pytest.mark.parametrize("proved", [1.31, 1.9, 2.7, 9.0])
+def test_the_lowest_speed_that_is_proved_too_high_is_found_to_a_hundredth(proved, monkeypatch):
+    found = found_for(MadeUp(monkeypatch, best=1.3, proved=proved))
+    impossible = found.impossible
+    rounding = 1.0 + proved / (ROWS - 1)  # in whole requests
+    assert proved / rounding <= impossible.speed <= 1.0101 * proved * rounding
+    assert impossible.bound > 1.0
+    assert impossible.joint == "elbow"
+    assert [each.speed for each in found.curve][-1] == pytest.approx(1.15 * impossible.speed)
+
+
+def test_where_no_speed_is_proved_too_high_the_curve_ends_beyond_the_speed_found(monkeypatch):
+    found = found_for(MadeUp(monkeypatch, best=1.3))
+    assert found.impossible is None
+    speeds = [each.speed for each in found.curve]
+    assert len(speeds) == 7
+    assert speeds[0] == pytest.approx(0.5 * found.constant)
+    assert speeds[-1] == pytest.approx(1.15 * 1.5 * found.constant)
+    assert found.constant in speeds
+    assert speeds == sorted(speeds)
+    for each in found.curve:
+        planned = each.speed / 1.3
+        assert each[1:4] == pytest.approx((5.0 * planned, 2.0 * planned, planned))
+        assert each.bound == 0.0
+
+
+def test_joints_that_the_rms_leaves_beyond_the_tolerance_are_planned_for_the_largest_error(
+    monkeypatch,
+):
+    made_up = MadeUp(monkeypatch, best=1.0, largest=1.6)
+    found = found_for(made_up)
+    assert 1.6 / 1.0101 <= found.constant <= 1.6
+    for speed, norm, known in made_up.tried:
+        if norm == "max":
+            assert speed > 1.0
+            assert known == {}  # the joint is planned anew
+    worse = found_for(MadeUp(monkeypatch, best=1.0, largest=0.8))
+    assert worse.curve[-1].planned == pytest.approx(worse.curve[-1].speed)  # that of the rms
+
+
+def test_a_tolerance_for_the_foot_counts_its_distance_in_the_order_of_the_legs_joints():
+    walk = reference_walk()
+    leg, names = walk.leg, ("knee", "rotator", "abductor")
+    columns = dict(zip(leg.joint_names, walk.desired.T, strict=True))
+    logs = [log(np.resize(columns[name], 200), name) for name in names]
+    path = recorded_path(logs, SERVO)
+    made = replay_at(path, path.moments(1.0), smoothness=0.1)
+    found = Measure.of(path, None, 0.004, leg)
+    by_name = {each.name: each for each in made.planned}
+    desired = np.column_stack([by_name[name].desired for name in leg.joint_names])
+    for kind in ("planned", "direct"):
+        off = np.column_stack([by_name[name].error_of(kind) for name in leg.joint_names])
+        away = leg.foot_positions(desired + off) - leg.foot_positions(desired)
+        expected = np.linalg.norm(away, axis=1) / 0.004
+        np.testing.assert_allclose(found.errors(made, kind), expected)
+    assert [each.name for each in found.late(made)] == [each.name for each in made.planned]
+    with pytest.raises(InvalidInput, match="leg: its joint 'knee' is not planned"):
+        Measure.of(recorded_path(logs[1:], SERVO), None, 0.004, leg)
+
+
+def test_the_foot_of_a_recorded_leg_is_kept_within_its_tolerance_without_a_bound(monkeypatch):
+    made_up = MadeUp(monkeypatch, best=1.0, largest=0.5)
+    monkeypatch.setattr("planner.recording.retiming.lower_bound", None)  # there is none for a foot
+    leg = reference_walk().leg
+    rows = reference_walk().desired
+    logs = [
+        log(np.resize(column, 200), name)
+        for name, column in zip(leg.joint_names, rows.T, strict=True)
+    ]
+    found = fastest(logs, SERVO, foot_tolerance=0.004, leg=leg)
+    assert (found.foot, found.tolerance, found.impossible) == (True, 0.004, None)
+    assert all(np.isnan(each.bound) for each in found.curve)
+    made, faster = (
+        made_up.replay_at(each.path, each.path.moments(speed), speed=speed)
+        for each in (found.replay,)
+        for speed in (found.speed, 1.02 * found.speed)
+    )
+    measure = Measure.of(found.replay.path, None, 0.004, leg)
+    assert (
+        np.max(measure.errors(made, "planned")) <= 1.0 < np.max(measure.errors(faster, "planned"))
+    )
+
+
+def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts():
+    logs = [log(swing(0.8, 60)), log(swing(0.8, 60), "jaw", unit="1")]
+    path = recorded_path(logs, SERVO, joints=["elbow", "jaw"])
+    made = replay_at(path, path.moments(2.0))
+    found = Measure.of(path, np.radians(2.0), None, None)
+    elbow, jaw = (np.abs(each.error_of("direct")) for each in made.planned)
+    expected = np.maximum(elbow / np.radians(2.0), jaw / 0.02)
+    np.testing.assert_allclose(found.errors(made, "direct"), expected)
+    strict = Measure.of(path, 1e-9, None, None)
+    assert strict.late(made) == list(made.planned)
+    assert Measure.of(path, 10.0, None, None).late(made) == []
