@@ -106,15 +106,20 @@ def _stages_gone_through(problem: Problem, search: Search, stages: Sequence[Stag
     return ends
 
 
-def minimise(problem: Problem, state: State, stages: Sequence[Stage]) -> tuple[Array, float]:
+def minimise(
+    problem: Problem, state: State, stages: Sequence[Stage], *, through_rms: bool = False
+) -> tuple[Array, float]:
     """The best requests that the stages lead to, judged by the exact models, and their error.
 
     Args:
         problem: What to reach, and within which limits.
         state: Where to start; its requests within the limits.
         stages: The stages to go through.
+        through_rms: Where the largest error counts: whether the plan for the root mean square comes
+            first, and the stages that turn to the largest error start from it.
     """
-    stages = stages_for(problem, stages)
+    first, then = (stages, ()) if through_rms else ((), stages)
+    stages = [*first, *stages_for(problem, then)]
     ends = _stages_gone_through(problem, begun(problem, state), stages)
     best, least = state.requests, problem.exact_error(state.requests)
     for stage, end in zip(stages, ends, strict=True):

@@ -181,8 +181,8 @@ def search(problem: Problem, state: State) -> Array:
     best = min((minimise(problem, start, NARROW) for start in starts), key=itemgetter(1))
     near = OPTIONS.far * problem.error(state.angles)
     if problem.norm == "max" and best[1] > near:
-        found, _ = minimise(replace(problem, norm="rms"), state, NARROW)
-        best = min(best, (found, problem.exact_error(found)), key=itemgetter(1))
+        other = minimise(problem, state, NARROW, through_rms=True)
+        best = min(best, other, key=itemgetter(1))
     if best[1] > near + OPTIONS.negligible * model.theta_0:
         short = len(problem.desired) <= 2 * problem.ages.oldest
         if short or model.v_max_per_tick > model.theta_0:
@@ -251,6 +251,9 @@ def foot_requests(problem: Problem, singly: Array, *, smoothness: float) -> tupl
     angles = problem.exact_angles(first)
     state = State(first, problem.desired if angles is None else angles)
     best, least = minimise(problem, state, FOOT)
+    if problem.norm == "max":
+        other = minimise(problem, state, FOOT, through_rms=True)
+        best, least = min((best, least), other, key=itemgetter(1))
     logging.getLogger(__name__).debug("foot: best cost %.4g", least)
     if not math.isfinite(least):
         raise SolverFailed("optimised inversion of the foot", "no requests lead to a steady cycle")

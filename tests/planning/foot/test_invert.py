@@ -371,3 +371,14 @@ def test_the_error_is_that_of_the_norm_and_the_weights():
     assert sideways.error == pytest.approx(np.max(np.abs((plan.foot - plan.desired_foot)[:, 1])))
     steps = np.abs(plan.requests - np.roll(plan.requests, 1, axis=0))
     assert plan.largest_step == np.max(steps)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_plan_for_the_largest_error_of_a_rough_path_is_no_worse_than_that_for_the_rms(seed):
+    rng = np.random.default_rng(seed)
+    model = replace(ERS210A, v_max=0.7 * ERS210A.v_max)
+    path = WALK.desired_foot[::4] + rng.normal(scale=0.004, size=(22, 3))  # [m]
+    mean, largest = (
+        invert_foot(model, WALK.leg, path, norm=norm, smoothness=0.0) for norm in ("rms", "max")
+    )
+    assert largest.max_error <= mean.max_error + NO_WORSE
