@@ -241,3 +241,121 @@ def test_at_its_own_speed_a_recording_of_any_length_keeps_its_last_row():
     for count in range(20, 150):
         path = recorded_path([recorded(requests=asked()[:count])], SERVO)
         assert len(path.moments(1.0)) == count
+
+
+SAGGING = replace(SERVO, compliance=0.05, speed_per_torque=0.5)
+"""The servo under loads: it sags by 0.05 rad/(N m)."""
+
+
+def carried(joint="elbow"):
+    """A log of the sagging servo under a torque that grows, which the log has."""
+    torques = np.linspace(0.0, 2.0, COUNT)
+    angles = simulate(SAGGING, asked(), cyclic=False, load=torques)
+    return Log(
+        times=OWN * np.arange(COUNT), requests=asked(), angles=angles, joint=joint, load=torques
+    )
+
+
+def test_the_torque_of_a_log_acts_at_the_moments_of_the_replay_on_all_kinds_of_requests():
+    log = carried()
+    (joint,) = replay(log, SAGGING, speed=2.0, smoothness=0.0).joints
+    torques = np.interp(joint.moments, log.times, log.load)
+    np.testing.assert_allclose(joint.inversion.load, torques)
+    (own,) = replay(log, SAGGING, smoothness=0.0).joints
+    start = float(own.desired[0])
+    for requests, angles in (
+        (own.requests, own.predicted),
+        (np.append(own.requests[0], own.desired[1:]), own.direct),
+        (np.append(own.requests[0], log.requests[1:]), own.resent),
+    ):
+        expected = simulate(SAGGING, requests, cyclic=False, start=start, load=log.load)
+        np.testing.assert_allclose(angles, expected, rtol=0.0, atol=1e-12)
+    assert rms(own.errors["resent"]) < 1e-9  # what was sent makes what was done
+
+
+def test_a_replay_holds_the_joint_where_the_recording_is_when_it_begins():
+    (joint,) = replay(recorded(), SERVO, begin=1.0).joints
+    assert joint.desired[0] > 0.3
+    assert joint.inversion.start == joint.desired[0]
+    assert joint.direct[0] == joint.resent[0] == joint.shifted[0] == joint.desired[0]
+    assert joint.resent == pytest.approx(
+        simulate(
+            SERVO,
+            np.append(joint.requests[0], joint.recorded_requests[1:]),
+            cyclic=False,
+            start=float(joint.desired[0]),
+        )
+    )
+
+
+def test_a_part_that_is_too_fast_up_to_the_end_ends_with_the_recording():
+    requests = np.concatenate([np.zeros(60), 0.1 * np.arange(1.0, 31.0)])  # 5 rad/s
+    times = OWN * np.arange(90)
+    log = Log(times=times, requests=requests, angles=requests, joint="elbow")
+    (joint,) = replay(log, SERVO, track="action", smoothness=0.0).joints
+    (span,) = joint.too_fast
+    assert span == pytest.approx((59 * OWN, 89 * OWN))
+
+
+def test_the_summary_of_a_replay_has_the_figures_of_its_joints():
+    logs = [recorded("elbow", requests=asked(1.5)), recorded("wrist", requests=asked(0.3))]
+    known = SERVO.with_evidence(Evidence(0.01))
+    made = replay(logs, {"elbow": SERVO, "wrist": known}, speed=2.0)
+    told = made.summary()
+    assert (told["track"], told["speed"], told["requests"]) == ("state", 2.0, 75)
+    assert told["period_s"] == pytest.approx(OWN)
+    assert told["duration_s"] == pytest.approx(74 * OWN)
+    for joint in made.joints:
+        figures = told["joints"][joint.name]
+        for kind, errors in joint.errors.items():
+            largest = float(np.max(np.abs(errors)))
+            assert figures["errors"][kind] == pytest.approx({"rms": rms(errors), "max": largest})
+        assert figures["lead_s"] == joint.lead
+        assert figures["lower_bound"] == joint.inversion.lower_bound
+        assert figures["largest_step"] == joint.inversion.largest_step
+        assert figures["norm"] == "rms"
+        assert figures["recorded_rms"] == joint.path.recorded_error
+        off = joint.path.requests - joint.path.angles
+        assert figures["recorded_rms"] == pytest.approx(rms(off))
+    assert told["joints"]["elbow"]["expected_rms"] is None
+    assert told["joints"]["wrist"]["expected_rms"] == pytest.approx(
+        math.hypot(made.joints[1].inversion.rms, 0.01)
+    )
+    errors = [float(np.max(np.abs(each.errors["planned"]))) for each in made.joints]
+    assert made.max_error == pytest.approx(max(errors))
+    assert max(errors) > 2.0 * min(errors)
+
+
+def test_the_bound_of_each_joint_of_a_replay_is_its_own_whatever_the_norm():
+    logs = [recorded("elbow", requests=asked(3.0)), recorded("wrist", requests=asked(2.5))]
+    largest, mean = (replay(logs, SERVO, speed=2.0, norm=norm).joints for norm in ("max", "rms"))
+    assert [each.lower_bound for each in largest] == pytest.approx(
+        [each.lower_bound for each in mean]
+    )
+    assert mean[0].lower_bound > 1.1 * mean[1].lower_bound > 0.0
+
+
+def test_limits_by_joint_are_those_of_that_joint():
+    logs = [recorded("elbow"), recorded("wrist")]
+    limits = {"wrist": (-0.01, 0.62)}
+    elbow, wrist = replay(logs, SERVO, speed=2.0, limits=limits).joints
+    assert (elbow.inversion.limits, wrist.inversion.limits) == (None, (-0.01, 0.62))
+
+
+def test_what_a_speed_is_called_follows_from_the_moments():
+    path = recorded_path([recorded()], SERVO)
+    moments = 1.5 * OWN * np.arange(40)
+    assert replay_at(path, moments).speed == pytest.approx(1.5)
+    assert replay_at(path, moments.copy(), speed=3.0).speed == 3.0
+
+
+def test_of_a_lagging_joint_the_best_shift_may_be_long():
+    """A lag of 300 ms, 15 periods: the error falls from one lead to the next up to there."""
+    late = replace(SERVO, lag=0.3)
+    times = OWN * np.arange(300)
+    requests = 0.2 * (1.0 - np.cos(2.0 * np.pi * times / 3.0))
+    angles = simulate(SERVO, requests, cyclic=False)
+    (joint,) = replay(Log(times=times, requests=requests, angles=angles), late).joints
+    delay = late.lag + late.acceleration_time / 2.0 + late.theta_0 / late.v_max
+    assert joint.lead == pytest.approx(delay, abs=0.5 * OWN)
+    assert rms(joint.errors["shifted"]) < 0.1 * rms(joint.errors["direct"])
