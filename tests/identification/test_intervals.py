@@ -10,9 +10,16 @@ import numpy as np
 import pytest
 
 import planner
-from planner.identification.fit import with_observed_speed
-from planner.identification.grid import resampled
-from planner.identification.intervals import correlation_time
+from planner.identification.fit import fit_joint, with_observed_speed
+from planner.identification.grid import resampled, timing_of
+from planner.identification.intervals import (
+    correlation_time,
+    intervals_of,
+    noise_of,
+    rise_allowed,
+    structure_of,
+    uncertainty_of,
+)
 from planner.identification.least_squares import Effort, least_squares
 from planner.identification.parameters import Parameters, only
 from tests.identification.made import (
@@ -222,3 +229,89 @@ def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
     assert lowered.parameters.v_max <= fit.parameters.gain * np.max(errors) * 1.01
     again = least_squares(grid, lowered.parameters, free=only())
     assert np.max(np.abs(again.predicted - fit.predicted)) <= 1e-9  # rad: no request feels it
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """The fit to a noisy log, and its uncertainty."""
+    log = rich_log(noise=NOISE)
+    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    return fit, uncertainty_of(fit)
+
+
+def test_the_loss_may_rise_by_what_the_interval_allows_and_by_a_hundredth_in_any_case(fitted):
+    """(18): half the squared quantile times the variance of a residual, as inflated."""
+    fit, uncertainty = fitted
+    expected = 0.5 * uncertainty.quantile**2 * uncertainty.variance * uncertainty.inflation
+    np.testing.assert_allclose(uncertainty.threshold, expected)
+    v_max = list(Parameters._fields).index("v_max")
+    assert rise_allowed(fit, uncertainty, "v_max") == max(expected[v_max], 0.01 * fit.cost)
+    certain = uncertainty._replace(variance=1e-12 * uncertainty.variance)
+    assert rise_allowed(fit, certain, "v_max") == pytest.approx(0.01 * fit.cost)
+
+
+def test_white_noise_is_told_by_the_deviations_of_the_slopes(fitted):
+    """Free of what another first angle would do: ordinary least squares, by dense matrices."""
+    fit, uncertainty = fitted
+    slopes = fit.slopes(averaging=0.025)
+    dense = np.column_stack([slopes.by_parameter, slopes.by_start])
+    variance = float(np.sum(fit.residuals**2)) / (len(fit.residuals) - 6)
+    deviations = np.sqrt(variance * np.diag(np.linalg.inv(dense.T @ dense)))[:5]
+    found = uncertainty.deviations[fit.free] / np.sqrt(uncertainty.inflation[fit.free])
+    np.testing.assert_allclose(
+        found, deviations, rtol=0.05
+    )  # rows beyond Huber's corner count less
+    assert np.all(uncertainty.inflation >= 1.0)
+    assert uncertainty.quantile == pytest.approx(1.97, abs=0.01)
+    assert math.isinf(uncertainty.covariance[-1, -1])  # of what was not fitted
+
+
+def test_noise_is_what_differs_from_row_to_row_and_structure_what_does_not(fitted):
+    fit, _ = fitted
+    rng = np.random.default_rng(0)
+    rows = len(fit.residuals)
+    white = 0.01 * rng.standard_normal(rows)
+    smooth = 0.02 * np.sin(0.05 * np.arange(rows))
+    size = float(np.sqrt(np.mean((white + smooth) ** 2)))
+    for residuals, scale in ((white, 0.01), (white + smooth, size)):
+        made = replace(fit, residuals=residuals, scale=scale)
+        assert noise_of(made) == pytest.approx(0.01, rel=0.1)
+        expected = 1.0 - (noise_of(made) / scale) ** 2 - 2.0 / math.sqrt(rows)
+        assert structure_of(made) == pytest.approx(max(expected, 0.0))
+    assert structure_of(replace(fit, residuals=white + smooth, scale=size)) > 0.5
+    outliers = white.copy()
+    outliers[100] = 5.0
+    assert noise_of(replace(fit, residuals=outliers, scale=0.01)) == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_joint_that_is_always_at_top_speed_may_have_any_gain_beside_a_threshold():
+    """A few rows of noise show a threshold; the largest gain does as well."""
+    fast = replace(AIBO, v_max=2.0, theta_0=0.01)
+    requests = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], 60)
+    angles = planner.simulate(fast, requests, cyclic=False)
+    noisy = measured(angles, np.random.default_rng(1))
+    found = planner.identify((AIBO.tick * np.arange(300), requests, noisy), hold_out=False)
+    assert found.gain_interval.upper == math.inf
+    assert found.gain_interval.lower <= 200.0
+    lower, upper = found.intervals["theta_0"]
+    assert lower == 0.0
+    assert upper >= 0.01
+
+
+@pytest.mark.parametrize(("amplitude", "rows"), [(0.13, 250), (0.14, 120)])
+def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude, rows):
+    """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
+    log = rich_log(amplitude=amplitude, noise=2.0 * NOISE, rows=rows)
+    fit = with_observed_speed(fit_joint([log], timing_of([log], tick=None, hold=None)))
+    uncertainty = uncertainty_of(fit)
+    ends = intervals_of(fit, uncertainty)["v_max"]
+    free = fit.free & ~only("v_max")
+
+    def rise(v_max):
+        at = fit.parameters._replace(v_max=v_max)
+        held = least_squares(fit.grid, at, free=free, starts=fit.starts, scale=fit.scale)
+        return (held.cost - fit.cost) / rise_allowed(fit, uncertainty, "v_max")
+
+    for end in ends:
+        assert 0.95 < rise(end) < 2.0
+        assert rise((end + fit.parameters.v_max) / 2.0) < 0.6

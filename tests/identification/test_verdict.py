@@ -10,9 +10,13 @@ import pytest
 import planner
 from planner.identification.fit import fit_joint
 from planner.identification.grid import timing_of
-from planner.identification.intervals import uncertainty_of
-from planner.identification.judgement import open_delays
-from planner.identification.result import Interval
+from planner.identification.intervals import (
+    intervals_of,
+    middle_known_within,
+    uncertainty_of,
+)
+from planner.identification.judgement import OppositeSign, open_delays, verdict_on
+from planner.identification.result import HeldOut, Interval
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
@@ -352,3 +356,144 @@ def test_columns_in_two_scales_are_said_with_both_factors(factor):
     words = f"expected actual angles times {ratio:.3g}, or requested ones times {1.0 / ratio:.3g}"
     assert words in found.warnings[0]
     assert next_step({"pan": found}, "arm.toml").startswith("next: check the columns of pan")
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A good fit, with what an identification knows of it beside."""
+    log = rich_log(noise=NOISE)
+    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    uncertainty = uncertainty_of(fit)
+    return fit, intervals_of(fit, uncertainty), uncertainty
+
+
+def judged(fitted, *, held=None, simple=None, **known):
+    """The verdict on the fit, were other things known of it; errors are shares of its own."""
+    fit, bounds, uncertainty = fitted
+    simple = {"raw": 40.0, "delay": 30.0, "first_order": 20.0} | (simple or {})
+    if held is not None:
+        sizes = {name: held.pop(name, simple[name]) * fit.rms for name in simple}
+        rms = held.pop("rms", 1.0) * fit.rms
+        sound = held.pop("sound_rms", 1.0) * fit.rms
+        rows = np.zeros(len(fit.residuals), dtype=bool)
+        held = HeldOut(rows, np.empty(0), rms, sound, sizes, beyond=held.pop("beyond", False))
+    options = {
+        "against": None,
+        "exchanged": "",
+        "signal": 100.0 * fit.rms,
+        "unit": "rad",
+        "tested": True,
+        "friction": 0.0,
+        "shaken": (),
+        **known,
+    }
+    simple = {name: share * fit.rms for name, share in simple.items()}
+    return verdict_on(fit, bounds, uncertainty, held, simple, **options)
+
+
+def topics(judgement):
+    return [finding.topic for finding in judgement.findings]
+
+
+def test_a_model_that_is_tested_and_misses_little_holds(fitted):
+    found = judged(fitted, held={})
+    assert (found.verdict, found.reason) == (
+        "holds",
+        "it misses 1% of the motion in the part that was held out",
+    )
+    assert topics(found) == []
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.99, "holds"), (0.96, "usable"), (0.94, "worse")])
+def test_a_delay_that_is_five_percent_closer_to_held_out_rows_wins(share, verdict, fitted):
+    found = judged(fitted, held={"delay": share})
+    assert found.verdict.startswith(verdict)
+    if verdict == "worse":
+        assert found.reason == "the error of a pure delay is 94% of its own on rows held out"
+    # On all rows only where none are held out.
+    alone = judged(fitted, simple={"delay": share})
+    assert alone.verdict.startswith(verdict)
+    assert "held out" not in alone.reason
+    assert judged(fitted, held={"delay": 30.0}, simple={"delay": share}).verdict == "holds"
+
+
+@pytest.mark.parametrize(("share", "beaten"), [(0.99, False), (0.97, True)])
+def test_what_predicts_two_percent_better_is_simpler(share, beaten, fitted):
+    found = judged(fitted, held={"first_order": share})
+    assert ("simpler" in topics(found)) is beaten
+    assert found.verdict == ("usable" if beaten else "holds")
+    assert ("a delay with a first-order lag predicts better" in found.reason) is beaten
+
+
+def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
+    fit, _, _ = fitted
+    signal = fit.rms / 0.08
+    worse = judged(fitted, held={"sound_rms": 2.0}, signal=signal)
+    assert (worse.verdict, topics(worse)) == ("usable", ["error"])
+    assert worse.reason == "it misses 16% of the motion in the part that was held out"
+    better = judged(fitted, held={"sound_rms": 0.5}, signal=signal)
+    assert better.verdict == "holds"
+    assert better.reason == "it misses 8% of the motion"
+
+
+@pytest.mark.parametrize(
+    ("missed", "delay", "verdict"),
+    [
+        (0.09, 1.05, "holds"),
+        (0.11, 1.05, "usable"),
+        (0.19, 1.05, "usable"),
+        (0.21, 1.05, "refused"),
+        (0.21, 1.2, "usable"),
+        (0.24, 1.2, "usable"),
+        (0.26, 9.0, "refused"),
+    ],
+)
+def test_shares_of_the_motion_that_a_model_misses_decide(missed, delay, verdict, fitted):
+    fit, _, _ = fitted
+    signal = float(np.sqrt(np.mean(fit.residuals**2))) / missed
+    found = judged(fitted, signal=signal, simple={"delay": delay, "first_order": 2.0})
+    assert found.verdict == verdict
+
+
+def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
+    fit, _, _ = fitted
+    for share, hidden in ((9.0, False), (11.0, True), (np.inf, True)):
+        found = judged(fitted, friction=share * fit.rms)
+        assert ("friction" in topics(found)) is hidden
+        assert found.verdict == ("usable" if hidden else "holds")
+        assert ("the log leaves dry friction open" in found.reason) is hidden
+
+
+def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
+    fit, _, _ = fitted
+    against = OppositeSign(0.01, 0.9, 0.02, 0.5)
+    found = judged(fitted, against=against)
+    assert (found.verdict, topics(found)) == ("refused", ["sign"])
+    assert judged(fitted, exchanged="are they exchanged?").findings == ()
+    missing = judged(fitted, exchanged="are they exchanged?", signal=fit.rms / 0.15)
+    assert topics(missing) == ["error", "columns"]
+    shaken = judged(fitted, shaken=("it shakes",), held={"beyond": True})
+    assert (shaken.verdict, topics(shaken)) == ("usable", ["shaken", "held out"])
+    assert judged(fitted, tested=False).reason == "it was not tested on rows held out"
+
+
+def test_the_middle_of_the_window_is_known_as_its_parts_and_the_length_of_the_window_say(fitted):
+    """By the covariance of lag + acceleration_time / 2, both in ticks, and K a^2 / 24."""
+    fit, _, uncertainty = fitted
+    window = Interval(0.02, 0.06)
+    known = middle_known_within(fit, uncertainty, window)
+    at = [list(fit.free_names).index(name) for name in ("lag", "acceleration_time")]
+    matrix = uncertainty.covariance[np.ix_(at, at)] * fit.grid.tick**2
+    variance = matrix[0, 0] + matrix[0, 1] + matrix[1, 1] / 4.0
+    length = fit.parameters.gain * (0.06**2 - 0.02**2) / 24.0
+    assert known == pytest.approx(uncertainty.quantile * np.sqrt(variance) + length)
+
+
+def test_a_time_is_loose_from_half_of_it_and_two_ticks_on(fitted):
+    fit, _, uncertainty = fitted
+    tight = Interval(0.048, 0.0481)
+    for lag, most in ((0.08, 0.04), (0.01, 2.0 * AIBO.tick)):
+        at = replace(fit, parameters=fit.parameters._replace(lag=lag))
+        for width, count in ((0.96 * most, 0), (1.04 * most, 1)):
+            bounds = {"lag": Interval(lag, lag + width), "acceleration_time": tight}
+            assert len(open_delays(at, bounds, uncertainty)) == count
