@@ -138,6 +138,18 @@ def test_dry_friction_holds_a_joint_beyond_its_limits_by_the_dead_band():
         assert ", 0.01 rad beyond" in str(raised.value)
 
 
+def test_a_sag_of_a_thousandth_of_a_radian_is_left_out_of_the_limits():
+    """The joint stays that little short of the limit; a sag of more has to fit within."""
+    for sag, fits in ((0.0009, True), (0.0012, False)):
+        sagging = replace(JointModel.ers210a(), offset=-sag)
+        desired = np.array([[0.0], [0.3], [0.0]])
+        if fits:
+            assert Task.of(sagging, desired, limits=(-0.3, 0.3)).limits == ((-0.3, 0.3),)
+            continue
+        with pytest.raises(Infeasible, match="sample 1"):
+            Task.of(sagging, desired, limits=(-0.3, 0.3))
+
+
 def test_of_several_angles_beyond_the_limits_the_farthest_is_named():
     with pytest.raises(Infeasible, match=r"^desired: sample 2 is -0\.7 rad, 0\.4 rad beyond"):
         Task.of(SERVO, np.array([[0.5], [0.1], [-0.7], [0.6]]), limits=(-0.3, 0.3))
@@ -150,6 +162,8 @@ def test_requests_keep_a_task_up_to_rounding_and_across_the_boundary_of_a_cycle(
     assert once.keeps(rows, rounding=1e-9)
     assert not Task.of(SERVO, 0.0 * rows, **options).keeps(rows, rounding=1e-9)
     assert once.keeps(rows + 1e-6, rounding=1e-5)
+    assert once.keeps(rows - 0.5 - 1e-6, rounding=1e-5)
+    assert not once.keeps(rows - 0.5 - 1e-6, rounding=1e-7)
     assert not once.keeps(rows + 1e-6, rounding=1e-7)
     assert not once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-6)
     assert once.keeps(rows * (1.0 + 1e-4) - 0.1, rounding=1e-4)
@@ -196,6 +210,8 @@ def test_from_rest_a_leg_begins_as_near_to_the_first_point_as_its_limits_let_it_
     walk = reference_walk()
     nearest = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg).desired[0]
     limits = nearest - np.array([0.1, -0.2, 1.0]), nearest + np.array([0.2, 0.5, -0.3])
+    own = Task.of(SERVO, walk.desired_foot[::8], leg=walk.leg)
+    np.testing.assert_array_equal([own.lower, own.upper], walk.leg.limits)
     load = np.zeros((11, 3))
     load[0] = 2.0  # lifts each joint by 0.04
     task = Task.of(
@@ -214,6 +230,8 @@ def test_joined_tasks_have_what_any_of_them_has():
     task = replace(task, disturbance=0.1 * PATH)
     again = Task.joined([task.joint(0), task.joint(1)])
     _same(task, again)
+    unposed = replace(task.joint(0), load_of_pose=False)
+    assert Task.joined([unposed, task.joint(1)]).load_of_pose
     assert again.load_of_pose
     assert again.robust == "worst"
     single = task.joint(1)
