@@ -541,3 +541,117 @@ def test_a_history_gives_back_all_that_it_was_given(tmp_path) -> None:
     for name in ("gain", "reidentified", "delays", "best", "next_error", "stopped", "remarks"):
         assert getattr(found.learning, name) == getattr(state.learning, name), name
     assert found.learning.replaced == (KNOWN,)
+
+
+PHASE = 2.0 * np.pi * np.arange(88) / 88
+
+
+@pytest.fixture(scope="module")
+def attained() -> planner.Inversion:
+    """A plan that the joint follows, with a range of 0.6 rad."""
+    return planner.invert_optimal(KNOWN, 0.3 * np.sin(PHASE), smoothness=0.0)
+
+
+@pytest.mark.parametrize(
+    ("spread", "off", "left_out"),
+    [
+        (0.0, 0.009, False),  # less than a hundredth of the range
+        (0.0, 0.011, True),
+        (0.02, 0.078, False),  # less than four deviations of the others
+        (0.02, 0.082, True),
+    ],
+)
+def test_a_first_cycle_is_left_out_by_a_hundredth_of_the_range_and_four_deviations(
+    spread, off, left_out, attained
+) -> None:
+    """The others differ to either side of their mean, in shares of its range of 0.6 rad."""
+    apart = 0.6 * np.array([off, spread, -spread])[:, np.newaxis]
+    after = planner.refine(attained, attained.predicted + apart, reidentify=False, sensor_delay=0.0)
+    assert [trial.cycles for trial in after.learning.trials] == [2 if left_out else 3]
+    few = planner.refine(
+        attained, attained.predicted + apart[:2], reidentify=False, sensor_delay=0.0
+    )
+    assert [trial.cycles for trial in few.learning.trials] == [2]
+
+
+@pytest.mark.parametrize(("share", "ended"), [(0.06, True), (0.1, False)])
+def test_learning_ends_where_less_than_three_thousandths_of_the_error_can_be_saved(
+    share, ended
+) -> None:
+    """An offset of a share of an error that remains adds half the square of that share to it."""
+    plan = planner.invert_optimal(KNOWN, 1.4 * np.sin(PHASE), smoothness=0.0)
+    assert abs(np.mean(plan.errors)) < 0.01 * plan.rms
+    measured = plan.predicted + share * plan.rms
+    after = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
+    assert bool(after.stopped) is ended
+    if ended:
+        assert "less than 0.3 %" in after.stopped
+        np.testing.assert_array_equal(after.requests, plan.requests)
+        assert after.learning.next_error == after.learning.errors[0]
+    else:
+        assert after.learning.next_error < 0.997 * after.learning.errors[0]
+
+
+def after_trials(plan: planner.Inversion, *errors: float) -> planner.Inversion:
+    """The plan after trials that were off by these everywhere [rad]."""
+    for error in errors:
+        measured = plan.desired + error
+        plan = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
+    return plan
+
+
+@pytest.mark.parametrize(
+    ("errors", "best", "gain"),
+    [
+        ((0.02, 0.0201), 1, 1.0),  # within a hundredth it is no worse
+        ((0.02, 0.0203), 0, 1.0 / 3.0),
+        ((0.02, 0.03, 0.01), 2, 0.5),
+        ((0.02, 0.03, 0.031), 0, 1.0 / 9.0),
+        ((0.02, 0.03, 0.01, 0.005, 0.001), 4, 1.0),
+        ((0.02, 0.03, 0.0201, 0.0205), 2, 1.0 / 6.0),  # worse than the best one of all
+    ],
+)
+def test_the_gain_falls_to_a_third_after_a_worse_trial_and_grows_by_half_after_another(
+    errors, best, gain, attained
+) -> None:
+    learning = after_trials(attained, *errors).learning
+    assert learning.best == best
+    assert learning.gain == pytest.approx(gain)
+    np.testing.assert_allclose(learning.errors, errors, rtol=1e-9)
+
+
+def test_learning_ends_after_three_worse_trials_in_a_row(attained) -> None:
+    after = after_trials(attained, 0.02, 0.03, 0.031, 0.032)
+    assert after.learning.gain < 0.05
+    assert "smaller and smaller steps" in after.stopped
+    np.testing.assert_array_equal(after.requests, attained.requests)
+    assert not after_trials(attained, 0.02, 0.03, 0.031).stopped
+
+
+def test_what_is_learnt_with_a_gain_is_that_share_of_what_is_new(attained) -> None:
+    """Constant errors repeat, so that all of them is learnt, from the best trial on."""
+    full = after_trials(attained, 0.02)
+    np.testing.assert_allclose(full.disturbance, 0.02, rtol=0.02)
+    less = after_trials(attained, 0.02, 0.03)
+    np.testing.assert_allclose(less.disturbance, 0.02 / 3.0, rtol=0.05)
+
+
+def test_noise_lets_an_error_exceed_the_best_by_a_fifth_of_a_deviation(attained) -> None:
+    """Of the mean of its cycles: two of them, each 0.02 rad off to either side."""
+    apart = 0.02 * np.sign(np.sin(44.0 * PHASE + 0.1))
+    cycles = np.stack([apart, -apart])
+    for more, best in ((0.0015, 1), (0.0075, 0)):
+        plan = attained
+        for error in (0.01, 0.01 + more):
+            measured = attained.desired + error + cycles
+            plan = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
+        assert plan.learning.noise[0] == pytest.approx(0.02 * math.sqrt(2.0), rel=0.4)
+        assert plan.learning.best == best
+
+
+def test_the_remaining_error_of_a_joint_is_told_beside_its_bound_and_its_noise() -> None:
+    plan = planner.invert_optimal(KNOWN, 1.4 * np.sin(PHASE), smoothness=0.0)
+    after = planner.refine(plan, plan.predicted, reidentify=False, sensor_delay=0.0)
+    bound = planner.lower_bound(KNOWN, plan.desired)
+    assert after.learning.floor == pytest.approx((bound, 0.0), abs=1e-4)
+    assert f"remaining error {plan.rms:.5f} rad: {bound:.5f} rad from speed" in after.stopped

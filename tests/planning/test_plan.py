@@ -417,3 +417,54 @@ def test_the_errors_of_all_models_are_in_their_order_the_nominal_one_first():
     assert made.inversions[0].worst_error == told.worst
     wrong = planted(np.zeros((5, 1)), np.full((5, 1), 0.3), [[AIBO, others[1]]])
     assert wrong.over_models[0].worst == pytest.approx(0.3)  # the nominal one's
+
+
+def test_the_view_of_each_joint_shows_the_figures_of_that_joint():
+    """Those of a plan of this joint alone, name by name, and none of them is that of the other."""
+    known = [
+        LOADED.with_evidence(Evidence(0.01)),
+        dataclasses.replace(SLOW, compliance=0.2).with_evidence(Evidence(0.02)),
+    ]
+    made = planted(
+        DESIRED,
+        1.1 * DESIRED + np.array([0.01, 0.03]),
+        known,
+        cyclic=False,
+        norm="max",
+        limits=(-0.5, [0.5, 0.6]),
+        max_step=[0.1, 0.2],
+        start=[0.01, 0.19],
+        load=TORQUES + 0.1,
+        tolerance=0.1,
+    )
+    names = "requests predicted errors desired rms max_error error lower_bound gap limits max_step"
+    names += " start load expected largest_step excess model"
+    for j, view in enumerate(made.inversions):
+        (alone,) = made.joint(j).inversions
+        (other,) = made.joint(1 - j).inversions
+        for name in names.split():
+            own = getattr(view, name)
+            np.testing.assert_equal(own, getattr(alone, name), err_msg=name)
+            with pytest.raises(AssertionError):
+                np.testing.assert_equal(own, getattr(other, name), err_msg=name)
+        assert view.within_tolerance is (view.max_error <= 0.1)
+
+
+def test_a_tolerance_is_kept_in_the_norm_of_the_plan():
+    """A tenth of the samples are far off, so that the largest error is three times the rms."""
+    requests = np.where(np.arange(60) // 6 == 5, 0.2, 0.0)[:, np.newaxis]
+    made = planted(0.0 * requests, requests)
+    between = 0.5 * float(made.rms[0] + made.max_error[0])
+    for norm, kept in (("rms", True), ("max", False)):
+        task = dataclasses.replace(made.task, norm=norm, tolerance=between)
+        (view,) = dataclasses.replace(made, task=task).inversions
+        assert view.within_tolerance is kept
+
+
+def test_the_speeds_of_each_joint_are_of_its_own_path_and_model():
+    desired = np.column_stack([np.zeros(20), np.linspace(0.0, 1.0, 20)])
+    made = planted(desired, desired, (AIBO, SLOW), cyclic=False)
+    calm, fast = made.inversions
+    assert not np.any(calm.speeds.too_fast)
+    assert np.all(fast.speeds.too_fast[1:])
+    assert made.too_fast.tolist() == [0.0, np.mean(fast.speeds.too_fast)]
