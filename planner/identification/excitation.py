@@ -18,47 +18,6 @@ from planner.model.response import simulate
 from planner.model.step_test import step_test
 from planner.trajectory import Array
 
-
-@dataclass(frozen=True, kw_only=True)
-class SignalOptions:
-    """The shape of the test signals.
-
-    Attributes:
-        step_shares: Heights of the step tests that are made by default, as shares of the range:
-            well inside theta_0 of most joints, and far beyond it.
-        rest: Longest rest at the centre before and after the signal [s]; it shows the offset.
-        least_samples: Samples below which no signal deserves its name.
-        most_samples: Samples at most.
-        tones: Sines in a multisine: about five to a factor of ten in frequency.
-        draws: Random phases that are tried for a multisine; the one with the lowest peak is
-            kept.
-        shortest_dwell: A random step lasts at least this [s]: about a hobby servo's lag and
-            acceleration time.
-        longest_dwell: And at most this [s]: what it takes to arrive.
-        triangle_cycles: Cycles of a triangle in each of its equally long parts: speeds that
-            double from part to part.
-        slow_shares: Reach of the equally long parts of a slow triangle, as shares of the range:
-            far and near. Each goes to and fro twice.
-        taper: Part of the signal over which a sine swells at the start, and dies down at the
-            end.
-    """
-
-    step_shares: tuple[float, ...] = (0.125, 0.5, 1.0)
-    rest: float = 0.5
-    least_samples: int = 40
-    most_samples: int = 1_000_000
-    tones: int = 12
-    draws: int = 64
-    shortest_dwell: float = 0.12
-    longest_dwell: float = 0.9
-    triangle_cycles: tuple[int, ...] = (1, 2, 4, 8)
-    slow_shares: tuple[float, ...] = (1.0, 0.25)
-    taper: float = 0.08
-
-
-OPTIONS = SignalOptions()
-
-
 MEANING: Mapping[str, str] = {
     "steps": "Step tests (Equation 1). Each edge shows lag and acceleration time, the straight "
     "line of a large step the top speed, the rounded end of every step v_max/theta_0, the rests "
@@ -162,13 +121,11 @@ def excite(
         raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
     heights = _heights(amplitudes, reach) if kind == "steps" else ()
     make: Mapping[str, Callable[[], Array]] = {
-        "steps": lambda: _steps(
-            moving, shares=[height / (2.0 * reach) for height in heights], cycles=cycles
-        ),
-        "multisine": lambda: _multisine(moving, period=period, highest=fastest, seed=seed),
-        "chirp": lambda: _chirp(moving, period=period, highest=fastest),
-        "random_steps": lambda: _random_steps(moving, period=period, seed=seed),
-        "triangle": lambda: _triangle(moving, OPTIONS.triangle_cycles),
+        "steps": lambda: _steps(moving, [height / (2.0 * reach) for height in heights], cycles),
+        "multisine": lambda: _multisine(moving, period, fastest, seed),
+        "chirp": lambda: _chirp(moving, period, fastest),
+        "random_steps": lambda: _random_steps(moving, period, seed),
+        "triangle": lambda: _triangle(moving, (1, 2, 4, 8)),  # the speed doubles from part to part
         "slow_triangle": lambda: _slow_triangle(moving),
     }
     deflection = np.pad(make[kind](), rest)
@@ -201,22 +158,22 @@ def _deflection(limits: tuple[float, float], centre: float | None) -> tuple[floa
 
 
 def _lengths(period: float, duration: float) -> tuple[int, int]:
-    """Samples of the whole signal, and of the rest at either end."""
+    """Samples of the whole signal, and of the rest at either end, which shows the offset."""
     if not 0.0 < period < math.inf:
         raise InvalidInput(f"period: got {period:g} s, expected more than 0")
-    least, most = OPTIONS.least_samples, OPTIONS.most_samples
+    least, most = 40, 1_000_000
     if not least * period <= duration <= most * period:
         raise InvalidInput(
             f"duration: got {duration:g} s, expected {least} to {most} requests of {period:g} s, "
             f"so {least * period:g} to {most * period:g} s"
         )
     samples = round(duration / period)
-    return samples, max(1, round(min(OPTIONS.rest, 0.1 * duration) / period))
+    return samples, max(1, round(min(0.5, 0.1 * duration) / period))
 
 
 def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, ...]:
-    if amplitudes is None:
-        return tuple(2.0 * reach * share for share in OPTIONS.step_shares)
+    if amplitudes is None:  # well inside theta_0 of most joints, and far beyond it
+        return tuple(2.0 * reach * share for share in (0.125, 0.5, 1.0))
     for amplitude in amplitudes:
         if not 0.0 < amplitude <= 2.0 * reach * (1.0 + 1e-12):
             raise InvalidInput(
@@ -228,17 +185,8 @@ def _heights(amplitudes: Sequence[float] | None, reach: float) -> tuple[float, .
     return tuple(float(amplitude) for amplitude in amplitudes)
 
 
-def _steps(samples: int, *, shares: Sequence[float], cycles: int) -> Array:
-    """Step tests of Equation 1 about 0, one height after the other.
-
-    Args:
-        samples: Length of the signal.
-        shares: Height of each test, as a share of the whole range from -1 to 1.
-        cycles: Cycles of each test; whole, and as long as the samples allow.
-
-    Raises:
-        InvalidInput: A half cycle would be shorter than two samples.
-    """
+def _steps(samples: int, shares: Sequence[float], cycles: int) -> Array:
+    """Step tests of Equation 1 about 0, one height after the other, as shares of the range."""
     half = samples // (2 * cycles * len(shares))
     if half < 2:
         raise InvalidInput(
@@ -250,29 +198,25 @@ def _steps(samples: int, *, shares: Sequence[float], cycles: int) -> Array:
     return np.append(made, np.zeros(samples - len(made)))
 
 
-def _multisine(samples: int, *, period: float, highest: float, seed: int) -> Array:
+def _multisine(samples: int, period: float, highest: float, seed: int) -> Array:
     """A sum of sines of random phase, low ones larger, that swells and dies down.
 
-    Args:
-        samples: Length of the signal.
-        period: Time between samples [s].
-        highest: Highest frequency [Hz].
-        seed: Of the phases; of several draws the one with the lowest peak is kept.
+    Of 64 draws of the phases the one with the lowest peak is kept.
     """
     most = max(1, int(highest * samples * period))
-    cycles = np.geomspace(min(2, most), most, OPTIONS.tones)  # in the whole signal
+    cycles = np.geomspace(min(2, most), most, 12)  # in the whole signal
     waves = np.unique(np.round(cycles))
     amplitudes = waves**-0.5
     angles = 2.0 * np.pi * np.outer(waves, np.arange(samples) / samples)
     swell = _swell(samples)
-    drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (OPTIONS.draws, len(waves)))
+    drawn = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (64, len(waves)))
     made = [swell * (amplitudes @ np.sin(angles + phases[:, None])) for phases in drawn]
     flattest = min(made, key=lambda signal: float(np.max(np.abs(signal)) / np.std(signal)))
     scaled: Array = flattest / np.max(np.abs(flattest))
     return scaled
 
 
-def _chirp(samples: int, *, period: float, highest: float) -> Array:
+def _chirp(samples: int, period: float, highest: float) -> Array:
     """A sine whose frequency grows by equal factors in equal times, up to ``highest`` [Hz]."""
     duration = samples * period
     lowest = min(1.0 / duration, highest / 2.0)
@@ -282,13 +226,17 @@ def _chirp(samples: int, *, period: float, highest: float) -> Array:
     return made
 
 
-def _random_steps(samples: int, *, period: float, seed: int) -> Array:
-    """Levels drawn evenly between -1 and 1, each held for a random while."""
+def _random_steps(samples: int, period: float, seed: int) -> Array:
+    """Levels drawn evenly between -1 and 1.
+
+    Each is held for 0.12 s, a hobby servo's lag and acceleration time, to 0.9 s, in which it
+    arrives.
+    """
     draw = np.random.default_rng(seed)
     made = np.zeros(samples)
     start = 0
     while start < samples:
-        dwell = np.exp(draw.uniform(np.log(OPTIONS.shortest_dwell), np.log(OPTIONS.longest_dwell)))
+        dwell = np.exp(draw.uniform(np.log(0.12), np.log(0.9)))
         end = start + max(2, round(dwell / period))
         made[start:end] = draw.uniform(-1.0, 1.0)
         start = end
@@ -296,10 +244,9 @@ def _random_steps(samples: int, *, period: float, seed: int) -> Array:
 
 
 def _slow_triangle(samples: int) -> Array:
-    """Two slow cycles at each reach, one reach after the other."""
-    lengths = map(len, np.array_split(np.empty(samples), len(OPTIONS.slow_shares)))
-    pairs = zip(OPTIONS.slow_shares, lengths, strict=True)
-    return np.concatenate([share * _triangle(length, (2,)) for share, length in pairs])
+    """Two slow cycles over the whole range, and two over a quarter of it."""
+    far = (samples + 1) // 2
+    return np.concatenate([_triangle(far, (2,)), 0.25 * _triangle(samples - far, (2,))])
 
 
 def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:
@@ -314,10 +261,10 @@ def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:
 
 
 def _swell(samples: int) -> Array:
-    """From 0 to 1 along half a cosine, and back at the end."""
+    """From 0 to 1 along half a cosine in the first 8 % of a signal, and back in the last."""
     share = np.arange(samples) / samples
     nearest_end = np.minimum(share, 1.0 - share)
-    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / OPTIONS.taper))
+    risen: Array = 0.5 - 0.5 * np.cos(np.pi * np.minimum(1.0, nearest_end / 0.08))
     return risen
 
 
@@ -343,33 +290,21 @@ def expect(
     Raises:
         InvalidInput: Noise or resolution is negative.
     """
-    log = expected_log(excitation, model, noise=noise, resolution=resolution, seed=seed)
-    joint = at_period(model, excitation.period)
-    return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)
-
-
-def expected_log(
-    excitation: Excitation, model: JointModel, *, noise: float, resolution: float, seed: int = 0
-) -> Log:
-    """The log of the expected joint under the signal, as a sensor would record it.
-
-    Raises:
-        InvalidInput: Noise or resolution is negative.
-    """
     for name, value in (("noise", noise), ("resolution", resolution)):
         if not 0.0 <= value < math.inf:
             raise InvalidInput(f"{name}: got {angle_text(value)}, expected 0 or more")
     joint = at_period(model, excitation.period)
-    angles = simulate(joint, excitation.requests, cyclic=False)
-    measured = angles + noise * np.random.default_rng(seed).standard_normal(len(angles))
+    random = np.random.default_rng(seed).standard_normal(len(excitation.requests))
+    angles = simulate(joint, excitation.requests, cyclic=False) + noise * random
     if resolution > 0.0:
-        measured = resolution * np.round(measured / resolution)
-    return Log(
+        angles = resolution * np.round(angles / resolution)
+    log = Log(
         times=excitation.times,
         requests=excitation.requests,
-        angles=measured,
+        angles=angles,
         name=f"simulated {excitation.kind}",
     )
+    return identify(log, tick=joint.tick, hold=joint.hold, hold_out=False)
 
 
 def at_period(model: JointModel, period: float) -> JointModel:
