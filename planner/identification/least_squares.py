@@ -45,8 +45,9 @@ EDGE_DISTANCE = 1e-9
 """Distance from an edge of the window at which requests are read [ticks]: where the edge meets a
 change of the request the derivative jumps, and the mean of both sides is taken."""
 
-HOPELESS = 3.0
-"""A search ends that would have to lower the loss by so many times what its quadratic promises."""
+MOST_REDUCTION = 3.0
+"""A search ends where the loss would have to fall by more than so many times the reduction that its
+quadratic predicts."""
 
 VANISHES = 40.0
 """Time constants after which nothing but rounding is left of a speed: exp(-40) is 4e-18."""
@@ -341,12 +342,12 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         here = coordinates[free]
         near = near or _Quadratic.of(fit, averaging)
         sizes = np.maximum(sizes, near.sizes)
-        if enough > 0.0 and fit.cost - HOPELESS * near.most_reduction() > enough:
+        if enough > 0.0 and fit.cost - MOST_REDUCTION * near.most_reduction() > enough:
             break
         step = near.step(sizes, radius, lower - here, upper - here)
         starts = near.starts(step, radius)
-        promised = near.reduction(step, starts)
-        if not promised > 1e-3 * effort.tolerance * fit.cost:
+        predicted = near.reduction(step, starts)
+        if not predicted > 1e-3 * effort.tolerance * fit.cost:
             break
         coordinates[free] += step
         trial = _evaluated(
@@ -354,12 +355,12 @@ def _minimised(begin: Fit, effort: Effort, enough: float, averaging: float) -> F
         )
         reduced = fit.cost - trial.cost
         length = near.length(sizes, step, starts)
-        if not reduced >= 0.25 * promised:
+        if not reduced >= 0.25 * predicted:
             radius = 0.25 * min(length, radius)
-        elif reduced > 0.75 * promised and length > 0.95 * radius:
+        elif reduced > 0.75 * predicted and length > 0.95 * radius:
             radius *= 2.0
         if reduced > 0.0:
-            done = 0.25 * promised < reduced < effort.tolerance * fit.cost
+            done = 0.25 * predicted < reduced < effort.tolerance * fit.cost
             fit, near = trial, None
             if done:
                 break

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.identification.fit import COMMANDED_SHARE, ROUNDED, peak_command
+from planner.identification.fit import ROUNDED, peak_command
 from planner.identification.grid import Grid
 from planner.identification.intervals import (
     Uncertainty,
@@ -34,7 +34,6 @@ from planner.identification.intervals import (
 from planner.identification.least_squares import (
     PROFILE,
     TERM,
-    VANISHES,
     Effort,
     Fit,
     huber,
@@ -112,26 +111,7 @@ def with_terms(fit: Fit) -> Trial:
         )
         fit = trial if kept else fit
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    final = _without_vanished_inertia(fit)
-    if final is not fit:
-        terms = [
-            replace(each, kept=False) if each.name == "time_constant" else each for each in terms
-        ]
-    fit = final
     return Trial(fit, tuple(terms), frozenset(confounded))
-
-
-def _without_vanished_inertia(fit: Fit) -> Fit:
-    """The fit without a time constant so short that it has no effect, if it has one.
-
-    A search that ends there has led to another window, and leaves nothing of the inertia.
-    """
-    at, place = fit.parameters, Parameters._fields.index("time_constant")
-    if not fit.free[place] or fit.grid.tick <= VANISHES * at.time_constant:
-        return fit
-    free = fit.free.copy()
-    free[place] = False
-    return least_squares(fit.grid, at._replace(time_constant=0.0), free=free, starts=fit.starts)
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -161,8 +141,7 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     at = fit.parameters
     begins = [at]
     if name == "dead_band":
-        begins = [at._replace(dead_band=size * fit.scale) for size in (0.5, 2.0)]
-    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
+        begins = [at._replace(dead_band=2.0 * fit.scale)]
     if name == "time_constant":
         begins = [  # it takes the place of a part of the window, and of the lag
             at._replace(
@@ -172,11 +151,13 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
             )
             for share, window, lag in ((0.2, 0.5, 1.0), (0.4, 0.2, 0.5))
         ]
+    search = partial(least_squares, fit.grid, free=free, scale=fit.scale, effort=TERM)
     found = min((search(each, starts=fit.starts) for each in begins), key=lambda each: each.cost)
     at, shown = found.parameters, peak_command(found)
     if name == "dead_band" and at.v_max > shown:
         # Friction hides how fast the joint is called to move: v_max had no slope until here.
-        lower = at._replace(v_max=COMMANDED_SHARE * shown)
+        # (Without this one of 29 reference logs is fitted 0.4 % worse.)
+        lower = at._replace(v_max=0.7 * shown)
         found = min(found, search(lower, starts=found.starts), key=lambda each: each.cost)
     return found
 
