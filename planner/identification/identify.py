@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from planner.identification.grid import (
     Timing,
     measured_speed,
     resampled,
-    sound_rows,
     timing_of,
 )
 from planner.identification.intervals import (
@@ -43,7 +42,6 @@ from planner.identification.judgement import (
     exchanged_columns,
     notes_on,
     opposite_sign,
-    said,
     verdict_on,
 )
 from planner.identification.least_squares import Fit, respond, rms, sound_rms
@@ -56,8 +54,11 @@ from planner.identification.result import (
     Identification,
     Interval,
     LogFit,
+    Note,
+    note,
 )
 from planner.identification.terms import Trial, unmodelled, with_terms
+from planner.report.identification.findings import sentence
 from planner.trajectory import Array
 from planner.validation import as_flag
 
@@ -109,31 +110,29 @@ def identify(
     logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     timing = timing.ticking(fit.grid.tick)
     trial = with_terms(fit)
-    every, at_stops = logs, _without_stops(logs, trial.fit)
-    if at_stops:
-        logs = at_stops.logs
+    every, (logs, stopped) = logs, _without_stops(logs, trial.fit)
+    if stopped:
         trial = with_terms(fit_joint(logs, timing))
     fit = with_observed_speed(trial.fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
-    unit = "" if logs[0].unit == "1" else logs[0].unit
     seen = max(map(measured_speed, every))
     faster = bounds["v_max"].upper == math.inf and seen > fit.parameters.v_max
-    refuted = _refuted(every, fit, bounds["v_max"].upper, unit)
+    refuted = _refuted(every, fit, bounds["v_max"].upper)
     if refuted:
-        faster, seen = True, refuted.speed
+        faster, seen = True, refuted.numbers["speed"]
     if faster:  # in rows that are not fitted
         fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
     for name in trial.confounded & set(bounds):
         bounds[name] = Interval(-math.inf if name == "offset" else 0.0, math.inf)
-    held = held_out(logs, timing, fit, faster=bool(refuted)) if hold_out else None
+    held = held_out(logs, timing, fit, faster=refuted is not None) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
     model = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     fits = _log_fits(every, fit, held)
-    judged = verdict_on(
+    verdict, reason, notes = verdict_on(
         fit,
         bounds,
         uncertainty,
@@ -142,31 +141,27 @@ def identify(
         against=opposite_sign(fit.grid),
         exchanged=exchanged_columns(fit.grid),
         signal=signal,
-        unit=unit,
         tested=held is not None or not hold_out,
         friction=_possible_friction(trial),
-        shaken=shaken(model, fits, unit),
+        shaken=shaken(model, fits),
     )
     intervals = all_intervals(fit, bounds, uncertainty)
-    notes = [*notes_on(every, timing, jumps), *(at_stops.notes if at_stops else ())]
-    notes += [
-        f"{log.name}: left out are {count} measured angles that no joint takes: they jump away and "
-        "back within two rows"
-        for log in every
-        if (count := int(np.sum(log.measured & ~sound_rows(log))))
-    ]
-    if refuted:
-        notes.append(refuted.words)
-    elif faster:
-        notes += _unfitted(fits, seen, unit)
-    if evenly_timed:
-        notes.append(
-            f"the times of the rows jitter: rows every {1e3 * timing.period:.3g} ms fit better, "
-            "and are taken"
-        )
-    if hold_out and held is None:
-        notes.append("nothing was held out: the first half of the log holds no motion to fit")
-    shown = patterns(model, fits, noise, unit, unmodelled(fit))
+    if reason.topic != "motion":  # else nothing in the log is of the joint
+        notes += [*notes_on(every, timing, jumps), *stopped]
+        if refuted:
+            notes.append(refuted)
+        elif faster:  # in logs whose rows are not all fitted
+            notes += [
+                note("log", "faster", log=fit.log.name, speed=seen, left_out=left_out)
+                for fit in fits
+                if measured_speed(fit.log) == seen and (left_out := fit.left_out)
+            ]
+        if evenly_timed:
+            notes.append(note("log", "jitter", period=1e3 * timing.period))
+        if hold_out and held is None:
+            notes.append(note("log", "nothing held out"))
+        notes += patterns(model, fits, noise, unmodelled(fit))
+    unit = logs[0].unit
     return Identification(
         model=model,
         fits=fits,
@@ -182,13 +177,9 @@ def identify(
         covariance=covariance_of(fit, bounds, uncertainty),
         correlations=correlations_of(fit, uncertainty),
         alternatives=_alternatives(simple, errors, held),
-        findings=(
-            *judged.findings,
-            *(Finding("log", words) for words in notes),
-            *(Finding("pattern", words) for words in shown),
-        ),
-        verdict=judged.verdict,
-        reason=judged.reason,
+        findings=tuple(Finding(each.topic, sentence(each, unit)) for each in notes),
+        verdict=verdict,
+        reason=sentence(reason, unit),
         terms=tuple(
             replace(term, interval=intervals[term.name]) if term.kept else term
             for term in trial.terms
@@ -196,21 +187,13 @@ def identify(
     )
 
 
-class _Refuted(NamedTuple):
-    """A top speed that rows which are not fitted refute."""
-
-    speed: float
-    words: str
-
-
-def _refuted(logs: Sequence[Log], fit: Fit, upper: float, unit: str) -> _Refuted | None:
-    """The speed of rows that are not fitted [rad/s], where those that are fitted exclude it.
+def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
+    """The speed of rows that are not fitted, where those that are fitted exclude it.
 
     Args:
         logs: The logs.
         fit: The fit.
         upper: Upper end of the interval of the top speed by the rows that are fitted [rad/s].
-        unit: Of the angles.
     """
     if upper == math.inf:
         return None
@@ -222,24 +205,7 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float, unit: str) -> _Refuted
     log, speed = max(zip(logs, speeds, strict=True), key=lambda each: each[1])
     if speed - SPEED_NOISE * noise_of(fit) <= most:
         return None
-    words = (
-        f"{log.name}: the joint moves at up to {said(speed, unit, '/s')} in rows that are not "
-        f"fitted, and those that are bound its top speed at {said(most, unit, '/s')}: a limit in "
-        "the servo was changed, or something pushed the joint; v_max is the measured speed; record "
-        "anew with one limit, or leave out the rows in which it was pushed"
-    )
-    return _Refuted(speed, words)
-
-
-def _unfitted(fits: Sequence[LogFit], speed: float, unit: str) -> list[str]:
-    """Which rows are not fitted and why, of logs in which the joint moves at its highest speed."""
-    return [
-        f"{fit.log.name}: the joint moves at up to {said(speed, unit, '/s')}, its least top speed, "
-        f"also in rows that are not fitted: {', '.join(reasons)}"
-        for fit in fits
-        if measured_speed(fit.log) == speed
-        and (reasons := [f"{count} {reason}" for reason, count in fit.left_out.items()])
-    ]
+    return note("log", "refuted", log=log.name, speed=speed, most=most)
 
 
 def _alternatives(
@@ -278,15 +244,8 @@ def _possible_friction(trial: Trial) -> float:
     return max((end - dead_band for end in ends), default=0.0)
 
 
-class _Moving(NamedTuple):
-    """The logs, rows at a mechanical stop as if without torque, and notes on these."""
-
-    logs: tuple[Log, ...]
-    notes: tuple[str, ...]
-
-
-def _without_stops(logs: Sequence[Log], fit: Fit) -> _Moving | None:
-    """The logs without rows at a mechanical stop; None where they show none.
+def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
+    """The logs, rows at a mechanical stop as if without torque; and notes on these.
 
     Where most rows of a log would go they stay: then something else holds the joint.
     """
@@ -296,13 +255,10 @@ def _without_stops(logs: Sequence[Log], fit: Fit) -> _Moving | None:
         free = log.torque_on.copy()
         for stop in found:
             free[stop.rows] = False
-        if found and np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on):
-            log = replace(log, torque_on=free)
-            notes += [f"{log.name}: {stop.words}; these rows are left out" for stop in found]
-        elif found:
-            notes += [f"{log.name}: {stop.words}; too many rows to leave out" for stop in found]
-        moving.append(log)
-    return _Moving(tuple(moving), tuple(notes)) if notes else None
+        few = np.sum(free) >= MOSTLY_FREE * np.sum(log.torque_on)
+        moving.append(replace(log, torque_on=free) if found and few else log)
+        notes += [stop.note(log.name, "left out" if few else "not left out") for stop in found]
+    return tuple(moving), notes
 
 
 def _check_alike(logs: Sequence[Log]) -> None:

@@ -1,22 +1,20 @@
-"""Whether a model may be used, and what its user has to know first, in words."""
+"""Whether a model may be used, and what its user has to know first, in codes and numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from planner.exceptions import ANGLE_UNIT
 from planner.identification.fit import delayed_errors, peak_command
-from planner.identification.grid import Grid, Timing, unequal
+from planner.identification.grid import Grid, Timing, sound_rows, unequal
 from planner.identification.intervals import Uncertainty, at_edge, middle_known_within
-from planner.identification.least_squares import Fit, sound_rms
+from planner.identification.least_squares import Fit, rms, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
-from planner.identification.result import Finding, HeldOut, Interval, Topic
+from planner.identification.result import HeldOut, Interval, Note, Topic, note
 from planner.model.evidence import Verdict
 from planner.trajectory import Array
 
@@ -67,24 +65,6 @@ class VerdictOptions:
 
 OPTIONS = VerdictOptions()
 
-WORDS = {
-    "raw": "the request itself",
-    "delay": "a mere delay",
-    "first_order": "a delay with a first-order lag",
-}
-
-REASONS = (
-    "is the joint overloaded, held up by friction or by a limit, or is this another joint's column?"
-)
-
-
-class Judgement(NamedTuple):
-    """The verdict on a model, why, and what its user has to know first, in words."""
-
-    verdict: Verdict
-    reason: str
-    findings: tuple[Finding, ...]
-
 
 def verdict_on(
     fit: Fit,
@@ -93,14 +73,13 @@ def verdict_on(
     held: HeldOut | None,
     simple: dict[str, float],
     *,
-    against: OppositeSign | None,
-    exchanged: str,
+    against: Note | None,
+    exchanged: Note | None,
     signal: float,
-    unit: str,
     tested: bool,
     friction: float,
-    shaken: Sequence[str],
-) -> Judgement:
+    shaken: Sequence[Note],
+) -> tuple[Verdict, Note, list[Note]]:
     """Judge a fit by its error, without gross outliers, on all rows and on those held out.
 
     A model is refused beyond 25 %, where it is hardly better than a delay, or where the joint seems
@@ -113,151 +92,113 @@ def verdict_on(
         fit: The model fitted to all rows.
         bounds: Its intervals.
         uncertainty: The covariance that they come from.
-        held: What held-out rows say, if any were.
+        held: The prediction of held-out rows, if there are any.
         simple: Error of the simpler descriptions on the same rows [rad].
         against: What speaks for a joint that moves against its requests, if anything does.
-        exchanged: What speaks for columns that are exchanged, in words; empty where nothing does.
+        exchanged: What speaks for columns that are exchanged, if anything does.
         signal: Standard deviation of the motion [rad].
-        unit: Unit of the angles in words; empty for shares of a range.
         tested: Whether rows were held out, or were not asked for.
         friction: By how much the dead band may be larger than that of the model [rad].
-        shaken: What speaks for a joint that is shaken at rest, in words.
+        shaken: What speaks for a joint that is shaken at rest.
+
+    Returns:
+        The verdict, its reason and what else to know.
     """
-    found = [Finding("shaken", words) for words in shaken]
-
-    def note(topic: Topic, words: str) -> None:
-        found.append(Finding(topic, words))
-
+    notes = list(shaken)
     if held is not None and held.beyond:
-        note(
-            "held out",
-            "the part that was held out calls for faster motion than the part that was fitted, "
-            "which does not say how fast the joint can be: it is predicted with the top speed of "
-            "the fit to all rows",
-        )
-    errors = [(sound_rms(fit.residuals), "")]
-    if held is not None:
-        errors.append((held.sound_rms, " in the part that was held out"))
-    error, where = max(errors)
+        notes.append(note("held out", "held out is faster"))
+    error, of_held_out = sound_rms(fit.residuals), False
+    if held is not None and held.sound_rms >= error:
+        error, of_held_out = held.sound_rms, True
     missed = error / signal
     mere = min(simple["raw"], simple["delay"])
     useless = missed > OPTIONS.poor and fit.rms > OPTIONS.no_better * mere
     fits = missed <= OPTIONS.refused and not useless
-    scale = _other_scale(fit.grid, unit)
-    reasons = scale or REASONS
-    share = f"{missed:.0%} of the motion's standard deviation{where} (rms {said(error, unit)})"
-    if useless:
-        note(
-            "columns" if scale else "fit",
-            f"the model does not fit: it misses {share}, and a mere delay hardly more "
-            f"({said(mere, unit)} in place of {said(fit.rms, unit)}); {reasons}",
-        )
-    elif not fits:
-        note(
-            "columns" if scale else "fit",
-            f"the model does not fit: it misses {share}; more than {OPTIONS.refused:.0%} is not "
-            f"accepted; {reasons}",
-        )
-    elif missed > OPTIONS.suspect:
-        note("columns" if scale else "error", f"the model misses {share}; {reasons}")
+    if not fits and _at_random(fit.grid, signal):
+        return "refused", note("motion", "no motion"), [note("motion", "random", signal=signal)]
+    numbers: dict[str, float] = {"missed": missed, "of_held_out": of_held_out, "error": error}
+    if missed > OPTIONS.suspect:
+        scale = _other_scale(fit.grid)
+        why = "another scale" if scale else "why"
+        numbers |= {"mere": mere, "rms": fit.rms, "most": OPTIONS.refused, **scale}
+        misfit = "no better than a delay" if useless else "inexact" if fits else "does not fit"
+        topic: Topic = "columns" if scale else "error" if fits else "fit"
+        notes.append(note(topic, misfit, why, **numbers))
     if not fits and (span := float(np.ptp(fit.grid.angles))) < 0.2:
-        note(
-            "motion",
-            f"the joint hardly moves in this log, by {said(span, unit)} in all: record requests "
-            f"that span {said(30.0 * error, unit, digits=1)} or more, of which friction, "
-            "play and the sensor's steps are a smaller part",
-        )
+        notes.append(note("motion", "hardly moves", span=span, enough=30.0 * error))
     if against is not None:
-        note("sign", against.words)
-    elif exchanged and missed > OPTIONS.suspect:
-        note("columns", exchanged)
+        notes.append(against)
+    elif exchanged is not None and missed > OPTIONS.suspect:
+        notes.append(exchanged)
     ours, others = (fit.rms, simple) if held is None else (held.rms, held.alternatives)
     name = min(others, key=lambda other: others[other])
     beaten = ours > OPTIONS.simpler_wins * others[name]
     if beaten:
-        note(
-            "simpler",
-            f"{WORDS[name]} predicts better than the model (rms {said(others[name], unit)} "
-            f"against {said(ours, unit)}): the log is too short or too gentle for more",
-        )
+        notes.append(note("simpler", "simpler", simpler=name, theirs=others[name], ours=ours))
     hidden = friction > OPTIONS.suspect * signal
     if fits and hidden:
-        note(
-            "friction",
-            "the log leaves dry friction open: the dead band may be larger by "
-            f"{said(friction, unit) if math.isfinite(friction) else 'any amount'}, and slow motion "
-            "further off; record motion that is slow and reverses, such as excite --kind "
-            "slow-triangle",
-        )
-    misses = f"it misses {missed:.0%} of the motion{where}"
+        notes.append(note("friction", "dry friction", friction=friction))
+    notes += _undetermined(fit, bounds, uncertainty)
     doubts = {
-        misses: missed > OPTIONS.suspect,
-        f"{WORDS[name]} predicts better": beaten,
-        "the log leaves dry friction open": hidden,
-        "the joint is shaken": bool(shaken),
-        "it was not tested on rows held out": not tested,
+        "misses": missed > OPTIONS.suspect,
+        "simpler predicts better": beaten,
+        "friction open": hidden,
+        "shaken": bool(shaken),
+        "not tested": not tested,
     }
-    reason = "; ".join(words for words, doubted in doubts.items() if doubted)
-    verdict: Verdict
+    verdict: Verdict = "holds"
+    codes = ["misses"]
     if against is not None:
-        verdict, reason = "refused", "the joint seems to move against its requests"
+        verdict, codes = "refused", ["moves against"]
     elif not fits:
-        verdict, reason = "refused", misses + ", and a mere delay hardly more" * useless
+        verdict, codes = "refused", ["misses, as a delay does" if useless else "misses"]
     elif ours > OPTIONS.delay_wins * others["delay"]:
-        verdict = "worse than a delay"
-        on = "" if held is None else " on rows held out"
-        reason = f"the error of a pure delay is {others['delay'] / ours:.0%} of its own{on}"
-    else:
-        verdict, reason = ("usable", reason) if reason else ("holds", misses)
-    return Judgement(verdict, reason, (*found, *_undetermined(fit, bounds, uncertainty, unit)))
+        verdict, codes = "worse than a delay", ["a delay wins"]
+        numbers |= {"ratio": others["delay"] / ours, "tested": held is not None}
+    elif any(doubts.values()):
+        verdict, codes = "usable", [code for code, doubted in doubts.items() if doubted]
+    return verdict, note("fit", *codes, simpler=name, **numbers), notes
 
 
-def _undetermined(
-    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty, unit: str
-) -> list[Finding]:
-    """A sentence for each parameter that the log leaves open."""
-    found: list[Finding] = []
+def _at_random(grid: Grid, signal: float) -> bool:
+    """Whether the angles change from row to row at random, as the noise at a resting joint does."""
+    steps = np.diff(grid.angles)[grid.run[1:] == grid.run[:-1]]
+    chance = 2.0 / math.sqrt(len(grid.angles))
+    return bool(rms(steps) ** 2 / 2.0 >= (1.0 - chance) * signal**2)
 
-    def note(topic: Topic, words: str) -> None:
-        found.append(Finding(topic, words))
 
+def _undetermined(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> list[Note]:
+    """A note for each parameter that the log does not determine."""
+    found = []
     at, called = fit.parameters, peak_command(fit)
     gain, v_max = bounds["gain"], bounds["v_max"]
     if math.isinf(v_max.upper):
-        hardly = "never" if at.v_max > called else "hardly"
-        known = (
-            f"only v_max/theta_0 = {at.gain:.3g} per second is known"
-            if gain.bounded
-            else "neither v_max nor theta_0 is known"
-        )
-        note(
-            "top speed",
-            f"the joint {hardly} saturates in this log: {known}; v_max is at least "
-            f"{said(v_max.lower, unit, '/s')}, and the model has {said(at.v_max, unit, '/s')}, no "
-            "more than this log shows or calls for; record steps larger than about "
-            f"{said(max(2.0 * called / at.gain, fit.grid.span), unit, digits=1)}",
+        found.append(
+            note(
+                "top speed",
+                "top speed",
+                reached=at.v_max <= called,
+                known=gain.bounded,
+                gain=at.gain,
+                least=v_max.lower,
+                v_max=at.v_max,
+                steps=max(2.0 * called / at.gain, fit.grid.span),
+            )
         )
     elif math.isinf(gain.upper) and gain.lower > 0.0:
-        note(
-            "threshold",
-            "theta_0 is only known to be less than "
-            f"{said(v_max.upper / gain.lower, unit)}: record small steps, or slow "
-            "motion, in which the joint does not saturate",
-        )
-    for name in fit.free_names:
-        if at_edge(fit, Parameters._fields.index(name)):
-            note(
-                "search",
-                f"{name} ended at the edge of the search, at {getattr(at, name):.3g}: the logs do "
-                "not say how much further it would go, and the model probably does not fit this "
-                "joint",
-            )
-    delays = open_delays(fit, bounds, uncertainty)
-    return [*found, *(Finding("delays", words) for words in delays)]
+        found.append(note("threshold", "threshold", most=v_max.upper / gain.lower))
+    found += [
+        note("search", "edge", name=name, value=getattr(at, name))
+        for name in fit.free_names
+        if at_edge(fit, Parameters._fields.index(name))
+    ]
+    return found + undetermined_delays(fit, bounds, uncertainty)
 
 
-def open_delays(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty) -> list[str]:
-    """What the log leaves open of lag and acceleration time.
+def undetermined_delays(
+    fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertainty
+) -> list[Note]:
+    """Notes on lag and acceleration time where the log does not determine them.
 
     In rows far apart even sudden steps show little more than the middle of the window.
     """
@@ -266,26 +207,26 @@ def open_delays(fit: Fit, bounds: Mapping[str, Interval], uncertainty: Uncertain
         return width > max(2.0 * fit.grid.tick, OPTIONS.loose * value)
 
     at = fit.parameters
-    ends = {
-        name: f"between {1e3 * bounds[name].lower:.0f} and {1e3 * bounds[name].upper:.0f} ms"
-        for name in ("lag", "acceleration_time")
-    }
-    wide = [
-        name for name in ends if loose(bounds[name].upper - bounds[name].lower, getattr(at, name))
-    ]
-    if wide and _sudden(fit.grid) and all(bounds[name].bounded for name in ends):
+    ends = {name: bounds[name] for name in ("lag", "acceleration_time")}
+    wide = [name for name, of in ends.items() if loose(of.upper - of.lower, getattr(at, name))]
+    if wide and _sudden(fit.grid) and all(of.bounded for of in ends.values()):
         middle = at.lag + at.acceleration_time / 2.0
         half = middle_known_within(fit, uncertainty, bounds["acceleration_time"])
-        known = f", but lag + acceleration_time / 2 is, {1e3 * middle:.3g} ± {1e3 * half:.2g} ms"
         return [
-            f"lag, {ends['lag']}, and acceleration_time, {ends['acceleration_time']}, are not "
-            f"known{'' if loose(2.0 * half, middle) else known}: record more rows a second to tell "
-            "them apart"
+            note(
+                "delays",
+                "delays",
+                lag=ends["lag"],
+                window=ends["acceleration_time"],
+                loose=loose(2.0 * half, middle),
+                middle=1e3 * middle,
+                half=1e3 * half,
+            )
         ]
     return [
-        f"{name} is not known at all: record sudden steps"
-        if math.isinf(bounds[name].upper)
-        else f"{name} lies anywhere {ends[name]}: record sudden steps to tell it from other delays"
+        note("delays", "delay unknown", name=name)
+        if math.isinf(ends[name].upper)
+        else note("delays", "delay loose", name=name, between=ends[name])
         for name in wide
     ]
 
@@ -297,7 +238,7 @@ def _sudden(grid: Grid) -> bool:
     return float(np.sum(steps[sudden])) > 0.5 * float(np.sum(steps))
 
 
-def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[str]:
+def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[Note]:
     """What is odd about the logs themselves.
 
     Args:
@@ -306,75 +247,27 @@ def notes_on(logs: Sequence[Log], timing: Timing, jumps: Sequence[int]) -> list[
         jumps: For each log, how often its angles started again after a turn.
     """
     found = []
-    periods = [log.period for log in logs]
+    periods = [1e3 * log.period for log in logs]
     if unequal(logs):
-        found.append(
-            f"the logs have periods from {1e3 * min(periods):.3g} to {1e3 * max(periods):.3g} ms; "
-            f"the model's is {1e3 * timing.period:.3g} ms"
-        )
+        least, most, period = min(periods), max(periods), 1e3 * timing.period
+        found.append(note("log", "periods", least=least, most=most, period=period))
     for log, often in zip(logs, jumps, strict=True):
         if often:
-            times = "once" if often == 1 else f"{often} times"
-            found.append(
-                f"{log.name}: the actual angle jumps by a whole turn {times}, as encoders do that "
-                "start again; it is taken to go on"
-            )
+            found.append(note("log", "turns", log=log.name, once=often == 1, often=often))
         if not log.torque_on.all():
             off = 1.0 - float(np.mean(log.torque_on))
-            found.append(f"{log.name}: torque is off in {off:.0%} of the rows, which are left out")
+            found.append(note("log", "torque off", log=log.name, off=off))
+        if count := int(np.sum(log.measured & ~sound_rows(log))):
+            found.append(note("log", "glitches", log=log.name, count=count))
     return found
 
 
-def said(value: float, unit: str, per: str = "", *, digits: int = 3) -> str:
-    """A number with its unit, angles in the unit in which the user writes."""
-    if unit == "rad":
-        unit = ANGLE_UNIT.get()
-        value = math.degrees(value) if unit == "deg" else value
-    return f"{_rounded(value, digits):.3g} {unit}{per}".rstrip()
-
-
-def _rounded(value: float, digits: int) -> float:
-    """The number, to so many significant digits."""
-    return float(f"{value:.{digits - 1}e}")
-
-
-class OppositeSign(NamedTuple):
-    """What speaks for the opposite sign: the angles are as much like requests of that sign, sooner.
-
-    Attributes:
-        delay: How long after requests of the opposite sign the angles come [s].
-        likeness: Their correlation then, 0 to 1.
-        same_delay: The same by the requests as they are [s].
-        same_likeness: And the correlation with these.
-    """
-
-    delay: float
-    likeness: float
-    same_delay: float
-    same_likeness: float
-
-    @property
-    def repeats(self) -> bool:
-        """Whether the motion repeats itself, so that only the delay tells the signs apart."""
-        return _unlike(self.same_likeness) <= SIGN_LIKENESS * _unlike(self.likeness)
-
-    @property
-    def words(self) -> str:
-        """Why the sign of a column may be wrong."""
-        otherwise = ", or record motion that does not repeat itself" if self.repeats else ""
-        return (
-            f"the joint seems to move against its requests: its angles correlate by "
-            f"{self.likeness:.2f} with requests of the opposite sign {1e3 * self.delay:.0f} ms "
-            f"before, and by {self.same_likeness:.2f} with the requests themselves "
-            f"{1e3 * self.same_delay:.0f} ms before; invert the sign of one column{otherwise}"
-        )
-
-
-def opposite_sign(grid: Grid) -> OppositeSign | None:
+def opposite_sign(grid: Grid) -> Note | None:
     """What speaks for a joint that moves against its requests; None where nothing does.
 
-    Half a cycle of motion that repeats itself looks like the other sign. There the shorter delay
-    is taken for the true one: what a joint is late by is less than half a cycle.
+    The angles then are as much like requests of the opposite sign, after a shorter delay. Half a
+    cycle of motion that repeats itself looks like the other sign, too. There the shorter delay is
+    taken for the true one: what a joint is late by is less than half a cycle.
     """
     delays = np.linspace(0.0, grid.reach, 200)
     coarse = _likeness(grid, delays)
@@ -388,29 +281,33 @@ def opposite_sign(grid: Grid) -> OppositeSign | None:
     as_good = _unlike(other) <= SIGN_LIKENESS * _unlike(same)
     if other < 0.7 or not as_good or delay >= same_delay:
         return None
-    return OppositeSign(delay, other, same_delay, same)
-
-
-def _other_scale(grid: Grid, unit: str) -> str:
-    """What speaks for columns in two scales, in words: angles like requests of another span.
-
-    Empty where nothing does.
-    """
-    requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
-    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
-        return ""
-    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
-        return ""
-    return (
-        f"the angles are like the requests but span {said(actual, unit)} beside "
-        f"{said(requested, unit)}: is the scale of a column wrong? expected actual angles times "
-        f"{requested / actual:.3g}, or requested ones times {actual / requested:.3g}; "
-        f"if not, {REASONS}"
+    return note(
+        "sign",
+        "opposite sign",
+        likeness=other,
+        late=1e3 * delay,
+        same_likeness=same,
+        same_late=1e3 * same_delay,
+        repeats=_unlike(same) <= SIGN_LIKENESS * _unlike(other),
     )
 
 
-def exchanged_columns(grid: Grid) -> str:
-    """What speaks for angles that come before their requests, in words; empty where nothing does.
+def _other_scale(grid: Grid) -> dict[str, float]:
+    """The spans and factors of columns in two scales; empty where they are in one.
+
+    The angles then are like the requests, but of another span.
+    """
+    requested, actual = float(np.ptp(grid.requests)), float(np.ptp(grid.angles))
+    if min(requested, actual) <= 0.0 or 0.5 <= actual / requested <= 2.0:
+        return {}
+    if np.max(_likeness(grid, np.linspace(0.0, grid.reach, 200))) < OPTIONS.scaled:
+        return {}
+    ratio = requested / actual
+    return {"actual": actual, "requested": requested, "up": ratio, "down": actual / requested}
+
+
+def exchanged_columns(grid: Grid) -> Note | None:
+    """What speaks for angles that come before their requests; None where nothing does.
 
     Motion that repeats itself is as like the requests before as those after.
     """
@@ -418,16 +315,9 @@ def exchanged_columns(grid: Grid) -> str:
     before, after = _likeness(grid, delays), _likeness(grid, -delays)
     k = _first_best(after)
     past, future = float(np.max(before)), float(after[k])
-    if future < 0.7:
-        return ""
-    if SIGN_LIKENESS * _unlike(future) >= _unlike(past):
-        return ""
-    return (
-        f"the joint seems to move before it is requested to: its angles correlate by {future:.2f} "
-        f"with the requests {1e3 * delays[k]:.0f} ms later, and by at most {past:.2f} with "
-        "earlier ones; are the columns of requested and actual angles exchanged, or the times of "
-        "one of them late?"
-    )
+    if future < 0.7 or SIGN_LIKENESS * _unlike(future) >= _unlike(past):
+        return None
+    return note("columns", "exchanged", future=future, early=1e3 * delays[k], past=past)
 
 
 def _first_best(likeness: Array) -> int:

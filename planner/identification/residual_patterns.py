@@ -1,17 +1,16 @@
-"""What the residuals show that the model does not have, each named in a sentence with its rows."""
+"""What the residuals show that the model does not have: a note for each, with its rows."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.judgement import said as _said
-from planner.identification.result import LogFit
+from planner.identification.result import LogFit, Note, note
 from planner.identification.terms import Departure
 from planner.model.joint import JointModel
 
@@ -73,11 +72,27 @@ class Stop(NamedTuple):
 
     Attributes:
         rows: The rows, increasing.
-        words: What they show.
+        largest: Whether it is the largest.
+        angle: The angle [rad].
     """
 
     rows: npt.NDArray[np.int_]
-    words: str
+    largest: bool
+    angle: float
+
+    def note(self, log: str, code: str) -> Note:
+        """The stop, in a log of this name, and what becomes of its rows."""
+        return note(
+            "log",
+            "stop",
+            code,
+            log=log,
+            rows=len(self.rows),
+            first=self.rows[0],
+            last=self.rows[-1],
+            largest=self.largest,
+            angle=self.angle,
+        )
 
 
 def stops(fit: LogFit, noise: float) -> list[Stop]:
@@ -96,7 +111,7 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
         return found
     width = OPTIONS.stop_width * float(np.ptp(log.angles[used]))
     clear = OPTIONS.clear * max(noise, width)
-    for way, name in ((1.0, "largest"), (-1.0, "least")):
+    for way in (1.0, -1.0):
         angles = way * log.angles
         extreme = float(np.max(angles[used]))
         rows = used[angles[used] >= extreme - max(width, 2.0 * noise)]
@@ -109,44 +124,32 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
             continue
         held = rows[np.concatenate(visits)]
         if np.ptp(log.requests[held]) > clear:
-            words = (
-                f"a mechanical stop: in {_between(held)} the joint stays at its {name} angle, "
-                f"{way * extreme:.3g}, while it is requested to go on"
-            )
-            found.append(Stop(held, words))
+            found.append(Stop(held, way > 0.0, way * extreme))
     return found
 
 
 def patterns(
-    model: JointModel,
-    fits: Sequence[LogFit],
-    noise: float,
-    unit: str,
-    departures: Sequence[Departure] = (),
-) -> list[str]:
-    """A sentence for each pattern that shows.
+    model: JointModel, fits: Sequence[LogFit], noise: float, departures: Sequence[Departure] = ()
+) -> list[Note]:
+    """A note for each pattern that shows.
 
     Args:
         model: The identified joint.
         fits: What it makes of each log.
         noise: Standard deviation of the noise [rad].
-        unit: Unit of the angles in words; empty for shares of a range.
         departures: What :func:`planner.identification.terms.unmodelled` found.
     """
-    found = [_departure(each, fits, unit) for each in departures]
+    found = [_departure(each, fits) for each in departures]
     if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:
-        up, down = (_said(model.v_max + way * model.v_offset, unit, "/s") for way in (1.0, -1.0))
-        found.append(
-            f"asymmetry: the joint reaches {up} upwards and {down} downwards, as under a load"
-        )
+        up, down = (model.v_max + way * model.v_offset for way in (1.0, -1.0))
+        found.append(note("pattern", "asymmetry", up=up, down=down))
     for fit in fits:
-        shown = (*_ringing(model, fit, noise), *_drift(fit, noise, unit))
-        found += [f"{fit.log.name}: {text}" for text in shown]
-    return found + _contradictions(fits, unit)
+        found += [*_ringing(model, fit, noise), *_drift(fit, noise)]
+    return found + _contradictions(fits)
 
 
-def shaken(model: JointModel, fits: Sequence[LogFit], unit: str) -> list[str]:
-    """A sentence for each log in which a joint moves to and fro under requests that do not change.
+def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Note]:
+    """A note on each log in which a joint moves to and fro under requests that do not change.
 
     Whatever shakes it, other joints or the ground, dry friction holds it less than in calm motion.
     On recordings of an arm the dead band that such a log shows is 0.009 rad where slow motion
@@ -172,35 +175,12 @@ def shaken(model: JointModel, fits: Sequence[LogFit], unit: str) -> list[str]:
         size = float(np.sqrt(np.mean(moved**2)))
         alike = float(np.mean(moved[:, 1:] * moved[:, :-1])) / max(size**2, 1e-300)
         if alike > OPTIONS.shaken_alike and size > OPTIONS.shaken * fit.rms:
-            found.append(
-                f"{log.name}: the joint moves by {_said(size, unit)} (rms) while its request does "
-                "not change: shaking hides dry friction, and calm motion may be further off; "
-                "record slow motion in which nothing shakes it, such as excite --kind slow-triangle"
-            )
+            found.append(note("shaken", "shaking", log=log.name, moved=size))
     return found
 
 
-def _departure(found: Departure, fits: Sequence[LogFit], unit: str) -> str:
-    """What a joint has beside the model, and where it shows."""
-    error = (
-        f"the error is {_said(found.rms, unit)} with it and {_said(found.without, unit)} without"
-    )
-    if found.name == "backlash":
-        return (
-            f"backlash: after a reversal the joint starts late, as with a play of about "
-            f"{_said(found.size, unit, digits=2)} ({error}, rms); it shows {_places(found, fits)}; "
-            "friction that gives way late looks alike: move the joint by hand while the motor "
-            "holds, where play is free"
-        )
-    return (
-        f"an acceleration limit: the joint gains speed by at most about "
-        f"{_said(found.size, unit, '/s^2', digits=2)} ({error}, rms); it shows "
-        f"{_places(found, fits)}; plans with gentler changes of speed are met better"
-    )
-
-
-def _places(found: Departure, fits: Sequence[LogFit]) -> str:
-    """In how many places of the logs a departure shows, and the clearest of them."""
+def _departure(found: Departure, fits: Sequence[LogFit]) -> Note:
+    """A departure, in how many places of the logs it shows, and the clearest of them."""
     ends = np.cumsum([np.sum(fit.used) for fit in fits])[:-1]
     pieces = (np.split(each, ends) for each in (found.difference, found.gained))
     places = []
@@ -208,19 +188,25 @@ def _places(found: Departure, fits: Sequence[LogFit]) -> str:
         shows = difference > OPTIONS.shown * float(np.max(found.difference))
         rows, gains = np.flatnonzero(fit.used)[shows], gained[shows]
         turns = np.flatnonzero(np.diff(rows) > OPTIONS.apart) + 1
+        name = fit.log.name if len(fits) > 1 else ""
         for place, gain in zip(np.split(rows, turns), np.split(gains, turns), strict=True):
             if len(place):
-                places.append((float(np.sum(gain)), fit.log, int(place[0]), int(place[-1])))
+                first, last = int(place[0]), int(place[-1])
+                times = float(fit.log.times[first]), float(fit.log.times[last])
+                places.append((float(np.sum(gain)), (name, first, last, *times)))
     clearest = sorted(places, key=lambda place: -place[0])[: OPTIONS.places]
-    named = [
-        f"{f'{log.name} ' if len(fits) > 1 else ''}rows {first} to {last} "
-        f"({log.times[first]:.2f} to {log.times[last]:.2f} s)"
-        for _, log, first, last in clearest
-    ]
-    return f"in {len(places)} places, most in {' and '.join(named)}"
+    return note(
+        "pattern",
+        found.name,
+        size=found.size,
+        rms=found.rms,
+        without=found.without,
+        places=len(places),
+        clearest=[place for _, place in clearest],
+    )
 
 
-def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
+def _contradictions(fits: Sequence[LogFit]) -> list[Note]:
     """Logs in which the joint rests beside the model to different sides, or to other amounts."""
     means = {}
     for fit in fits:
@@ -233,20 +219,16 @@ def _contradictions(fits: Sequence[LogFit], unit: str) -> list[str]:
     apart = means[high][0] - means[low][0]
     if apart <= OPTIONS.contradiction * max(means[low][1], means[high][1]):
         return []
-    return [
-        f"the logs contradict each other: against one model the joint is {_said(apart, unit)} "
-        f"higher in {high} than in {low}; was the load, the zero or the pose another? Identify "
-        "them apart"
-    ]
+    return [note("pattern", "contradiction", apart=apart, high=high, low=low)]
 
 
-def _ringing(model: JointModel, fit: LogFit, noise: float) -> Iterator[str]:
+def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Note]:
     """Steps after which the joint goes farther beyond where it comes to rest than its model."""
     log = fit.log
     delay = model.lag + model.acceleration_time + model.theta_0 / model.v_max
     changes = np.flatnonzero(np.diff(log.requests)) + 1
     ends = np.append(changes, len(log.times))[1:]
-    over, steps, rows = 0, 0, []
+    steps, over = 0, []
     for begin, end in zip(changes.tolist(), ends.tolist(), strict=True):
         step = float(log.requests[begin] - log.requests[begin - 1])
         if log.times[end - 1] - log.times[begin] < OPTIONS.settled * delay:
@@ -265,31 +247,34 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> Iterator[str]:
         if modelled > OPTIONS.explained * beyond:
             continue
         if beyond > max(OPTIONS.overshoot * rests[0], OPTIONS.clear * noise):
-            over += 1
-            rows.append((begin, beyond / rests[0], max(modelled, 0.0) / rests[0]))
-    if over >= 2 and over >= 0.5 * steps:
-        _, share, modelled_share = np.median(rows, axis=0)
-        yield (
-            f"ringing: after {over} of {steps} steps the joint goes {share:.0%} too far before it "
-            f"rests, first after row {rows[0][0]}; the model goes {modelled_share:.0%} too far"
+            over.append((begin, beyond / rests[0], max(modelled, 0.0) / rests[0]))
+    if len(over) < max(2, 0.5 * steps):
+        return []
+    _, share, modelled = np.median(over, axis=0)
+    return [
+        note(
+            "pattern",
+            "ringing",
+            log=log.name,
+            over=len(over),
+            steps=steps,
+            share=share,
+            row=over[0][0],
+            modelled=modelled,
         )
+    ]
 
 
-def _drift(fit: LogFit, noise: float, unit: str) -> Iterator[str]:
+def _drift(fit: LogFit, noise: float) -> list[Note]:
     """Residuals that follow a straight line through the log."""
     used = np.flatnonzero(fit.used)
     if len(used) < OPTIONS.stop_rows:
-        return
+        return []
     times, left = fit.log.times[used], fit.residuals[used]
     line = np.polynomial.Polynomial.fit(times, left, 1)
     change = float(line(times[-1]) - line(times[0]))
     explained = float(np.var(line(times)) / max(np.var(left), 1e-300))
-    if explained > OPTIONS.drift and abs(change) > OPTIONS.clear * noise:
-        yield (
-            f"a slow drift: the angles leave the model by {_said(change, unit)} from row {used[0]} "
-            f"to row {used[-1]}"
-        )
-
-
-def _between(rows: npt.NDArray[np.int_]) -> str:
-    return f"{len(rows)} rows between {rows[0]} and {rows[-1]}"
+    if explained <= OPTIONS.drift or abs(change) <= OPTIONS.clear * noise:
+        return []
+    first, last = used[[0, -1]]
+    return [note("pattern", "drift", log=fit.log.name, change=change, first=first, last=last)]

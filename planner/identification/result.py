@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -70,6 +69,25 @@ class Finding(NamedTuple):
 
     topic: Topic
     words: str
+
+
+class Note(NamedTuple):
+    """A finding in codes and numbers: ``planner/report/identification/findings.py`` has its words.
+
+    Attributes:
+        topic: What it is about.
+        codes: Its sentences, in their order.
+        numbers: What stands in them, SI units and radians, by name.
+    """
+
+    topic: Topic
+    codes: tuple[str, ...]
+    numbers: dict[str, Any]
+
+
+def note(topic: Topic, *codes: str, **numbers: Any) -> Note:
+    """A note on this topic."""
+    return Note(topic, codes, numbers)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -333,25 +351,8 @@ class Identification:
             "gain": self.gain,
             "gain_interval": _ends(self.gain_interval),
             "covariance": None if self.covariance is None else self.covariance.tolist(),
-            "alternatives": [
-                {
-                    "name": other.name,
-                    "rms": other.rms,
-                    "held_out_rms": other.held_out_rms,
-                    "parameters": dict(other.parameters),
-                }
-                for other in self.alternatives
-            ],
-            "terms": [
-                {
-                    "name": term.name,
-                    "kept": term.kept,
-                    "rms_without": term.rms_without,
-                    "rms_with": term.rms_with,
-                    "interval": _ends(term.interval),
-                }
-                for term in self.terms
-            ],
+            "alternatives": [asdict(other) for other in self.alternatives],
+            "terms": [vars(term) | {"interval": _ends(term.interval)} for term in self.terms],
             "logs": [
                 {
                     "name": fit.log.name,
@@ -403,70 +404,3 @@ def _reach(value: float, interval: Interval) -> float:
 
 def _ends(interval: Interval) -> list[float | None]:
     return [end if math.isfinite(end) else None for end in interval]
-
-
-class SpeedPoints(NamedTuple):
-    """One point per interval between two rows.
-
-    Attributes:
-        errors: Mean request over the window of the model, plus its offset, minus the angle [rad].
-        speeds: Change of the angle over the interval [rad/s].
-        saturated: Points whose whole window calls for the top speed.
-        apart: Points whose window lies on both sides of a corner of f: there the mean of f is not
-            f of the mean, so that they need not lie on its curve.
-    """
-
-    errors: Array
-    speeds: Array
-    saturated: npt.NDArray[np.bool_]
-    apart: npt.NDArray[np.bool_]
-
-
-def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
-    """The points of one log, from intervals between neighbouring rows that were both used.
-
-    Over an interval with its middle at t, Equation 3 averages f over the requests of
-    ``[t - lag - acceleration_time, t - lag]``, moved by half a tick.
-    """
-    log = fit.log
-    intervals = np.flatnonzero(fit.used[:-1] & fit.used[1:])
-    after = intervals + 1
-    steps = log.times[after] - log.times[intervals]
-    middle = 0.5 * (log.times[after] + log.times[intervals]) + 0.5 * model.tick
-    speeds = (log.angles[after] - log.angles[intervals]) / steps
-    # Equation 3 compares with the angle one tick before, on average half a tick before the middle.
-    here = 0.5 * (log.angles[after] + log.angles[intervals] - speeds * model.tick)
-    mean, least, most = _windows(
-        log, middle - model.lag - model.acceleration_time, middle - model.lag
-    )
-    errors, low, high = (values + model.offset - here for values in (mean, least, most))
-    down, *band, up = model.corners().tolist()
-    saturated = (low >= up) | (high <= down)
-    edges = [down, *(band if model.dead_band else ()), up]
-    one_piece = np.zeros(len(errors), dtype=bool)
-    for least, most in pairwise(edges):
-        one_piece |= (low >= least) & (high <= most)
-    return SpeedPoints(errors, speeds, saturated, ~(one_piece | saturated))
-
-
-def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]:
-    """Mean, least and largest of the requests, each held until the next, between given times."""
-    steps = np.diff(log.times)
-    summed = np.concatenate([[0.0], np.cumsum(log.requests[:-1] * steps)])
-
-    def integral(times: Array) -> Array:
-        inner = np.interp(times, log.times, summed)
-        before = np.minimum(times - log.times[0], 0.0) * log.requests[0]
-        after = np.maximum(times - log.times[-1], 0.0) * log.requests[-1]
-        total: Array = inner + before + after
-        return total
-
-    mean = (integral(ends) - integral(starts)) / (ends - starts)
-    last = len(log.times) - 1
-    first_row = np.clip(np.searchsorted(log.times, starts, side="right") - 1, 0, last)
-    last_row = np.clip(np.searchsorted(log.times, ends, side="left") - 1, first_row, last)
-    padded = np.append(log.requests, log.requests[-1])  # reduceat's ends must lie inside
-    edges = np.column_stack([first_row, last_row + 1]).ravel()
-    least = np.minimum.reduceat(padded, edges)[::2]
-    most = np.maximum.reduceat(padded, edges)[::2]
-    return mean, least, most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,12 +16,14 @@ from planner.identification.intervals import (
     middle_known_within,
     uncertainty_of,
 )
-from planner.identification.judgement import OppositeSign, open_delays, verdict_on
-from planner.identification.result import HeldOut, Interval
+from planner.identification.judgement import undetermined_delays, verdict_on
+from planner.identification.result import HeldOut, Interval, note
+from planner.report.identification.findings import sentence
 from planner.report.identification.text import next_step
 from tests.identification.made import (
     AIBO,
     NOISE,
+    QUANTUM,
     changed,
     identified_steps,
     measured,
@@ -122,7 +125,8 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
         log = changed(log, requests=requests, angles=planner.simulate(JOINT, requests))
     fit = fit_joint([log], timing_of([log], tick=None, hold=None))
     wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
-    said = open_delays(fit, wide, uncertainty_of(fit))
+    notes = undetermined_delays(fit, wide, uncertainty_of(fit))
+    said = [sentence(note, "rad") for note in notes]
     if sudden:
         middle = fit.parameters.lag + fit.parameters.acceleration_time / 2.0
         assert len(said) == 1
@@ -130,7 +134,8 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
         assert "record more rows a second" in said[0]
     else:
         assert [line.split(": ")[1][:20] for line in said] == 2 * ["record sudden steps "]
-    assert not open_delays(fit, dict.fromkeys(wide, Interval(0.02, 0.021)), uncertainty_of(fit))
+    narrow = dict.fromkeys(wide, Interval(0.02, 0.021))
+    assert not undetermined_delays(fit, narrow, uncertainty_of(fit))
 
 
 def test_how_well_the_middle_of_a_window_is_known_counts_what_its_length_does():
@@ -208,6 +213,18 @@ def test_an_angle_that_does_not_follow_the_requests_is_refused():
     found = planner.identify(changed(log, angles=other.angles))
     assert not found.accepted
     assert any("the model does not fit" in warning for warning in found.warnings)
+
+
+def test_of_a_log_of_noise_one_warning_says_that_it_holds_no_motion():
+    log = rich_log()
+    noise = np.random.default_rng(0).normal(0.0, 0.01, len(log.times))
+    for angles in (noise, 30.0 * noise, np.round(noise / QUANTUM) * QUANTUM):
+        found = planner.identify(changed(log, angles=angles))
+        assert (found.verdict, found.reason) == ("refused", "the log holds no motion of the joint")
+        (warning,) = found.warnings
+        assert warning.startswith("this log holds no motion of the joint")
+    moved = planner.identify(changed(log, angles=rich_log(seed=1).angles))
+    assert not any("holds no motion" in warning for warning in moved.warnings)
 
 
 def test_a_joint_that_sticks_badly_is_refused():
@@ -379,20 +396,26 @@ def judged(fitted, *, held=None, simple=None, **known):
         held = HeldOut(rows, np.empty(0), rms, sound, sizes, beyond=held.pop("beyond", False))
     options = {
         "against": None,
-        "exchanged": "",
+        "exchanged": None,
         "signal": 100.0 * fit.rms,
-        "unit": "rad",
         "tested": True,
         "friction": 0.0,
         "shaken": (),
         **known,
     }
     simple = {name: share * fit.rms for name, share in simple.items()}
-    return verdict_on(fit, bounds, uncertainty, held, simple, **options)
+    verdict, reason, notes = verdict_on(fit, bounds, uncertainty, held, simple, **options)
+    return Judged(verdict, sentence(reason, "rad"), notes)
 
 
-def topics(judgement):
-    return [finding.topic for finding in judgement.findings]
+class Judged(NamedTuple):
+    verdict: str
+    reason: str
+    notes: list
+
+
+def topics(judged):
+    return [each.topic for each in judged.notes]
 
 
 def test_a_model_that_is_tested_and_misses_little_holds(fitted):
@@ -466,13 +489,13 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
 
 def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):
     fit, _, _ = fitted
-    against = OppositeSign(0.01, 0.9, 0.02, 0.5)
-    found = judged(fitted, against=against)
+    found = judged(fitted, against=note("sign", "opposite sign"))
     assert (found.verdict, topics(found)) == ("refused", ["sign"])
-    assert judged(fitted, exchanged="are they exchanged?").findings == ()
-    missing = judged(fitted, exchanged="are they exchanged?", signal=fit.rms / 0.15)
+    exchanged = note("columns", "exchanged")
+    assert judged(fitted, exchanged=exchanged).notes == []
+    missing = judged(fitted, exchanged=exchanged, signal=fit.rms / 0.15)
     assert topics(missing) == ["error", "columns"]
-    shaken = judged(fitted, shaken=("it shakes",), held={"beyond": True})
+    shaken = judged(fitted, shaken=[note("shaken", "shaking")], held={"beyond": True})
     assert (shaken.verdict, topics(shaken)) == ("usable", ["shaken", "held out"])
     assert judged(fitted, tested=False).reason == "it was not tested on rows held out"
 
@@ -496,4 +519,4 @@ def test_a_time_is_loose_from_half_of_it_and_two_ticks_on(fitted):
         at = replace(fit, parameters=fit.parameters._replace(lag=lag))
         for width, count in ((0.96 * most, 0), (1.04 * most, 1)):
             bounds = {"lag": Interval(lag, lag + width), "acceleration_time": tight}
-            assert len(open_delays(at, bounds, uncertainty)) == count
+            assert len(undetermined_delays(at, bounds, uncertainty)) == count

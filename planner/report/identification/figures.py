@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from planner.identification.result import Identification, LogFit, SpeedPoints, speed_against_error
+from planner.identification.log import Log
+from planner.identification.result import Identification, LogFit
+from planner.model.joint import JointModel
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line, replace_width
 from planner.report.identification.words import (
     NAMES,
@@ -51,6 +54,23 @@ SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "righ
 """Where the numbers below a strip stand."""
 
 
+class SpeedPoints(NamedTuple):
+    """One point per interval between two rows.
+
+    Attributes:
+        errors: Mean request over the window of the model, plus its offset, minus the angle [rad].
+        speeds: Change of the angle over the interval [rad/s].
+        saturated: Points whose whole window calls for the top speed.
+        apart: Points whose window lies on both sides of a corner of f: there the mean of f is not
+            f of the mean, so that they need not lie on its curve.
+    """
+
+    errors: Array
+    speeds: Array
+    saturated: npt.NDArray[np.bool_]
+    apart: npt.NDArray[np.bool_]
+
+
 class Cloud(NamedTuple):
     """The points of all logs, the largest error that is shown [rad], and the speed [rad/s]."""
 
@@ -73,6 +93,56 @@ def cloud_of(found: Identification) -> Cloud:
     shown = np.abs(points.speeds[np.abs(points.errors) <= reach])
     most = float(np.quantile(shown, 0.995)) if len(shown) else 0.0
     return Cloud(points, reach, 1.15 * max(float(model.speed(reach)), most))
+
+
+def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
+    """The points of one log, from intervals between neighbouring rows that were both used.
+
+    Over an interval with its middle at t, Equation 3 averages f over the requests of
+    ``[t - lag - acceleration_time, t - lag]``, moved by half a tick.
+    """
+    log = fit.log
+    intervals = np.flatnonzero(fit.used[:-1] & fit.used[1:])
+    after = intervals + 1
+    steps = log.times[after] - log.times[intervals]
+    middle = 0.5 * (log.times[after] + log.times[intervals]) + 0.5 * model.tick
+    speeds = (log.angles[after] - log.angles[intervals]) / steps
+    # Equation 3 compares with the angle one tick before, on average half a tick before the middle.
+    here = 0.5 * (log.angles[after] + log.angles[intervals] - speeds * model.tick)
+    mean, least, most = _windows(
+        log, middle - model.lag - model.acceleration_time, middle - model.lag
+    )
+    errors, low, high = (values + model.offset - here for values in (mean, least, most))
+    down, *band, up = model.corners().tolist()
+    saturated = (low >= up) | (high <= down)
+    edges = [down, *(band if model.dead_band else ()), up]
+    one_piece = np.zeros(len(errors), dtype=bool)
+    for least, most in pairwise(edges):
+        one_piece |= (low >= least) & (high <= most)
+    return SpeedPoints(errors, speeds, saturated, ~(one_piece | saturated))
+
+
+def _windows(log: Log, starts: Array, ends: Array) -> tuple[Array, Array, Array]:
+    """Mean, least and largest of the requests, each held until the next, between given times."""
+    steps = np.diff(log.times)
+    summed = np.concatenate([[0.0], np.cumsum(log.requests[:-1] * steps)])
+
+    def integral(times: Array) -> Array:
+        inner = np.interp(times, log.times, summed)
+        before = np.minimum(times - log.times[0], 0.0) * log.requests[0]
+        after = np.maximum(times - log.times[-1], 0.0) * log.requests[-1]
+        total: Array = inner + before + after
+        return total
+
+    mean = (integral(ends) - integral(starts)) / (ends - starts)
+    last = len(log.times) - 1
+    first_row = np.clip(np.searchsorted(log.times, starts, side="right") - 1, 0, last)
+    last_row = np.clip(np.searchsorted(log.times, ends, side="left") - 1, first_row, last)
+    padded = np.append(log.requests, log.requests[-1])  # reduceat's ends must lie inside
+    edges = np.column_stack([first_row, last_row + 1]).ravel()
+    least = np.minimum.reduceat(padded, edges)[::2]
+    most = np.maximum.reduceat(padded, edges)[::2]
+    return mean, least, most
 
 
 def cloud_figure(found: Identification, prefix: str = "") -> Figure:

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from planner._version import __version__
-from planner.identification.result import Identification, speed_against_error
+from planner.identification.result import Identification
 from planner.report.identification.figures import (
     alternatives_figure,
     cloud_figure,
+    cloud_of,
     intervals_figure,
     log_figures,
 )
@@ -278,9 +279,8 @@ def _leaves_top_speed_open(found: Identification) -> bool:
 
 def saturated(found: Identification) -> float:
     """Share of the measured intervals that were wholly at the top speed."""
-    clouds = [speed_against_error(found.model, fit) for fit in found.fits]
-    intervals = sum(len(cloud.errors) for cloud in clouds)
-    return sum(int(np.sum(cloud.saturated)) for cloud in clouds) / max(1, intervals)
+    points = cloud_of(found).points
+    return int(np.sum(points.saturated)) / max(1, len(points.errors))
 
 
 def joints_table(joints: Sequence[Joint]) -> Table:
