@@ -222,6 +222,24 @@ def unmodelled(fit: Fit) -> list[Departure]:
     excerpt = excerpt_of(fit)
     if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
         return []
+
+    def fitted(begin: Parameters, effort: Effort) -> Fit:  # what begins without stays without
+        further = {"dead_band", "time_constant"}
+        further |= {"play"} if begin.play > 0.0 else set()
+        further |= {"max_acceleration"} if math.isfinite(begin.max_acceleration) else set()
+        return least_squares(
+            excerpt.grid,
+            begin,
+            free=fit.free | only(*further),
+            starts=excerpt.starts,
+            scale=fit.scale,
+            effort=effort,
+        )
+
+    def best(begins: Iterable[Parameters]) -> Fit:
+        trials = (fitted(begin, TRIAL) for begin in begins)
+        return fitted(min(trials, key=lambda trial: trial.cost).parameters, ENOUGH)
+
     at, delay, tick = fit.parameters, fit.parameters.whole_delay, fit.grid.tick
     divided = at._replace(
         lag=0.25 * delay,
@@ -229,32 +247,32 @@ def unmodelled(fit: Fit) -> list[Departure]:
         gain=min(2.0 / delay, at.gain),
         time_constant=0.2 * delay,
     )
-    bare = excerpt.best([at._replace(time_constant=0.1 * at.acceleration_time), divided])
-    bends = np.diff(bare.residuals, 2)  # of noise six times its variance
-    if 1.0 - float(np.mean(bends**2)) / 6.0 / max(bare.rms, 1e-300) ** 2 < SAVING:
-        return []
+    bare = best([at._replace(time_constant=0.1 * at.acceleration_time), divided])
     both = bare.parameters, divided
     found = {
-        "acceleration limit": excerpt.best(
-            limited for joint in both for limited in _limited(joint, fit.grid)
-        ),
-        "backlash": excerpt.best(
+        "acceleration limit": best(_limited(joint, fit.grid) for joint in both),
+        "backlash": best(
             joint._replace(play=size * bare.rms) for size in (2.0, 5.0) for joint in both
         ),
     }
     for each in found.values():
         if _saving(bare, each) >= SAVING:  # or is there a better optimum without it
             without = each.parameters._replace(max_acceleration=math.inf, play=0.0)
-            again = excerpt.fitted(without, ENOUGH)
-            bare = min(bare, again, key=lambda trial: trial.cost)
+            bare = min(bare, fitted(without, ENOUGH), key=lambda trial: trial.cost)
     motion = float(np.std(excerpt.grid.angles))
-    named = [
-        excerpt.departure(name, bare, each)
-        for name, each in found.items()
-        if _saving(bare, each) >= SAVING
-        and each.rms <= EXPLAINED * motion
-        and each.parameters.play <= MOST_PLAY * motion
-    ]
+    named = []
+    for name, each in found.items():
+        play, limit = each.parameters.play, each.parameters.max_acceleration
+        if (
+            _saving(bare, each) >= SAVING
+            and each.rms <= EXPLAINED * motion
+            and play <= MOST_PLAY * motion
+        ):
+            difference, gained = np.zeros((2, len(excerpt.compared)))
+            difference[excerpt.compared] = np.abs(each.residuals - bare.residuals)
+            gained[excerpt.compared] = bare.residuals**2 - each.residuals**2
+            size = play if name == "backlash" else limit
+            named.append(Departure(name, size, bare.rms, each.rms, difference, gained))
     return sorted(named, key=lambda departure: departure.rms)
 
 
@@ -263,65 +281,31 @@ def _saving(without: Fit, with_it: Fit) -> float:
     return 1.0 - with_it.cost / max(without.cost, 1e-300)
 
 
-def _limited(at: Parameters, grid: Grid) -> list[Parameters]:
-    """Where the search for an acceleration limit begins: its share of the ramp is not known."""
+def _limited(at: Parameters, grid: Grid) -> Parameters:
+    """Where the search for an acceleration limit begins: it takes half of the ramp."""
     speed = min(at.v_max, grid.fastest)
-    highest = speed / max(at.acceleration_time + at.time_constant, grid.tick)
-    found = []
-    for share, ramp in ((2.0, 1.0), (1.0, 0.5), (0.5, 0.3)):
-        limit, constant = share * highest, max(ramp * at.time_constant, grid.tick)
-        found.append(
-            at._replace(
-                acceleration_time=max(ramp * at.acceleration_time, grid.tick),
-                time_constant=constant,
-                max_acceleration=limit,
-                dead_band=min(at.dead_band, 0.5 * limit * constant / at.gain),  # or it never moves
-            )
-        )
-    return found
+    limit = speed / max(at.acceleration_time + at.time_constant, grid.tick)
+    constant = max(0.5 * at.time_constant, grid.tick)
+    return at._replace(
+        acceleration_time=max(0.5 * at.acceleration_time, grid.tick),
+        time_constant=constant,
+        max_acceleration=limit,
+        dead_band=min(at.dead_band, 0.5 * limit * constant / at.gain),  # or it never moves
+    )
 
 
 class Excerpt(NamedTuple):
     """Chunks of a fit's rows, as runs of their own.
 
     Attributes:
-        fit: The fit.
         grid: The chunks.
         compared: Which of the fit's rows they hold.
         starts: Angle of the fit where each chunk begins [rad].
     """
 
-    fit: Fit
     grid: Grid
     compared: Mask
     starts: Array
-
-    def best(self, begins: Iterable[Parameters]) -> Fit:
-        """The better of the two best joints that a few evaluations lead to, fitted."""
-        trials = [self.fitted(begin, TRIAL) for begin in begins]
-        trials.sort(key=lambda trial: trial.cost)
-        fits = [self.fitted(trial.parameters, ENOUGH) for trial in trials[:2]]
-        return min(fits, key=lambda fit: fit.cost)
-
-    def fitted(self, begin: Parameters, effort: Effort) -> Fit:
-        """The fit from there; an acceleration that is infinite, and a play of 0, stay so."""
-        free = self.fit.free | only("dead_band", "time_constant")
-        if begin.play > 0.0:
-            free |= only("play")
-        if math.isfinite(begin.max_acceleration):
-            free |= only("max_acceleration")
-        return least_squares(
-            self.grid, begin, free=free, starts=self.starts, scale=self.fit.scale, effort=effort
-        )
-
-    def departure(self, name: str, without: Fit, with_it: Fit) -> Departure:
-        """What is to be said of a joint."""
-        difference, gained = np.zeros((2, len(self.compared)))
-        difference[self.compared] = np.abs(with_it.residuals - without.residuals)
-        gained[self.compared] = without.residuals**2 - with_it.residuals**2
-        at = with_it.parameters
-        size = at.play if name == "backlash" else at.max_acceleration
-        return Departure(name, size, without.rms, with_it.rms, difference, gained)
 
 
 def excerpt_of(fit: Fit) -> Excerpt:
@@ -353,7 +337,7 @@ def excerpt_of(fit: Fit) -> Excerpt:
         firsts=(),
         places=(),
     )
-    return Excerpt(fit, part, compared, fit.response.states[grid.states[chunks[:, 0]] - 1])
+    return Excerpt(part, compared, fit.response.states[grid.states[chunks[:, 0]] - 1])
 
 
 def _chunks(fit: Fit) -> Indices:
