@@ -1,0 +1,168 @@
+"""From a task to searches: what each of them is given, and which answer is taken."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from planner.exceptions import SolverFailed
+from planner.gait.half_ellipse import reference_walk
+from planner.model.evidence import Evidence
+from planner.model.joint import JointModel
+from planner.planning import solve as searches
+from planner.planning.problem import problem_of, track
+from planner.planning.search import State
+from planner.planning.solve import Solved, holding, search, solve
+from planner.planning.task import Task
+
+ERS210A = JointModel.ers210a()
+LATE = replace(ERS210A, lag=0.05)
+PHASE = 2.0 * np.pi * np.arange(40) / 40
+DESIRED = np.column_stack([0.3 * np.sin(PHASE), 0.2 * np.cos(PHASE), 0.1 * np.sin(2.0 * PHASE)])
+
+
+@pytest.fixture
+def single(monkeypatch):
+    """The tasks of the joints that are planned one by one; their plans are the desired angles."""
+    given = []
+
+    def record(task, **options):
+        given.append((task, options))
+        several = len(task.scenarios) > 1
+        return Solved(task.desired, task.desired + 1.0 if several else None)
+
+    monkeypatch.setattr(searches, "solve_joint", record)
+    return given
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+def test_each_joint_of_a_leg_is_first_planned_for_where_the_foot_needs_it(
+    cyclic, single, monkeypatch
+):
+    """Exactly, for its nominal model and by itself; limits and loads stay its own."""
+    monkeypatch.setattr(searches, "foot_requests", lambda problem, singly, **_: (problem, singly))
+    monkeypatch.setattr(searches, "robust_requests", lambda *_, **__: np.zeros((11, 3)))
+    walk = reference_walk()
+    added = 0.01 * np.arange(33.0).reshape(11, 3)
+    sagging = replace(ERS210A, compliance=0.01)
+    task = Task.of(
+        [[sagging, LATE]] * 3,
+        walk.desired_foot[::8],
+        leg=walk.leg,
+        cyclic=cyclic,
+        norm="max",
+        max_step=[0.1, 0.2, 0.3],
+        smoothness=0.1,
+        load=np.tile([0.1, 0.2, 0.3], (11, 1)),
+        disturbance=added,
+    )
+    made = solve(task)
+    problem = problem_of(task)
+    np.testing.assert_array_equal(made.nominal, problem.desired)
+    for j, (alone, _) in enumerate(single):
+        np.testing.assert_array_equal(alone.desired[:, 0], problem.desired[:, j])
+        assert alone.models == ((sagging,),)
+        assert (alone.goal, alone.norm, alone.smoothness) == ("angles", "rms", 0.0)
+        assert (alone.disturbance, alone.cyclic) == (None, cyclic)
+        assert alone.limits == task.limits[j : j + 1]
+        assert alone.max_step == task.max_step[j]
+        np.testing.assert_array_equal(alone.load, task.load[:, j : j + 1])
+        assert alone.starts == ((None,) if cyclic else (problem.desired[0, j],))
+
+
+def test_requests_for_the_nominal_models_are_kept_where_any_joint_has_several(single):
+    names, told = ("hip", "knee", "toe"), []
+    task = Task.of([[ERS210A], [ERS210A, LATE], [ERS210A]], DESIRED, names=names)
+    made = solve(task, solver="ipopt", progress=told.append)
+    np.testing.assert_array_equal(made.requests, DESIRED)
+    np.testing.assert_array_equal(made.nominal, DESIRED + np.array([0.0, 1.0, 0.0]))
+    assert told == [*names]
+    assert [each.names for each, _ in single] == [("hip",), ("knee",), ("toe",)]
+    assert [options["solver"] for _, options in single] == ["ipopt"] * 3
+    assert solve(Task.of(ERS210A, DESIRED)).nominal is None
+
+
+def test_what_cycles_have_measured_takes_the_place_of_what_models_were_known_to_miss(single):
+    known = ERS210A.with_evidence(Evidence(0.1))
+    task = Task.of([[known, known]] * 3, DESIRED)
+    solve(task)
+    solve(replace(task, disturbance=0.0 * DESIRED))
+    errors = [[model.evidence for model in each.models[0]] for each, _ in single]
+    assert errors == [[known.evidence] * 2] * 3 + [[None] * 2] * 3
+
+
+def test_models_in_scenarios_get_the_loads_that_they_feel(monkeypatch):
+    given = []
+
+    def record(_, scenarios, loads, requests, **options):
+        given.append((scenarios, loads, options))
+        return requests
+
+    monkeypatch.setattr(searches, "robust_requests", record)
+    sagging = replace(ERS210A, compliance=0.01)
+    task = Task.of([[ERS210A, sagging]], DESIRED[:, :1], load=0.5, robust="worst", smoothness=0.02)
+    made = solve(task)
+    np.testing.assert_array_equal(made.requests, made.nominal)
+    ((scenarios, loads, options),) = given
+    assert scenarios == ((ERS210A,), (sagging,))
+    assert loads[0] == (None,)
+    np.testing.assert_array_equal(loads[1][0], 0.5)
+    assert (options["robust"], options["smoothness"]) == ("worst", 0.02)
+
+
+def test_the_best_of_several_searches_is_taken(monkeypatch):
+    """Wide corners only where they gain a five-hundredth, as their requests change more."""
+    problem = track(ERS210A, 3.0 * DESIRED[:, 0], cyclic=True)
+    state = State(problem.resting, problem.desired)
+    ideal = replace(problem, desired=problem.desired + 0.1)  # an error of 0.1 of the ideal
+    for narrow, wide, taken in (
+        (0.2, 0.1, "wide"),
+        (0.2, 0.1997, "narrow"),
+        (0.2, 0.1995, "wide"),
+        (0.102, 0.01, "narrow"),  # within three hundredths of the ideal no further one follows
+        (0.1035, 0.01, "wide"),
+    ):
+        ends = {
+            searches.NARROW: (np.zeros((40, 1)), narrow),
+            searches.WIDE: (np.ones((40, 1)), wide),
+        }
+        monkeypatch.setattr(
+            searches, "minimise", lambda _, __, stages, ends=ends, **___: ends[stages]
+        )
+        answer = search(ideal, state)
+        assert float(answer[0, 0]) == (1.0 if taken == "wide" else 0.0)
+    monkeypatch.setattr(searches, "minimise", lambda _, state, *__, **___: (state.requests, np.inf))
+    with pytest.raises(SolverFailed, match="no requests lead to a steady cycle"):
+        search(ideal, state)
+
+
+def test_joints_that_are_held_rest_where_the_first_sample_has_them():
+    desired = np.array([[0.1, 0.2], [0.3, 0.2], [0.2, 0.2]])
+    task = Task.of(ERS210A, desired, limits=(-1.0, [0.9, 0.8]))
+    problem = replace(
+        track(ERS210A, desired[:, 0], cyclic=True),
+        models=(ERS210A, ERS210A),
+        desired=desired,
+        lower=task.lower,
+        upper=task.upper,
+        max_step=task.max_step,
+        loads=(None, None),
+    )
+    held = holding(problem, np.array([False, True]))
+    np.testing.assert_array_equal(held.lower, [-1.0, 0.2])
+    np.testing.assert_array_equal(held.upper, [0.9, 0.2])
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("several", [False, True])
+def test_the_first_request_leaves_the_middle_of_the_band_for_the_side_of_the_motion(way, several):
+    """For a single model alone: several may have other bands."""
+    sticky = replace(ERS210A, dead_band=0.03)
+    steep = way * 0.6 * np.minimum(np.arange(30) / 10.0, 1.0)[:, np.newaxis]
+    models = [[sticky, replace(sticky, lag=0.04)]] if several else [sticky]
+    made = solve(Task.of(models, steep, cyclic=False))
+    first = float(made.requests[0, 0])
+    assert abs(first) < 0.03
+    assert first == 0.0 if several else way * first == pytest.approx(0.03, rel=1e-6)
