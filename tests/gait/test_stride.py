@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics import KinematicsError, Limits, UnreachableFoot
+from kinematics import KinematicsError, Leg, Limits, UnreachableFoot
 from kinematics.dexterity import dexterity
 from planner.exceptions import Infeasible, InvalidInput, PlannerError
 from planner.gait.half_ellipse import half_ellipse
@@ -114,6 +114,16 @@ def test_a_stride_on_which_the_leg_would_have_to_leap_is_an_error(leg):
     assert stride(replace(leg, limits=limits), length=0.01, **given).length == 0.01
     with pytest.raises(Infeasible, match="leap to another pose after sample"):
         stride(replace(leg, limits=limits), length=0.14, **given)
+
+
+def test_a_leap_from_the_last_sample_to_the_first_is_one_too(leg, monkeypatch):
+    def leap_at_the_end(_, angles):
+        np.testing.assert_array_equal(angles[-1], angles[0])
+        return np.array([len(angles) - 2])
+
+    monkeypatch.setattr(Leg, "jumps", leap_at_the_end)
+    with pytest.raises(Infeasible, match="leap to another pose after sample 39;"):
+        stride(leg, samples=40, length=0.02, height=0.01)
 
 
 def test_a_place_out_of_reach_is_an_error(leg):

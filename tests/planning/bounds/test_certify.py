@@ -22,6 +22,7 @@ from planner.planning.bounds.multipliers import certified_error
 from planner.planning.bounds.reachable_set import (
     BoundProblem,
     ReachableSet,
+    distance_from_rest,
     envelope,
     reachable_set,
 )
@@ -463,3 +464,25 @@ def test_the_bound_for_every_start_is_that_of_the_best_start():
 def test_a_start_that_is_no_angle_of_a_joint_is_refused():
     with pytest.raises(InvalidInput, match="start: got 1e\\+300, expected an angle"):
         certify(JointModel.ers210a(), np.zeros(9), cyclic=False, start=1e300)
+
+
+def test_a_joint_at_rest_is_moved_by_the_change_of_its_sag_and_with_inertia_by_any_such_change():
+    """Until the second request acts, after 4 ticks of lag and the first period."""
+    model = replace(ERS210A, compliance=0.05)
+    load = np.array([0.2, 0.2, 0.5, 0.1, 0.2, 0.2])
+    sagged = model.gain_per_tick * 0.05 * np.abs(load - 0.2)
+    moved = distance_from_rest(model, load, "slope")
+    np.testing.assert_allclose(moved[:5], np.cumsum(sagged)[: len(moved)][:5])
+    np.testing.assert_array_equal(distance_from_rest(model, np.full(6, 0.7), "slope")[:5], 0.0)
+    inert = replace(model, time_constant=0.05)  # it swings on after the load is what it was
+    swinging = distance_from_rest(inert, load, "slope")
+    every = np.arange(1.0, len(swinging) + 1.0)
+    np.testing.assert_allclose(swinging, inert.v_max_per_tick * every)
+    np.testing.assert_array_equal(distance_from_rest(inert, np.full(6, 0.7), "slope")[:5], 0.0)
+    farthest = distance_from_rest(ERS210A, np.zeros(12), "envelope")
+    jump = np.append(0.0, np.full(11, 10.0))  # which no angle can bring below the top speed
+    angles = simulate(ERS210A, jump, cyclic=False, start=0.0)
+    np.testing.assert_allclose(farthest[:7], angles[:7], rtol=0.0, atol=ROUNDING)
+    assert angles[6] > 0.0  # from there on the old requests hold it back a little
+    assert np.all(farthest[7:] >= angles[7:])
+    assert np.all(farthest[7:] <= 1.2 * angles[7:])
