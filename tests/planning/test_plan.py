@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import planner
+from kinematics.exceptions import UnreachableFoot
 from planner.exceptions import Infeasible, InvalidFile, InvalidInput
 from planner.files.paths import read_joint_path
 from planner.model.evidence import Evidence
 from planner.planning.plan import Plan, joined, request_motion
+from planner.planning.solve import Solved
 from planner.planning.task import Task
 from planner.planning.trials import Learning
 
@@ -468,3 +470,140 @@ def test_the_speeds_of_each_joint_are_of_its_own_path_and_model():
     assert not np.any(calm.speeds.too_fast)
     assert np.all(fast.speeds.too_fast[1:])
     assert made.too_fast.tolist() == [0.0, np.mean(fast.speeds.too_fast)]
+
+
+@pytest.fixture
+def unsearched(monkeypatch):
+    """What is asked of the search, which answers with the desired angles."""
+    asked = []
+
+    def solved(task, *, solver, progress):
+        asked.append((task, solver))
+        for name in task.names:
+            progress(name)
+        nominal = 2.0 * task.desired if len(task.scenarios) > 1 else None
+        return Solved(task.desired + 0.0, nominal)
+
+    monkeypatch.setattr("planner.planning.solve.solve", solved)
+    return asked
+
+
+def test_every_option_of_a_plan_is_asked_of_the_search_and_kept_in_its_task(unsearched):
+    told = []
+    made = planner.plan(
+        [[LOADED, dataclasses.replace(LOADED, lag=0.05)], [SLOW]],
+        DESIRED,
+        names=["hip", "knee"],
+        cyclic=False,
+        limits=(-0.5, 0.6),
+        start=[0.01, 0.19],
+        max_step=[0.1, 0.2],
+        smoothness=0.02,
+        robust="worst",
+        norm="max",
+        tolerance=0.3,
+        solver="ipopt",
+        load=TORQUES,
+        progress=told.append,
+    )
+    ((task, solver),) = unsearched
+    assert (made.task, made.solver, solver) == (task, "ipopt", "ipopt")
+    assert told == ["hip", "knee"]
+    assert (task.cyclic, task.norm, task.robust) == (False, "max", "worst")
+    assert (task.smoothness, task.tolerance) == (0.02, 0.3)
+    assert task.limits == ((-0.5, 0.6),) * 2
+    assert task.starts == (0.01, 0.19)
+    np.testing.assert_array_equal(task.max_step, [0.1, 0.2])
+    np.testing.assert_array_equal(task.load, TORQUES * [1.0, 0.0])
+    np.testing.assert_array_equal(made.nominal_requests, 2.0 * DESIRED)
+    assert (made.method, made.approximations, made.learning) == ("optimal", (), ())
+
+
+def test_every_option_of_one_joint_is_asked_of_the_search_too(unsearched):
+    made = planner.invert_optimal(
+        [LOADED, dataclasses.replace(LOADED, lag=0.05)],
+        DESIRED[:, 0],
+        cyclic=False,
+        limits=(-0.5, 0.6),
+        start=0.01,
+        max_step=0.1,
+        smoothness=0.02,
+        robust="worst",
+        norm="max",
+        tolerance=0.3,
+        solver="ipopt",
+        load=0.2,
+    )
+    ((task, solver),) = unsearched
+    assert made.plan.task is task
+    assert (made.solver, solver, made.method) == ("ipopt", "ipopt", "optimal")
+    assert (made.cyclic, made.norm, made.robust) == (False, "max", "worst")
+    assert (made.smoothness, made.tolerance, made.start) == (0.02, 0.3, 0.01)
+    assert (made.limits, made.max_step) == ((-0.5, 0.6), 0.1)
+    np.testing.assert_array_equal(made.load, 0.2)
+    assert [len(each) for each in task.models] == [2]
+
+
+def test_every_option_of_a_foot_is_asked_of_the_search_too(unsearched):
+    walk = planner.reference_walk()
+    foot, added = walk.desired_foot[::8], 0.01 * np.ones((11, 3))
+    made = planner.invert_foot(
+        [[LOADED, dataclasses.replace(LOADED, lag=0.05)]] * 3,
+        walk.leg,
+        foot,
+        cyclic=False,
+        limits=(-3.0, [2.0, 3.0, 3.0]),
+        norm="max",
+        weights=(1.0, 0.5, 0.0),
+        load=0.2,
+        disturbance=added,
+        max_step=0.3,
+        smoothness=0.02,
+        robust="worst",
+    )
+    ((task, _),) = unsearched
+    assert made.plan.task is task
+    assert (made.method, made.plan.solver) == ("foot_optimal", None)
+    assert (made.cyclic, made.norm, made.robust, made.smoothness) == (False, "max", "worst", 0.02)
+    np.testing.assert_array_equal(made.limits, [[-3.0] * 3, [2.0, 3.0, 3.0]])
+    np.testing.assert_array_equal(made.weights, [1.0, 0.5, 0.0])
+    np.testing.assert_array_equal(made.max_step, 0.3)
+    np.testing.assert_array_equal(made.loads, 0.2)
+    np.testing.assert_array_equal(made.disturbance, added)
+    np.testing.assert_array_equal(made.desired_foot, foot)
+    assert len(made.scenarios) == 2
+
+
+def test_points_out_of_reach_are_an_error_only_where_that_is_asked_for(unsearched):
+    walk = planner.reference_walk()
+    far = walk.desired_foot[::8] - np.array([0.0, 0.0, 0.2])
+    assert not np.any(planner.invert_foot(AIBO, walk.leg, far).reachable)
+    assert len(unsearched) == 1
+    with pytest.raises(UnreachableFoot):
+        planner.invert_foot(AIBO, walk.leg, far, unreachable="raise")
+
+
+@pytest.mark.usefixtures("unsearched")
+def test_a_load_of_the_pose_is_that_of_the_predicted_angles():
+    sagging = dataclasses.replace(AIBO, compliance=0.01)
+    made = planner.plan([sagging] * 2, DESIRED, load=lambda angles: 0.5 * np.cos(angles))
+    assert made.task.load_of_pose
+    np.testing.assert_allclose(made.task.load, 0.5 * np.cos(made.predicted), atol=1e-4)
+
+
+def test_a_closed_form_is_that_of_each_joint_by_its_options_and_is_not_smoothed():
+    told = []
+    options = {"method": "closed_form", "segments": 5, "refine": False}
+    paper, exact = (
+        planner.plan(AIBO, DESIRED, rule=rule, progress=told.append, **options)
+        for rule in (None, "exact")
+    )
+    assert told == ["joint_1", "joint_2"] * 2
+    for made, rule in ((paper, "paper"), (exact, "exact")):
+        assert (made.method, made.solver, made.task.smoothness) == ("closed_form", None, 0.0)
+        for j in range(2):
+            alone = planner.invert_closed_form(
+                AIBO, DESIRED[:, j], segments=5, rule=rule, refine=False
+            )
+            np.testing.assert_array_equal(made.requests[:, j], alone.requests)
+    assert not np.array_equal(paper.requests, exact.requests)

@@ -123,6 +123,8 @@ def test_the_best_of_several_searches_is_taken(monkeypatch):
         (0.2, 0.1995, "wide"),
         (0.102, 0.01, "narrow"),  # within three hundredths of the ideal no further one follows
         (0.1035, 0.01, "wide"),
+        (0.10305, 0.01, "narrow"),  # nor for less than 5e-4 theta_0 more
+        (0.10308, 0.01, "wide"),
     ):
         ends = {
             searches.NARROW: (np.zeros((40, 1)), narrow),
