@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from planner.exceptions import InvalidFile, InvalidTrajectory, in_unit_of
+from planner.exceptions import InvalidFile, about
 from planner.files.learning_history import LearningState, read_history, write_history
 from planner.files.paths import JOINT_UNITS, JointPath, joint_path, read_joint_path
 from planner.files.table import Table, read_table
@@ -276,11 +275,7 @@ def refined(
         progress(name if name == FOOT else f"the {name}")
         foot = name == FOOT
         columns = slice(None) if foot else [measured.names.index(name)]
-        with (
-            prepared.desired.units_in_messages(),
-            in_unit_of("" if foot else name),
-            _speaking_of(names if foot else (name,)),
-        ):
+        with prepared.desired.units_in_messages(), about(", ".join(names) if foot else ""):
             answer[name] = refine(
                 plan,
                 measured.angles[:, :, columns],
@@ -294,15 +289,6 @@ def _resumed(plan: Plan, state: LearningState) -> Plan:
     """The plan, with what the history says that it has learnt."""
     models, learning = state
     return replace(plan, learning=(learning,), task=plan.task.with_models(models))
-
-
-@contextmanager
-def _speaking_of(names: Sequence[str]) -> Iterator[None]:
-    try:
-        yield
-    except InvalidTrajectory as error:
-        error.args = (f"{', '.join(names)}: {error}",)
-        raise
 
 
 def write_states(path: str, answer: Refined) -> None:

@@ -165,7 +165,8 @@ def test_the_same_recording_twice_is_refused_before_anything_is_written(
     written = {name: (tmp_path / name).read_text() for name in ("requests.csv", "all.json")}
     result = run(*line)
     assert result.exit_code == 2
-    assert "hip: measured: the same angles as in trial 1" in result.stderr
+    said = "request-planner: hip: measured: the same angles as in trial 1"
+    assert said in result.stderr, "the joint is named once"
     assert written == {name: (tmp_path / name).read_text() for name in written}
 
 
