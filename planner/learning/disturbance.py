@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -62,36 +61,13 @@ def from_spectrum(spectrum: Spectrum, samples: int, *, cyclic: bool) -> Array:
     return np.asarray(fft.idct(spectrum, norm="ortho", axis=-2))
 
 
-def frequencies(samples: int, period: float, *, cyclic: bool) -> Array:
-    """Frequency of each entry of a spectrum [Hz]."""
-    if cyclic:
-        return np.asarray(fft.rfftfreq(samples, period))
-    return np.arange(samples) / (2.0 * samples * period)
+def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Array:
+    """Power of the noise of one measured cycle at every frequency [rad^2], (f, k).
 
-
-class Noise(NamedTuple):
-    """The noise of one measured cycle.
-
-    Attributes:
-        power: Its power at every frequency [rad^2], (f, k).
-        known: Whether it is known from several cycles, not from high frequencies alone.
-    """
-
-    power: Array
-    known: bool
-
-    @property
-    def deviation(self) -> Array:
-        """Its standard deviation, rms over the samples [rad], (k,)."""
-        return np.asarray(np.sqrt(self.power.mean(axis=0)))
-
-
-def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Noise:
-    """The noise, from the variance between cycles and from what no joint can do.
-
-    At frequencies above half of those that are sampled a joint hardly moves: what the
-    disturbance has there is noise, or the steps of a sensor, which repeat. The larger of the two
-    powers counts. The second is all there is where no requests were measured twice.
+    It is the larger of two powers: of the variance between cycles, and of frequencies above half of
+    those that are sampled. There a joint hardly moves: what the disturbance has is noise, or the
+    steps of a sensor, which repeat. The second is all there is where no requests were measured
+    twice.
 
     Args:
         trials: Measured cycles of each trial [rad], (cycles, n, k).
@@ -108,9 +84,14 @@ def noise_of(trials: Sequence[Array], error: Array, *, cyclic: bool) -> Noise:
         spread += (np.abs(to_spectrum(away, cyclic=cyclic)) ** 2).sum(axis=0)
         freedom += len(measured) - 1
     if not freedom:
-        return Noise(np.array(floor), False)
+        return np.array(floor)
     between = averaged(spread / freedom, OPTIONS.noise_neighbours)
-    return Noise(np.maximum(between, floor), True)
+    return np.asarray(np.maximum(between, floor))
+
+
+def deviation_of(noise: Array) -> Array:
+    """Standard deviation of noise of this power, rms over the samples [rad], (k,)."""
+    return np.asarray(np.sqrt(noise.mean(axis=0)))
 
 
 def averaged(powers: Array, neighbours: int) -> Array:
@@ -137,7 +118,9 @@ def learnt(innovation: Array, noise: Array, models: Sequence[JointModel], *, cyc
     power = averaged(np.abs(spectrum) ** 2, OPTIONS.neighbours)
     tiny = np.finfo(np.float64).tiny
     shrinkage = np.maximum(1.0 - OPTIONS.noise * noise / np.maximum(power, tiny), 0.0)
-    hertz = frequencies(len(innovation), models[0].period, cyclic=cyclic)
+    count, period = len(innovation), models[0].period
+    steps = np.arange(len(spectrum)) / (count if cyclic else 2 * count)
+    hertz = steps / period
     late = OPTIONS.latency_error * np.array([latency(model) for model in models])
     phase = 2.0 * np.pi * hertz[:, np.newaxis] * late
     trust = np.cos(np.minimum(phase, np.pi / 2.0))

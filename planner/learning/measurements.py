@@ -40,13 +40,20 @@ class MeasurementOptions:
 OPTIONS = MeasurementOptions()
 
 
-def check_motion(cycles: Array, requests: Array, modelled: Array) -> None:
-    """Refuse angles in another unit, joints that do not move, and requests in place of angles.
+def check_angles(
+    cycles: Array, requests: Array, desired: Array, modelled: Array, expected: Array
+) -> None:
+    """Refuse angles in another unit, joints that do not move, and other angles than measured ones.
+
+    Desired angles are refused where they are not to be expected, as in a rounded file, else only if
+    they are equal to the last digits.
 
     Args:
         cycles: Measured angles [rad], (cycles, n, k).
         requests: What was executed [rad], (n, k).
-        modelled: Angles of the models under it [rad], (n, k).
+        desired: Desired angles [rad], (n, k).
+        modelled: Angles of the models under the requests [rad], (n, k).
+        expected: The same, with what they missed in the trial before [rad], (n, k).
 
     Raises:
         InvalidTrajectory: The angles cannot be those of the joints.
@@ -67,77 +74,37 @@ def check_motion(cycles: Array, requests: Array, modelled: Array) -> None:
             "that were taken for degrees? check the unit of the file, or convert them once only"
         )
     for j in range(modelled.shape[1]):
-        of = "the joint" if modelled.shape[1] == 1 else f"joint {j + 1}"
-        measured, model = cycles[:, :, j], modelled[:, j]
+        of, measured = _joint(j, modelled), cycles[:, :, j]
         if should_move[j] and np.ptp(measured) <= OPTIONS.still:
             raise InvalidTrajectory(
                 f"measured: {of} does not move: its angles have a range of "
-                f"{_text(np.ptp(measured))}, the model's of {_text(np.ptp(model))}; check that its "
-                "torque was on, and that the recording is of this joint"
+                f"{_text(np.ptp(measured))}, the model's of {_text(np.ptp(modelled[:, j]))}; check "
+                "that its torque was on, and that the recording is of this joint"
             )
-        lags = float(np.ptp(model - requests[:, j])) > OPTIONS.lagging
+        lags = float(np.ptp(modelled[:, j] - requests[:, j])) > OPTIONS.lagging
         if lags and np.max(np.abs(measured - requests[:, j])) <= OPTIONS.equal:
             raise InvalidTrajectory(
                 f"measured: the angles of {of} are its requests: no joint follows so exactly; give "
                 "what its sensor measured"
             )
-
-
-def check_not_desired(cycles: Array, desired: Array, expected: Array) -> None:
-    """Refuse the desired angles in place of measured ones.
-
-    Args:
-        cycles: Measured angles [rad], (cycles, n, k).
-        desired: Desired angles [rad], (n, k).
-        expected: Angles to expect under the executed requests [rad], (n, k): those of the models,
-            with what they missed in the trial before.
-
-    Raises:
-        InvalidTrajectory: Every measured angle of a joint that moves is the desired one: as in a
-            rounded file where others are expected, else to the last digits; and it is not the
-            expected one.
-    """
-    for j in range(desired.shape[1]):
-        of = "the joint" if desired.shape[1] == 1 else f"joint {j + 1}"
         away = float(np.max(np.abs(expected[:, j] - desired[:, j])))
         equal = OPTIONS.equal if away > OPTIONS.lagging else OPTIONS.repeated
-        moves = np.ptp(desired[:, j]) > OPTIONS.moving
-        if moves and away > equal and np.max(np.abs(cycles[:, :, j] - desired[:, j])) <= equal:
+        moves = np.ptp(desired[:, j]) > OPTIONS.moving and away > equal
+        if moves and np.max(np.abs(measured - desired[:, j])) <= equal:
             raise InvalidTrajectory(
                 f"measured: the angles of {of} are the desired ones: no joint follows so exactly; "
                 "give what its sensor measured"
             )
 
 
-def check_same_motion(cycles: Array, modelled: Array) -> None:
-    """Refuse angles farther from the modelled ones than those of a joint that does not move.
-
-    Learning from them could not converge: a correction by the model would be off by more than the
-    whole of it.
-
-    Args:
-        cycles: Measured angles [rad], (cycles, n, k), the sensors' delays taken off.
-        modelled: Angles of the models under the executed requests [rad], (n, k).
-
-    Raises:
-        InvalidTrajectory: They are of another motion.
-    """
-    away = np.std(cycles.mean(axis=0) - modelled, axis=0)
-    resting = np.std(modelled, axis=0)
-    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
-    for j in np.flatnonzero(should_move & (away > resting + OPTIONS.still)).tolist():
-        of = "the joint" if modelled.shape[1] == 1 else f"joint {j + 1}"
-        raise InvalidTrajectory(
-            f"measured: the angles of {of} are {_text(away[j])} rms from those of the model under "
-            f"these requests, farther than a joint that does not move ({_text(resting[j])}): give "
-            "what was measured while these requests were executed, of this joint and with its sign"
-        )
-
-
-def check_new(
+def check_trial(
     cycles: Array, modelled: Array, trials: Sequence[Trial], before: Sequence[Array]
 ) -> None:
-    """Refuse a cycle that was already measured under other requests.
+    """Refuse another motion, and a cycle that was already measured under other requests.
+
+    A motion is another one where it is farther from the modelled angles than that of a joint that
+    does not move. Learning from it could not converge: a correction by the model would be off by
+    more than the whole of it.
 
     Args:
         cycles: Measured angles [rad], (cycles, n, k), the sensors' delays taken off.
@@ -146,17 +113,31 @@ def check_new(
         before: Angles of the models in each of them [rad], (n, k).
 
     Raises:
-        InvalidTrajectory: An earlier trial has the same angles, and the model has others.
+        InvalidTrajectory: They are of another motion, or of an earlier trial whose requests are
+            others by the model.
     """
+    away = np.std(cycles.mean(axis=0) - modelled, axis=0)
+    resting = np.std(modelled, axis=0)
+    should_move = np.ptp(modelled, axis=0) > OPTIONS.moving
+    for j in np.flatnonzero(should_move & (away > resting + OPTIONS.still)).tolist():
+        raise InvalidTrajectory(
+            f"measured: the angles of {_joint(j, modelled)} are {_text(away[j])} rms from those of "
+            f"the model under these requests, farther than a joint that does not move "
+            f"({_text(resting[j])}): give what was measured while these requests were executed, of "
+            "this joint and with its sign"
+        )
     for number, (trial, angles) in enumerate(zip(trials, before, strict=True), start=1):
-        if np.max(np.abs(modelled - angles)) <= OPTIONS.lagging:
-            continue
         apart = np.abs(trial.measured[:, np.newaxis] - cycles).max(axis=(2, 3))
-        if np.any(apart <= OPTIONS.repeated):
+        others = np.max(np.abs(modelled - angles)) > OPTIONS.lagging
+        if others and np.any(apart <= OPTIONS.repeated):
             raise InvalidTrajectory(
                 f"measured: the same angles as in trial {number}, whose requests were others; give "
                 "what was measured while the last requests were executed"
             )
+
+
+def _joint(j: int, angles: Array) -> str:
+    return "the joint" if angles.shape[1] == 1 else f"joint {j + 1}"
 
 
 def _text(angle: float) -> str:

@@ -18,13 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import ANGLE_UNIT, InvalidInput, InvalidTrajectory, about
-from planner.learning.disturbance import Noise, learnt, noise_of
-from planner.learning.measurements import (
-    check_motion,
-    check_new,
-    check_not_desired,
-    check_same_motion,
-)
+from planner.learning.disturbance import deviation_of, learnt, noise_of
+from planner.learning.measurements import check_angles, check_trial
 from planner.learning.reidentification import Models, reidentified
 from planner.learning.sensor_delay import (
     delays_of,
@@ -225,16 +220,18 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     before = joints.learning[0] if joints.learning else None
     old = [joints.task.response(trial.requests) for trial in before.trials] if before else []
     missed = before.trials[-1].mean - old[-1] if before else 0.0
-    check_motion(cycles, requests, modelled)
-    check_not_desired(cycles, joints.desired, modelled + missed)
+    check_angles(cycles, requests, joints.desired, modelled, modelled + missed)
     if joints.cyclic and (settled := _settled(cycles)) is not cycles:
         cycles = settled
         remarks.append("the first cycle differs from the others: it is taken for the way into them")
-    removed = delays_to_remove(joints, cycles, modelled, given=sensor_delay, before=before)
+    if sensor_delay is not None:
+        removed = [float(sensor_delay)] * len(joints.models)
+    elif before is not None:
+        removed = [delay.removed for delay in before.delays]
+    else:
+        removed = delays_to_remove(joints, cycles, modelled)
     cycles = earlier(cycles, removed, joints)
-    check_same_motion(cycles, modelled)
-    if before is not None:
-        check_new(cycles, modelled, before.trials, old)
+    check_trial(cycles, modelled, before.trials if before else (), old)
     trials, now = _with_trial(before, joints, requests, cycles)
     models = Models.of(joints, before)
     noise = _noise(joints, trials, trials[now].mean - modelled)
@@ -244,12 +241,13 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
             models, said = models.before(now)
         else:
             models = models.kept() if tried else models
-            models, said = reidentified(models, joints, trials, noise)
+            models, said = reidentified(models, joints, trials, deviation_of(noise))
         joints = replace(joints, task=joints.task.with_models(models.now))
         remarks += said
         noise = _noise(joints, trials, trials[now].mean - joints.task.response(requests))
     delays = delays_of(joints, cycles, joints.task.response(requests), removed)
-    remarks += remarks_on_delays(joints, delays, noise.deviation)
+    spread = deviation_of(noise)
+    remarks += remarks_on_delays(joints, delays, spread)
     found = _estimated(joints, trials, max(models.since), noise)
     made = _next(joints, found.disturbance)
     base = trials[found.base]
@@ -271,7 +269,6 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     if stopped:
         made, next_error = replace(made, requests=base.requests.copy()), base.error
         stopped += f"; {_remaining(joints, base, floor)}"
-    spread = noise.deviation
     freeze(spread)
     learning = Learning(
         trials=trials,
@@ -328,7 +325,7 @@ class Estimate(NamedTuple):
     gain: float
 
 
-def _estimated(joints: Plan, trials: Sequence[Trial], since: int, noise: Noise) -> Estimate:
+def _estimated(joints: Plan, trials: Sequence[Trial], since: int, noise: Array) -> Estimate:
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d).
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
@@ -344,15 +341,15 @@ def _estimated(joints: Plan, trials: Sequence[Trial], since: int, noise: Noise) 
             least = min(least, trial.error)
         elif number >= since:
             gain *= OPTIONS.shrink
-        power = noise.power / trials[base].cycles
+        power = noise / trials[base].cycles
         new = learnt(seen - before, power, joints.models, cyclic=joints.cyclic)
         used = before + gain * new
     return Estimate(used, seen, base, gain)
 
 
-def _worse(joints: Plan, trial: Trial, error: float, noise: Noise) -> bool:
+def _worse(joints: Plan, trial: Trial, error: float, noise: Array) -> bool:
     """Whether a trial is worse than an error, by more than noise explains."""
-    size = _size(joints, noise.deviation) / math.sqrt(trial.cycles)
+    size = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
     return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
 
 
@@ -360,7 +357,7 @@ def _same(requests: Array, others: Array) -> bool:
     return bool(np.max(np.abs(requests - others)) <= SAME_REQUESTS)
 
 
-def _noise(joints: Plan, trials: Sequence[Trial], error: Array) -> Noise:
+def _noise(joints: Plan, trials: Sequence[Trial], error: Array) -> Array:
     return noise_of([trial.measured for trial in trials], error, cyclic=joints.cyclic)
 
 
@@ -382,15 +379,10 @@ def _with_trial(
 
 
 def _floor(
-    joints: Plan,
-    made: Plan,
-    noise: Noise,
-    before: Learning | None,
-    *,
-    ended: bool,
+    joints: Plan, made: Plan, noise: Array, before: Learning | None, *, ended: bool
 ) -> tuple[float, float]:
     """What cannot be learnt: the lower bound of the model, and the noise of a cycle."""
-    size = _size(joints, noise.deviation)
+    size = _size(joints, deviation_of(noise))
     if made.task.goal == "angles":
         return float(made.lower_bounds[0]), size
     known = math.nan if before is None else before.floor[0]
@@ -409,15 +401,18 @@ def _remaining(joints: Plan, base: Trial, floor: tuple[float, float]) -> str:
         unit = ANGLE_UNIT.get()
         return f"{error:.5f} rad" if unit == "rad" else f"{math.degrees(error):.3f} {unit}"
 
-    speed, noise = floor
+    bound, noise = floor
+    remaining = f"remaining error {text(base.error)}"
     if noise > base.error:
-        return (
-            f"remaining error {text(base.error)}: no more than the noise of a cycle, {text(noise)}"
-        )
-    words = "" if math.isnan(speed) else f"{text(speed)} from speed limits, "
-    if speed > base.error:
-        words = "all of it from speed limits by the model, "
-    return f"remaining error {text(base.error)}: {words}{text(noise)} noise of a cycle"
+        return f"{remaining}: no more than the noise of a cycle, {text(noise)}"
+    words = []
+    if bound > base.error:
+        words.append("all of it from speed limits by the model")
+    elif text(bound) != text(0.0) and not math.isnan(bound):
+        words.append(f"{text(bound)} from speed limits")
+    if text(noise) != text(0.0):
+        words.append(f"{text(noise)} noise of a cycle")
+    return f"{remaining}: {', '.join(words)}" if words else remaining
 
 
 def _settled(cycles: Array) -> Array:

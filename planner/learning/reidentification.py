@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -11,7 +12,6 @@ import numpy as np
 from planner.exceptions import PlannerError
 from planner.identification.identify import identify
 from planner.identification.log import Log
-from planner.learning.disturbance import Noise
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 from planner.planning.plan import Plan
@@ -75,40 +75,38 @@ class Models(NamedTuple):
 
     def before(self, trial: int) -> tuple[Models, list[str]]:
         """The models that were replaced, from a trial on, and what to say of them."""
-        now, since, said = list(self.now), list(self.since), list[str]()
-        for j, model in enumerate(self.replaced):
-            if model is not None:
-                now[j], since[j] = model, trial
-                said.append(
-                    f"the {self._name(j)} that was identified anew has made the error larger: the "
-                    "one before it is used again"
-                )
-        return Models(tuple(now), tuple(since), (None,) * len(now)), said
+        back = [model is not None for model in self.replaced]
+        pairs = zip(self.replaced, self.now, strict=True)
+        now = tuple(old if old is not None else model for old, model in pairs)
+        since = tuple(trial if old else at for old, at in zip(back, self.since, strict=True))
+        said = [
+            f"the {_name(self, j)} that was identified anew has made the error larger: the one "
+            "before it is used again"
+            for j, was in enumerate(back)
+            if was
+        ]
+        return Models(now, since, (None,) * len(now)), said
 
-    def _name(self, j: int) -> str:
-        return "model" if len(self.now) == 1 else f"model of joint {j + 1}"
+
+def _name(models: Models, j: int) -> str:
+    return "model" if len(models.now) == 1 else f"model of joint {j + 1}"
 
 
 def reidentified(
-    models: Models, joints: Plan, trials: Sequence[Trial], noise: Noise
+    models: Models, joints: Plan, trials: Sequence[Trial], noise: Array
 ) -> tuple[Models, list[str]]:
-    """The models that the trials identify anew, where these predict better; and what to say."""
+    """The models that the trials identify anew, where these predict better; and what to say.
+
+    ``noise`` is the standard deviation of one cycle's [rad], (k,).
+    """
     now, since, replaced = list(models.now), list(models.since), list(models.replaced)
     said = list[str]()
     for j, model in enumerate(models.now):
-        found = better_model(
-            model,
-            trials,
-            j,
-            float(noise.deviation[j]),
-            cyclic=joints.cyclic,
-            start=joints.task.starts[j],
-            load=joints.task.loads[j],
-        )
+        found = better_model(model, joints, trials, j, float(noise[j]))
         if found is not None:
             now[j], since[j], replaced[j] = found, len(trials) - 1, models.replaced[j] or model
             said.append(
-                f"the {models._name(j)} was identified anew from the measured cycles: it predicts "
+                f"the {_name(models, j)} was identified anew from the measured cycles: it predicts "
                 "a trial that it had not seen better than the model as it was and what was learnt "
                 "with it"
             )
@@ -116,16 +114,9 @@ def reidentified(
 
 
 def better_model(
-    model: JointModel,
-    trials: Sequence[Trial],
-    joint: int,
-    noise: float,
-    *,
-    cyclic: bool,
-    start: float | None,
-    load: Array | None,
+    model: JointModel, joints: Plan, trials: Sequence[Trial], j: int, noise: float
 ) -> JointModel | None:
-    """A model identified from the trials, if it predicts the last one better; else None.
+    """A model of joint j identified from the trials, if it predicts the last one better; else None.
 
     The last trial is held out. With the model as it is, its angles are predicted with the
     disturbance of the trial before; so they are with a model that is identified from those before.
@@ -133,15 +124,9 @@ def better_model(
     how the angles change with the requests. So there is no other model after a single trial,
     however many cycles it has, nor where the requests have hardly changed.
 
-    Args:
-        model: The joint as it is known.
-        trials: What was executed.
-        joint: Which column of the trials is its.
-        noise: Standard deviation of one cycle's noise [rad].
-        cyclic: Whether requests repeat.
-        start: From rest: where the joint rests before [rad].
-        load: Torque on the joint [N m], (n,).
+    ``noise`` is the standard deviation of one cycle's [rad].
     """
+    cyclic, start, load = joints.cyclic, joints.task.starts[j], joints.task.loads[j]
 
     def run(of: JointModel, requests: Array) -> Array:
         return simulate(of, requests, cyclic=cyclic, start=start, load=load)
@@ -152,9 +137,9 @@ def better_model(
 
     if len(trials) < 2:
         return None
-    pairs = [(trial.requests[:, joint], trial.mean[:, joint]) for trial in trials]
+    pairs = [(trial.requests[:, j], trial.mean[:, j]) for trial in trials]
     known, (sent, target) = pairs[:-1], pairs[-1]
-    noise /= np.sqrt(trials[-1].cycles)
+    noise /= math.sqrt(trials[-1].cycles)
 
     def missed(by: JointModel) -> float:
         before, angles = known[-1]
@@ -196,8 +181,7 @@ def _identified(model: JointModel, logs: Sequence[Log]) -> JointModel | None:
     if not found.accepted:
         return None
     other = replace(found.model, tick=model.tick)
-    shown = found.intervals["v_max"].bounded
-    if not shown and other.v_max < model.v_max:
+    if not found.saturates and other.v_max < model.v_max:
         stretch = model.v_max / other.v_max
         other = replace(other, v_max=model.v_max, theta_0=other.theta_0 * stretch)
     return other

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from planner.learning.disturbance import latency
 from planner.planning.plan import Plan
-from planner.planning.trials import Learning, SensorDelay
+from planner.planning.trials import SensorDelay
 from planner.trajectory import Array
 
 
@@ -20,55 +19,28 @@ class DelayOptions:
 
     Attributes:
         mentioned: Share of the squared disturbance that a delay must explain to be mentioned [-].
-        noise: By so much must the disturbance exceed the noise [-].
-        period: A delay below this share of a request period is not worth mentioning.
         of_joint: Largest delay that is believed to be the joint's, as a share of the latency of
             its model: parameters that are 30 % off make it wrong by 46 % at most. A disturbance
             that a longer one explains is taken for a sensor's, and not learnt.
         of_sensor: Share of the squared disturbance that it must explain for that [-].
-        reach: Longest delay that is looked for [samples], and share of the cycle.
     """
 
     mentioned: float = 0.8
-    noise: float = 2.0
-    period: float = 0.25
     of_joint: float = 0.5
     of_sensor: float = 0.9
-    reach: tuple[int, float] = (50, 0.125)
 
 
 OPTIONS = DelayOptions()
 
 
-def delays_to_remove(
-    joints: Plan,
-    cycles: Array,
-    modelled: Array,
-    *,
-    given: float | None,
-    before: Learning | None,
-) -> list[float]:
-    """The delay to take off each joint's measured angles [s].
-
-    Args:
-        joints: The plan.
-        cycles: Measured angles [rad], (cycles, n, k).
-        modelled: Those of the models [rad], (n, k).
-        given: The delay that the user gave [s]; None to look for one.
-        before: What was learnt before: the delays stay what they were.
-    """
-    none = [0.0] * len(joints.models)
-    if given is not None:
-        return [float(given) for _ in none]
-    if before is not None:
-        return [delay.removed for delay in before.delays]
+def delays_to_remove(joints: Plan, cycles: Array, modelled: Array) -> list[float]:
+    """The delay to take off the measured angles (cycles, n, k) of each joint [s]: a sensor's."""
+    found = delays_of(joints, cycles, modelled, [0.0] * len(joints.models))
     return [
         delay.seconds
         if delay.share >= OPTIONS.of_sensor and delay.seconds > OPTIONS.of_joint * latency(model)
         else 0.0
-        for delay, model in zip(
-            delays_of(joints, cycles, modelled, none), joints.models, strict=True
-        )
+        for delay, model in zip(found, joints.models, strict=True)
     ]
 
 
@@ -79,8 +51,8 @@ def delays_of(
     columns = zip(cycles.mean(axis=0).T, modelled.T, removed, strict=True)
     found = []
     for angles, by_model, seconds in columns:
-        delay = pure_delay(angles, by_model, joints.period, cyclic=joints.cyclic)
-        found.append(SensorDelay(seconds=delay.seconds, share=delay.share, removed=seconds))
+        delay, share = pure_delay(angles, by_model, joints.period, cyclic=joints.cyclic)
+        found.append(SensorDelay(seconds=delay, share=share, removed=seconds))
     return tuple(found)
 
 
@@ -98,22 +70,19 @@ def earlier(cycles: Array, removed: Sequence[float], joints: Plan) -> Array:
 def remarks_on_delays(joints: Plan, delays: Sequence[SensorDelay], noise: Array) -> list[str]:
     """Remarks on delays that were taken off, and on those that might be a sensor's."""
     said = []
-    requests = joints.requests
-    speeds = np.sqrt(np.mean(np.diff(requests, axis=0) ** 2, axis=0)) / joints.period
+    steps = np.diff(joints.requests, axis=0)
+    speeds = np.sqrt(np.mean(steps**2, axis=0)) / joints.period
     for j, delay in enumerate(delays):
         of = "" if len(delays) == 1 else f" of joint {j + 1}"
         late = abs(delay.seconds)
+        clear = late >= 0.25 * joints.period and late * speeds[j] > 2.0 * noise[j]
         if delay.removed:
             said.append(
                 f"the measured angles{of} are taken to be {1e3 * delay.removed:.3g} ms late, by "
                 "their sensor or log; that is not learnt. If the joint itself is that late: "
                 "sensor_delay=0"
             )
-        elif (
-            delay.share >= OPTIONS.mentioned
-            and late >= OPTIONS.period * joints.period
-            and late * speeds[j] > OPTIONS.noise * noise[j]
-        ):
+        elif delay.share >= OPTIONS.mentioned and clear:
             share = f"{100.0 * delay.share:.0f} % of what the model misses{of} is"
             said.append(
                 f"{share} that the joint answers {1e3 * late:.3g} ms earlier than the model: that "
@@ -140,17 +109,15 @@ def later(rows: Array, seconds: float, period: float, *, cyclic: bool) -> Array:
     return moved
 
 
-class Delay(NamedTuple):
-    """The delay that explains most of a disturbance."""
-
-    seconds: float
-    share: float  # of the squared disturbance about its mean
-
-
-def pure_delay(measured: Array, modelled: Array, period: float, *, cyclic: bool) -> Delay:
-    """The delay of the measured angles behind the modelled ones that explains most [s].
+def pure_delay(
+    measured: Array, modelled: Array, period: float, *, cyclic: bool
+) -> tuple[float, float]:
+    """The delay of the measured angles behind the modelled ones that explains most.
 
     Both (n,) [rad]; a constant difference is left out of it.
+
+    Returns:
+        The delay [s], and the share of the squared disturbance about its mean that it explains.
     """
 
     def unexplained(seconds: float) -> float:
@@ -159,19 +126,17 @@ def pure_delay(measured: Array, modelled: Array, period: float, *, cyclic: bool)
 
     whole = unexplained(0.0)
     if whole <= np.finfo(np.float64).tiny or not np.ptp(modelled):
-        return Delay(0.0, 0.0)
-    most, share = OPTIONS.reach
-    reach = max(min(int(share * len(modelled)), most), 1)
+        return 0.0, 0.0
+    reach = max(min(len(modelled) // 8, 50), 1)
     grid = period * np.arange(-reach, reach + 1)
     found = [unexplained(seconds) for seconds in grid]
     middle = int(np.argmin(found))
-    # A parabola through the least value and its neighbours: a fraction of a sample.
     best, least = float(grid[middle]), found[middle]
+    # A parabola through the least value and its neighbours: a fraction of a sample.
     if 0 < middle < len(grid) - 1:
         before, after = found[middle - 1], found[middle + 1]
         bend = before - 2.0 * least + after
         if bend > 0.0:
             trial = best + 0.5 * period * (before - after) / bend
-            value = unexplained(trial)
-            best, least = (trial, value) if value < least else (best, least)
-    return Delay(best, max(1.0 - least / whole, 0.0))
+            least, best = min((least, best), (unexplained(trial), trial))
+    return best, max(1.0 - least / whole, 0.0)
