@@ -347,3 +347,39 @@ def test_requests_of_ages_that_do_not_act_on_a_joint_do_not_move_it():
         assert np.all(by_request[:, beyond] == 0.0)
         assert np.all(bending[:, beyond] == 0.0)
         assert np.any(by_request[:, ~beyond] != 0.0)
+
+
+def test_the_curvature_of_a_foot_is_that_of_its_derivatives_and_a_ridge():
+    problem = leg_problem(True)
+    point = point_at(problem, Stage(0.3, 0.0))
+    values, jacobians = (each[:, 0] for each in problem.errors(point.states))
+    curvature = np.einsum("kij,kih->kjh", jacobians, jacobians) + 1e-4 * np.eye(3)
+    np.testing.assert_allclose(point.quadratic[:, 0, :, :3], curvature, rtol=1e-12, atol=1e-15)
+    gradient = np.einsum("kij,ki->kj", jacobians, values)
+    np.testing.assert_allclose(point.quadratic[:, 0, :, 3], gradient, rtol=1e-12, atol=1e-15)
+    assert point.costs[0] == pytest.approx(np.sum(values**2))
+
+
+@pytest.mark.parametrize("power", [2.0, 8.0])
+def test_without_a_unit_errors_count_in_that_of_the_largest(power):
+    problem = replace(joint(1, cyclic=True, scenarios=2), norm="max", weights=(0.2, 0.8))
+    stage = Stage(0.3, 0.0, power)
+    point = point_at(problem, stage, unit=0.0)
+    distances = problem.distances(point.states)
+    unit = float(np.max(distances))
+    assert point.costs[2] == pytest.approx(unit)
+    assert point.costs[0] == pytest.approx(unit**2 * np.sum((distances / unit) ** power))
+    np.testing.assert_allclose(
+        evaluated(problem, stage, point.requests, point.states, unit).costs, point.costs
+    )
+
+
+@CYCLIC
+@pytest.mark.parametrize("smoothing", [True, False])
+def test_the_regularisation_adds_its_weight_times_its_squares(smoothing, cyclic):
+    problem = joint(3, cyclic=cyclic, friction=True)
+    stage = Stage(0.3, 0.25, 2.0, 1, smoothing)
+    point = point_at(problem, stage)
+    away = point.requests - problem.resting
+    expected = problem.roughness(point.requests) if smoothing else float(np.sum(away**2))
+    assert point.costs[1] - point.costs[0] == pytest.approx(0.25 * expected)
