@@ -14,7 +14,7 @@ from planner.gait.half_ellipse import reference_walk
 from planner.model.evidence import Evidence
 from planner.recording.recorded_path import recorded_path
 from planner.recording.replaying import replay_at
-from planner.recording.retiming import Measure
+from planner.recording.retiming import Measure, fastest_at
 
 SERVO = JointModel(v_max=4.0, theta_0=0.2, lag=0.03, acceleration_time=0.05, tick=0.005, hold=4)
 PERIOD = SERVO.period
@@ -202,7 +202,7 @@ ROWS = 1601
 
 def found_for(_, rows=ROWS):
     """The fastest replay of a long, slow swing by a made-up joint."""
-    return fastest(log(swing(0.5, rows)), SERVO, tolerance=TOLERANCE)
+    return fastest(log(0.2 + swing(0.5, rows)), SERVO, tolerance=TOLERANCE)
 
 
 @pytest.mark.parametrize("best", [0.07, 0.3, 0.99, 1.0, 1.3, 2.0, 5.0, 63.0])
@@ -321,3 +321,28 @@ def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts()
     strict = Measure.of(path, 1e-9, None, None)
     assert strict.late(made) == list(made.planned)
     assert Measure.of(path, 10.0, None, None).late(made) == []
+
+
+def test_a_bound_is_about_the_load_of_the_log_and_the_tolerance_of_the_joint(monkeypatch):
+    """Of a joint in shares of its range as many percent as the tolerance has degrees."""
+    asked = []
+
+    def bound(model, desired, *, load, **_):
+        asked.append((model, desired, load))
+        return 0.01
+
+    MadeUp(monkeypatch, best=1.5)
+    monkeypatch.setattr("planner.recording.retiming.lower_bound", bound)
+    sagging = replace(SERVO, compliance=0.05)
+    carried = log(swing(0.8, 401), "elbow", load=np.linspace(0.0, 1.0, 401))
+    jaw = log(swing(0.8, 401), "jaw", unit="1")
+    path = recorded_path([carried, jaw], {"elbow": sagging, "jaw": SERVO}, joints=["elbow", "jaw"])
+    found = fastest_at(path, Measure.of(path, np.radians(4.0), None, None))
+    assert found.impossible is None
+    assert all(each.bound == pytest.approx(0.01 / 0.04) for each in found.curve)  # the jaw's
+    for model, desired, load in asked:
+        if model == sagging:
+            np.testing.assert_allclose(load, np.linspace(0.0, load[-1], len(desired)), atol=1e-9)
+            assert load[-1] > 0.9  # at the last request of a fast replay
+        else:
+            assert load is None
