@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -71,16 +71,24 @@ def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> T
     period = round(period, 9) or period  # differences of times that count up are no better
     longest = max(float(log.times[-1] - log.times[0]) for log in logs)
     reach = max(min(max(50.0 * period, 0.75), 0.25 * longest), 4.0 * period)
+    step = math.nan if tick is None else as_number(tick)
+    if tick is not None and not step > 0.0:
+        raise InvalidInput(f"tick: got {shown(tick)}, expected a time of more than 0 s")
+    count = as_whole(hold) or 0
     if hold is None:
-        hold = _default_hold(period) if tick is None else _ticks(period, _positive(tick))
-    hold = _count(hold)
-    made = period / hold if tick is None else _positive(tick)
-    if abs(made * hold - period) > 1e-3 * period + unsure:
+        whole = _default_hold(period) if tick is None else round(period / max(step, 1e-300))
+        hold = count = min(whole, 2 * MOST_HOLD)
+    if not 1 <= count <= MOST_HOLD:
         raise InvalidInput(
-            f"tick, hold: got {hold} ticks of {made:g} s, expected the log's period of "
+            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
+        )
+    made = period / count if tick is None else step
+    if abs(made * count - period) > 1e-3 * period + unsure:
+        raise InvalidInput(
+            f"tick, hold: got {count} ticks of {made:g} s, expected the log's period of "
             f"{period:g} s; give one of the two, or neither"
         )
-    return Timing(made * hold, made, hold, reach)
+    return Timing(made * count, made, count, reach)
 
 
 def unequal(logs: Sequence[Log]) -> bool:
@@ -115,11 +123,6 @@ def _keeps_to(period: float, times: Array) -> bool:
     return wandering <= float(np.std(apart))
 
 
-def _ticks(period: float, tick: float) -> int:
-    """The whole number of ticks that comes nearest to a period."""
-    return round(min(period / tick, 2.0 * MOST_HOLD))
-
-
 def _default_hold(period: float) -> int:
     """One tick a row for the paper's robot and faster logs, else ticks of about 5 ms.
 
@@ -130,22 +133,6 @@ def _default_hold(period: float) -> int:
     if period <= SLACK * 0.008:
         return 1
     return min(math.ceil(period / (SLACK * 0.005)), 20)
-
-
-def _positive(tick: object) -> float:
-    value = as_number(tick)
-    if not value > 0.0:
-        raise InvalidInput(f"tick: got {shown(tick)}, expected a time of more than 0 s")
-    return value
-
-
-def _count(hold: object) -> int:
-    count = as_whole(hold) or 0
-    if not 1 <= count <= MOST_HOLD:
-        raise InvalidInput(
-            f"hold: got {shown(hold)}, expected a whole number of ticks, 1 or more, to {MOST_HOLD}"
-        )
-    return count
 
 
 def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], float]:
@@ -176,13 +163,6 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
             return tuple(logs), 0.0
         moved.append(replace(log, times=times))
     return tuple(moved), float(np.sqrt(np.mean(off**2)))
-
-
-class Run(NamedTuple):
-    """Rows in a row with torque, through which the joint is simulated without a break."""
-
-    log: int
-    rows: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,24 +277,23 @@ class Grid:
         return tuple(arrays)
 
 
-def runs_of(logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()) -> list[Run]:
-    """The runs of logs; where earlier requests are unknown the first ``burn_in`` [s] is left out.
+def runs_of(
+    logs: Sequence[Log], burn_in: float, settled: Collection[Place] = ()
+) -> Iterator[tuple[int, slice]]:
+    """Rows in a row with torque, of which log: a joint is simulated through them without a break.
 
-    Torque that returns starts a run as well, but there the requests before it are in the log.
+    Where earlier requests are unknown the first ``burn_in`` [s] is left out. Torque that returns
+    starts a run as well, but there the requests before it are in the log.
     """
-    found = []
     for number, log in enumerate(logs):
         for piece in pieces_of(log):
             unknown = 0.0 if (number, piece.start) in settled else burn_in * (1.0 - ON_A_TICK)
             usable = log.torque_on & (log.times >= log.times[piece.start] + unknown)
             usable[: piece.start] = usable[piece.stop :] = False
             turns = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
-            found += [
-                Run(number, slice(int(first), int(beyond)))
-                for first, beyond in turns.reshape(-1, 2)
-                if beyond - first >= FEWEST_USED
-            ]
-    return found
+            for first, beyond in turns.reshape(-1, 2).tolist():
+                if beyond - first >= FEWEST_USED:
+                    yield number, slice(first, beyond)
 
 
 def glitches(angles: Array) -> Mask:
@@ -383,24 +362,18 @@ def resampled(
     Returns:
         The grid; without runs it has no ticks.
     """
-    axis = _Axis(logs, reach)
-    ticks: list[Array] = []
-    states: list[npt.NDArray[np.int_]] = []
-    starts: list[int] = []
-    before: list[npt.NDArray[np.int_]] = []
-    share: list[Array] = []
-    loads: list[Array] = []
-    number: list[npt.NDArray[np.int_]] = []
+    edges, requests, shifted = _axis(logs, reach)
     used = tuple(np.zeros(len(log.times), dtype=bool) for log in logs)
     sound = [sound_rows(log) for log in logs]
     firsts: list[Place] = []
-    total = 0
-    for run in runs_of(logs, burn_in, settled):
-        kept = np.flatnonzero(sound[run.log][run.rows]) + run.rows.start
+    runs = []  # of each its ticks, the torques there, the tick before each row, how far after it
+    for number, rows in runs_of(logs, burn_in, settled):
+        kept = np.flatnonzero(sound[number][rows]) + rows.start
         if len(kept) < FEWEST_USED:
             continue
-        used[run.log][kept] = True
-        times = axis.shifted[run.log][kept]
+        used[number][kept] = True
+        firsts.append((number, int(kept[0])))
+        times = shifted[number][kept]
         places: Array = (times - times[0]) / tick
         whole = np.round(places)
         places = np.where(
@@ -408,30 +381,28 @@ def resampled(
         )
         count = int(np.ceil(places[-1]))
         below = np.minimum(np.floor(places).astype(int), count - 1)
-        ticks.append(times[0] + tick * np.arange(1, count + 1))
-        loads.append(_torques(logs[run.log], axis.shifted[run.log], ticks[-1], tick))
-        states.append(total + np.arange(1, count + 1))
-        starts.append(total)
-        firsts.append((run.log, int(kept[0])))
-        before.append(total + below)
-        share.append(places - below)
-        number.append(np.full(len(times), len(starts) - 1))
-        total += count + 1
+        ticks = times[0] + tick * np.arange(1, count + 1)
+        runs.append((ticks, _torques(logs[number], shifted[number], ticks, tick), below, places))
+    lengths = [len(run[0]) + 1 for run in runs]
+    states = np.cumsum([0, *lengths])
+    starts = states[:-1]
+    number_of = np.repeat(np.arange(len(runs)), [len(run[2]) for run in runs])
+    below = _joined([run[2] for run in runs]).astype(int)
     return Grid(
         tick=tick,
         reach=reach,
-        edges=axis.edges,
-        requests=axis.requests,
-        ticks=_joined(ticks),
-        states=_joined(states).astype(int),
-        starts=np.array(starts, dtype=int),
-        before=_joined(before).astype(int),
-        share=_joined(share),
-        run=_joined(number).astype(int),
+        edges=edges,
+        requests=requests,
+        ticks=_joined([run[0] for run in runs]),
+        states=np.delete(np.arange(states[-1]), starts),
+        starts=starts,
+        before=starts[number_of] + below,
+        share=_joined([run[3] for run in runs]) - below,
+        run=number_of,
         angles=_joined([log.angles[rows] for log, rows in zip(logs, used, strict=True)]),
         firsts=tuple(firsts),
         places=used,
-        loads=_joined(loads),
+        loads=_joined([run[1] for run in runs]),
     )
 
 
@@ -443,26 +414,28 @@ def _torques(log: Log, times: Array, ticks: Array, tick: float) -> Array:
     return np.asarray(log.load[np.minimum(rows, len(times) - 1)])
 
 
-class _Axis:
-    """One axis of time for all pieces of all logs, and the requests on it."""
+def _axis(logs: Sequence[Log], reach: float) -> tuple[Array, Array, list[Array]]:
+    """One axis of time for all pieces of all logs.
 
-    def __init__(self, logs: Sequence[Log], reach: float) -> None:
-        edges: list[Array] = []
-        requests: list[Array] = []
-        self.shifted: list[Array] = []
-        now = 0.0
-        for log in logs:
-            shifted = np.array(log.times)
-            for piece in pieces_of(log):
-                now += 2.0 * reach
-                shifted[piece] += now - log.times[piece.start]
-                edges += [np.array([now - 2.0 * reach]), shifted[piece]]
-                requests += [log.requests[piece][:1], log.requests[piece]]
-                now = float(shifted[piece][-1])
-            self.shifted.append(shifted)
-        every, values = _joined(edges), _joined(requests)
-        changes = np.concatenate([[True], np.diff(values) != 0.0])
-        self.edges, self.requests = every[changes], values[changes]
+    Returns:
+        When requests change on it [s], the requests from then on, the times of each log's rows.
+    """
+    edges: list[Array] = []
+    requests: list[Array] = []
+    times: list[Array] = []
+    now = 0.0
+    for log in logs:
+        shifted = np.array(log.times)
+        for piece in pieces_of(log):
+            now += 2.0 * reach
+            shifted[piece] += now - log.times[piece.start]
+            edges += [np.array([now - 2.0 * reach]), shifted[piece]]
+            requests += [log.requests[piece][:1], log.requests[piece]]
+            now = float(shifted[piece][-1])
+        times.append(shifted)
+    every, values = _joined(edges), _joined(requests)
+    changes = np.concatenate([[True], np.diff(values) != 0.0])
+    return every[changes], values[changes], times
 
 
 def _joined(arrays: Sequence[npt.NDArray[Any]]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
-    Simple,
     commanded_speed,
     errors_of,
     fit_joint,
@@ -176,7 +175,15 @@ def identify(
         gain_interval=bounds["gain"],
         covariance=covariance_of(fit, bounds, uncertainty),
         correlations=correlations_of(fit, uncertainty),
-        alternatives=_alternatives(simple, errors, held),
+        alternatives=tuple(
+            Alternative(
+                name=name,
+                rms=errors[name],
+                held_out_rms=None if held is None else held.alternatives[name],
+                parameters=known,
+            )
+            for name, known, _ in simple
+        ),
         findings=tuple(Finding(each.topic, sentence(each, unit)) for each in notes),
         verdict=verdict,
         reason=sentence(reason, unit),
@@ -206,21 +213,6 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
     if speed - SPEED_NOISE * noise_of(fit) <= most:
         return None
     return note("log", "refuted", log=log.name, speed=speed, most=most)
-
-
-def _alternatives(
-    simple: Sequence[Simple], errors: Mapping[str, float], held: HeldOut | None
-) -> tuple[Alternative, ...]:
-    """The simpler models, with their errors on all rows and on those held out."""
-    return tuple(
-        Alternative(
-            name=other.name,
-            rms=errors[other.name],
-            held_out_rms=None if held is None else held.alternatives[other.name],
-            parameters=other.parameters,
-        )
-        for other in simple
-    )
 
 
 def _fitted(
