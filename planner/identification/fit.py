@@ -19,11 +19,10 @@ from planner.identification.least_squares import (
     huber,
     least_squares,
     respond,
-    rms,
 )
 from planner.identification.log import Log, pieces_of
 from planner.identification.parameters import Parameters, only
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 SETTLED_ERRORS = 2.0
 """The first rows of a piece are used where the model, with the first request in force before, errs

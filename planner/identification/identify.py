@@ -43,7 +43,7 @@ from planner.identification.judgement import (
     opposite_sign,
     verdict_on,
 )
-from planner.identification.least_squares import Fit, respond, rms, sound_rms
+from planner.identification.least_squares import Fit, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
 from planner.identification.residual_patterns import patterns, shaken, stops
 from planner.identification.result import (
@@ -58,7 +58,7 @@ from planner.identification.result import (
 )
 from planner.identification.terms import Trial, unmodelled, with_terms
 from planner.report.identification.findings import sentence
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 from planner.validation import as_flag
 
 SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
@@ -295,7 +295,7 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
             held_out=out > 0.0,
             held_out_predicted=out_predicted,
             weights=weights,
-            rms=rms(residuals[used]) if used.any() else 0.0,
+            rms=rms(residuals[used]),
         )
         for log, used, predicted, out, out_predicted, weights, residuals in columns
     )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from planner.identification.fit import peak_command
-from planner.identification.least_squares import PROFILE, Fit, huber, least_squares, respond, rms
+from planner.identification.least_squares import PROFILE, Fit, huber, least_squares, respond
 from planner.identification.parameters import (
     COORDINATES,
     COUNT,
@@ -19,10 +19,11 @@ from planner.identification.parameters import (
     Parameters,
     bounds_of,
     model_derivatives,
+    only,
     units,
 )
 from planner.identification.result import Interval
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real
@@ -154,29 +155,48 @@ def _end(
     The end is sought from where the covariance puts it outwards, so an interval may come out wider
     than its profile but not narrower. What is not refuted on the way is added to ``possible``.
     """
-    rise = rise_allowed(fit, uncertainty, Parameters._fields[index])
+    name = Parameters._fields[index]
+    allowed = fit.cost + rise_allowed(fit, uncertainty, name)
+    free, last = fit.free & ~only(name), fit
+
+    def refutes(value: float) -> bool:
+        """Whether nothing with the parameter at this value fits well enough."""
+        nonlocal last
+        held = least_squares(
+            last.grid,
+            last.parameters._replace(**{name: value}),
+            free=free,
+            starts=last.starts,
+            scale=last.scale,
+            effort=PROFILE,
+            enough=allowed,
+        )
+        if math.isfinite(value):
+            last = held
+        if held.cost <= allowed:
+            possible.append(held.parameters)
+        return held.cost > allowed
+
     value = fit.parameters[index]
     limit, reported = _limit(fit, index, way)
-    profile = _Profile(fit, index, fit.cost + rise, possible)
-    if limit == value or (math.isinf(limit) and not profile.refutes(limit)):
+    if limit == value or (math.isinf(limit) and not refutes(limit)):
         return reported
-    profile = _Profile(fit, index, fit.cost + rise, possible)
     logarithmic = ROWS[index].unit is None
     inner, step = value, _first_step(fit, uncertainty, index)
     for _ in range(4):
         outer = value * math.exp(way * step) if logarithmic else value + way * step
         beyond = (outer - limit) * way >= 0.0
-        if beyond and not profile.refutes(limit):
+        if beyond and not refutes(limit):
             return reported
         outer = limit if beyond else outer
-        if beyond or profile.refutes(outer):
+        if beyond or refutes(outer):
             break
         inner, step = outer, WIDENING * step
     else:
         return reported
     for _ in range(BISECTIONS if inner != value or step > _wald(uncertainty, fit, index) else 0):
         middle = math.sqrt(inner * outer) if logarithmic else (inner + outer) / 2.0
-        inner, outer = (inner, middle) if profile.refutes(middle) else (middle, outer)
+        inner, outer = (inner, middle) if refutes(middle) else (middle, outer)
     return outer
 
 
@@ -206,35 +226,6 @@ def rise_allowed(fit: Fit, uncertainty: Uncertainty, name: str) -> float:
     """Rise of the loss from which on a value of a parameter is refuted: (18) [rad^2]."""
     threshold = float(uncertainty.threshold[Parameters._fields.index(name)])
     return max(threshold, MISFIT * fit.cost)
-
-
-class _Profile:
-    """The best fits with one parameter held, each begun from the one before."""
-
-    def __init__(self, fit: Fit, index: int, allowed: float, possible: list[Parameters]) -> None:
-        self._allowed = allowed
-        self._possible = possible
-        self._name = Parameters._fields[index]
-        self._free = fit.free.copy()
-        self._free[index] = False
-        self._last = fit
-
-    def refutes(self, value: float) -> bool:
-        """Whether nothing with the parameter at this value fits well enough."""
-        held = least_squares(
-            self._last.grid,
-            self._last.parameters._replace(**{self._name: value}),
-            free=self._free,
-            starts=self._last.starts,
-            scale=self._last.scale,
-            effort=PROFILE,
-            enough=self._allowed,
-        )
-        if math.isfinite(value):
-            self._last = held
-        if held.cost <= self._allowed:
-            self._possible.append(held.parameters)
-        return held.cost > self._allowed
 
 
 def _limit(fit: Fit, index: int, way: int) -> tuple[float, float]:

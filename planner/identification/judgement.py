@@ -11,12 +11,12 @@ import numpy as np
 from planner.identification.fit import delayed_errors, peak_command
 from planner.identification.grid import Grid, Timing, sound_rows, unequal
 from planner.identification.intervals import Uncertainty, at_edge, middle_known_within
-from planner.identification.least_squares import Fit, rms, sound_rms
+from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
 from planner.identification.result import HeldOut, Interval, Note, Topic, note
 from planner.model.evidence import Verdict
-from planner.trajectory import Array
+from planner.trajectory import Array, rms
 
 SAME_LIKENESS = 1e-9
 """Correlations closer than this differ by rounding."""

@@ -21,7 +21,7 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
-from planner.trajectory import Array, Indices
+from planner.trajectory import Array, Indices, rms
 
 if TYPE_CHECKING:
     from planner.model.kernel import Servo
@@ -314,12 +314,14 @@ def least_squares(
     floor = NO_ERROR * max(float(np.std(grid.angles)), 1e-300)
     if starts is None:
         starts = grid.measured_starts
-    fit = _evaluated(grid, _within(grid, begin, free), starts, scale or math.inf, free)
+    lower, upper = bounds_of(grid)
+    begin = Parameters(*np.where(free, np.clip(begin, lower, upper), begin).tolist())
+    fit = _evaluated(grid, begin, starts, scale or math.inf, free)
     if scale is not None:
         return _minimised(fit, effort, enough, effort.averaging[-1])
     for averaging in effort.averaging:
         for number in range(effort.rounds):
-            found = scale_of(fit.residuals, floor)
+            found = max(floor, sound_rms(fit.residuals, gross=1.0 - TRUSTED))
             settled = number > 0 and abs(found - fit.scale) <= 1e-3 * found
             fit = replace(fit, scale=found, cost=huber(fit.residuals, found))
             if settled:
@@ -460,12 +462,6 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
     return -np.asarray(axes @ ways)
 
 
-def _within(grid: Grid, parameters: Parameters, free: Free) -> Parameters:
-    """The parameters, those that are free moved into their bounds."""
-    ends = zip(parameters, *bounds_of(grid), free, strict=True)
-    return Parameters(*(min(max(at, low), high) if moves else at for at, low, high, moves in ends))
-
-
 def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
     response = respond(grid, parameters, starts)
     residuals = response.predicted - grid.angles
@@ -476,16 +472,6 @@ def huber(residuals: Array, scale: float) -> float:
     """Huber's loss of the residuals at a scale."""
     beyond = np.maximum(np.abs(residuals) - CORNER * scale, 0.0)
     return 0.5 * float(residuals @ residuals - beyond @ beyond)
-
-
-def rms(errors: Array) -> float:
-    """Root mean square of errors, outliers included."""
-    return math.sqrt(float(np.mean(errors**2)))
-
-
-def scale_of(residuals: Array, floor: float) -> float:
-    """Standard deviation of the residuals that are no gross outliers."""
-    return max(floor, sound_rms(residuals, gross=1.0 - TRUSTED))
 
 
 def sound_rms(residuals: Array, *, gross: float = 0.01) -> float:

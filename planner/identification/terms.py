@@ -38,11 +38,10 @@ from planner.identification.least_squares import (
     Fit,
     huber,
     least_squares,
-    rms,
 )
 from planner.identification.parameters import TERMS, Parameters, only
 from planner.identification.result import Interval, Term
-from planner.trajectory import Array, Indices, Mask
+from planner.trajectory import Array, Indices, Mask, rms
 
 ORDER = ("time_constant", "compliance", "dead_band", "slowing", "asymmetry")
 """In which order the terms are tried, each beside those that were kept before it."""
