@@ -56,7 +56,7 @@ from planner.identification.result import (
     Note,
     note,
 )
-from planner.identification.terms import Trial, unmodelled, with_terms
+from planner.identification.terms import unmodelled, with_terms
 from planner.report.identification.findings import sentence
 from planner.trajectory import Array, rms
 from planner.validation import as_flag
@@ -108,11 +108,11 @@ def identify(
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
     timing = timing.ticking(fit.grid.tick)
-    trial = with_terms(fit)
-    every, (logs, stopped) = logs, _without_stops(logs, trial.fit)
+    fit, terms = with_terms(fit)
+    every, (logs, stopped) = logs, _without_stops(logs, fit)
     if stopped:
-        trial = with_terms(fit_joint(logs, timing))
-    fit = with_observed_speed(trial.fit)
+        fit, terms = with_terms(fit_joint(logs, timing))
+    fit = with_observed_speed(fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
     seen = max(map(measured_speed, every))
@@ -123,8 +123,11 @@ def identify(
     if faster:  # in rows that are not fitted
         fit = with_speed_of(fit, seen)
         bounds["v_max"] = Interval(max(seen, bounds["v_max"].lower), math.inf)
-    for name in trial.confounded & set(bounds):
-        bounds[name] = Interval(-math.inf if name == "offset" else 0.0, math.inf)
+    # By how much the dead band may be larger than that of the model [rad].
+    frictions = [term.interval.upper for term in terms if term.name == "dead_band"]
+    friction = max(frictions, default=0.0) - fit.parameters.dead_band
+    if friction == math.inf:  # or it is a sag
+        bounds["offset"] = Interval(-math.inf, math.inf)
     held = held_out(logs, timing, fit, faster=refuted is not None) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
@@ -141,7 +144,7 @@ def identify(
         exchanged=exchanged_columns(fit.grid),
         signal=signal,
         tested=held is not None or not hold_out,
-        friction=_possible_friction(trial),
+        friction=friction,
         shaken=shaken(model, fits),
     )
     intervals = all_intervals(fit, bounds, uncertainty)
@@ -188,8 +191,7 @@ def identify(
         verdict=verdict,
         reason=sentence(reason, unit),
         terms=tuple(
-            replace(term, interval=intervals[term.name]) if term.kept else term
-            for term in trial.terms
+            replace(term, interval=intervals[term.name]) if term.kept else term for term in terms
         ),
     )
 
@@ -227,13 +229,6 @@ def _fitted(
         logs, timing = even, timing_of(even, tick=tick, hold=hold)
         fit = fit_joint(logs, timing, choose_tick=choose_tick)
     return logs, timing, fit, even is not None
-
-
-def _possible_friction(trial: Trial) -> float:
-    """By how much the dead band may be larger than that of the model [rad]."""
-    dead_band = trial.fit.parameters.dead_band
-    ends = [each.interval.upper for each in trial.terms if each.name == "dead_band"]
-    return max((end - dead_band for end in ends), default=0.0)
 
 
 def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
@@ -322,7 +317,7 @@ def held_out(
     if not known:
         return None
     try:
-        fit = with_terms(fit_joint(known, timing)).fit
+        fit, _ = with_terms(fit_joint(known, timing))
     except InvalidInput:
         return None
     rows = np.concatenate(

@@ -14,26 +14,20 @@ from planner.identification.result import LogFit, Note, note
 from planner.identification.terms import Departure
 from planner.model.joint import JointModel
 
+FEW_ROWS = 20
+"""Fewer rows show neither a stop nor where a joint rests."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PatternOptions:
-    """From where on a pattern is named. Errors are held against the noise of the log.
+    """Bounds from which on a pattern is named.
 
     Attributes:
         clear: Standard deviations of the noise that a pattern has to exceed.
-        overshoot: Share of a step by which a joint that rings exceeds where it comes to rest.
-        explained: Share of that above which it is the model's own, by its time constant.
+        explained: Share of the overshoot of a joint that rings above which it is the model's own,
+            by its time constant.
         settled: A step can ring where no other follows within so many whole delays of the joint.
-        asymmetry: Share of v_max by which top speeds differ where it is worth a sentence.
-        stop_rows: Rows at one extreme angle below which there is no stop.
-        stop_visits: Times that a joint has to meet a stop.
-        stop_width: Rows within this share of the span of the angles are at one angle.
-        drift: Share of the variance of the residuals that a line through them has to explain.
-        contradiction: Standard deviations of their residuals by which the means of two logs
-            differ that contradict each other.
-        resting: Change of the predicted angle from row to row below which a joint is at rest, as a
-            share of the error of the model.
-        rest: Time over which a joint at rest is observed [s], of ``rest_rows`` or more.
+        rest: Time over which a joint at rest is observed [s].
         shaken: Share of the error of the model by which a joint at rest moves that is shaken.
             Shaken joints of an arm move by 0.44 to 0.67, others by 0.22 or less (at half one calm
             recording counts as shaken, at twice none does).
@@ -41,27 +35,16 @@ class PatternOptions:
         shown: Share of the largest difference that play, or a limit, makes to the angles from which
             on a row shows it.
         apart: Rows that show it and are fewer than so many apart are one place.
-        places: So many places are named, those where the error falls most.
     """
 
     clear: float = 5.0
-    overshoot: float = 0.05
     explained: float = 0.67
     settled: float = 3.0
-    asymmetry: float = 0.05
-    stop_rows: int = 20
-    stop_visits: int = 2
-    stop_width: float = 0.005
-    drift: float = 0.3
-    contradiction: float = 2.0
-    resting: float = 0.01
     rest: float = 0.3
-    rest_rows: int = 10
     shaken: float = 0.35
     shaken_alike: float = 0.5
     shown: float = 0.3
     apart: int = 5
-    places: int = 2
 
 
 OPTIONS = PatternOptions()
@@ -107,9 +90,9 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
     """
     log, used = fit.log, np.flatnonzero(fit.used)
     found: list[Stop] = []
-    if len(used) < OPTIONS.stop_rows:
+    if len(used) < FEW_ROWS:
         return found
-    width = OPTIONS.stop_width * float(np.ptp(log.angles[used]))
+    width = 0.005 * float(np.ptp(log.angles[used]))
     clear = OPTIONS.clear * max(noise, width)
     for way in (1.0, -1.0):
         angles = way * log.angles
@@ -118,9 +101,9 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
         beyond = way * fit.predicted[rows] - extreme > clear
         visits = np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) > 1) + 1)
         visits = [visit for visit in visits if beyond[visit].any()]
-        if np.sum(beyond) < max(OPTIONS.stop_rows, 0.5 * len(rows)):
+        if np.sum(beyond) < max(FEW_ROWS, 0.5 * len(rows)):
             continue
-        if len(visits) < OPTIONS.stop_visits:
+        if len(visits) < 2:
             continue
         held = rows[np.concatenate(visits)]
         if np.ptp(log.requests[held]) > clear:
@@ -140,7 +123,7 @@ def patterns(
         departures: What :func:`planner.identification.terms.unmodelled` found.
     """
     found = [_departure(each, fits) for each in departures]
-    if abs(model.v_offset) > OPTIONS.asymmetry * model.v_max:
+    if abs(model.v_offset) > 0.05 * model.v_max:
         up, down = (model.v_max + way * model.v_offset for way in (1.0, -1.0))
         found.append(note("pattern", "asymmetry", up=up, down=down))
     for fit in fits:
@@ -159,12 +142,12 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Note]:
     found = []
     for fit in fits:
         log = fit.log
-        length = max(OPTIONS.rest_rows, round(OPTIONS.rest / log.period))
+        length = max(10, round(OPTIONS.rest / log.period))
         settled = length + math.ceil(OPTIONS.settled * max(delay, OPTIONS.rest / 3.0) / log.period)
         rows = np.arange(len(log.times))
         resting = np.zeros(len(rows), dtype=bool)
         resting[1:] = fit.used[1:] & fit.used[:-1]
-        resting[1:] &= np.abs(np.diff(fit.predicted)) <= OPTIONS.resting * fit.rms
+        resting[1:] &= np.abs(np.diff(fit.predicted)) <= 0.01 * fit.rms
         resting &= np.diff(log.requests, prepend=log.requests[:1]) == 0.0
         since = rows - np.maximum.accumulate(np.where(resting, 0, rows))
         ends = np.flatnonzero(since >= settled)
@@ -194,7 +177,7 @@ def _departure(found: Departure, fits: Sequence[LogFit]) -> Note:
                 first, last = int(place[0]), int(place[-1])
                 times = float(fit.log.times[first]), float(fit.log.times[last])
                 places.append((float(np.sum(gain)), (name, first, last, *times)))
-    clearest = sorted(places, key=lambda place: -place[0])[: OPTIONS.places]
+    clearest = sorted(places, key=lambda place: -place[0])[:2]
     return note(
         "pattern",
         found.name,
@@ -211,13 +194,13 @@ def _contradictions(fits: Sequence[LogFit]) -> list[Note]:
     means = {}
     for fit in fits:
         left = fit.residuals[fit.used]
-        if len(left) >= OPTIONS.stop_rows:
+        if len(left) >= FEW_ROWS:
             means[fit.log.name] = float(np.mean(left)), float(np.std(left))
     if len(means) < 2:
         return []
     low, high = (choose(means, key=lambda name: means[name][0]) for choose in (min, max))
     apart = means[high][0] - means[low][0]
-    if apart <= OPTIONS.contradiction * max(means[low][1], means[high][1]):
+    if apart <= 2.0 * max(means[low][1], means[high][1]):
         return []
     return [note("pattern", "contradiction", apart=apart, high=high, low=low)]
 
@@ -246,7 +229,7 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Note]:
         beyond, modelled = np.max(moved[:, :-last], axis=1) - rests
         if modelled > OPTIONS.explained * beyond:
             continue
-        if beyond > max(OPTIONS.overshoot * rests[0], OPTIONS.clear * noise):
+        if beyond > max(0.05 * rests[0], OPTIONS.clear * noise):
             over.append((begin, beyond / rests[0], max(modelled, 0.0) / rests[0]))
     if len(over) < max(2, 0.5 * steps):
         return []
@@ -268,13 +251,13 @@ def _ringing(model: JointModel, fit: LogFit, noise: float) -> list[Note]:
 def _drift(fit: LogFit, noise: float) -> list[Note]:
     """Residuals that follow a straight line through the log."""
     used = np.flatnonzero(fit.used)
-    if len(used) < OPTIONS.stop_rows:
+    if len(used) < FEW_ROWS:
         return []
     times, left = fit.log.times[used], fit.residuals[used]
     line = np.polynomial.Polynomial.fit(times, left, 1)
     change = float(line(times[-1]) - line(times[0]))
     explained = float(np.var(line(times)) / max(np.var(left), 1e-300))
-    if explained <= OPTIONS.drift or abs(change) <= OPTIONS.clear * noise:
+    if explained <= 0.3 or abs(change) <= OPTIONS.clear * noise:
         return []
     first, last = used[[0, -1]]
     return [note("pattern", "drift", log=fit.log.name, change=change, first=first, last=last)]

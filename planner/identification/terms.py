@@ -66,29 +66,18 @@ ENOUGH = TERM._replace(evaluations=100, tolerance=1e-5)
 """How far each of several beginnings is followed, and the best of them."""
 
 
-class Trial(NamedTuple):
-    """The fit with the terms that are kept.
-
-    Attributes:
-        fit: With all terms that are kept.
-        terms: The errors with and without each term that was tried.
-        confounded: Parameters that the logs do not separate from a term that was not kept.
-    """
-
-    fit: Fit
-    terms: tuple[Term, ...]
-    confounded: frozenset[str]
-
-
-def with_terms(fit: Fit) -> Trial:
+def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
     """Add one term after another, and keep those that reduce the loss by (16a).
 
     A term is kept where it lowers the Bayesian information criterion (Schwarz, 1978) of as many
     rows as are independent, ``n_eff log(loss without / loss with) > log(n_eff)`` with
     ``n_eff = n / correlation time of the residuals``, and saves at least 1 % of the loss.
+
+    Returns:
+        The fit with the terms that are kept, and the errors with and without each that was tried.
+        The interval of a dead band that cannot be told from a sag has no upper end.
     """
     terms: list[Term] = []
-    confounded: set[str] = set()
     for name in ORDER:
         if not _shows(name, fit):
             continue
@@ -98,7 +87,6 @@ def with_terms(fit: Fit) -> Trial:
         interval = model_interval(trial, uncertainty, name)
         if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
             interval = Interval(0.0, math.inf)
-            confounded.add("offset")
         terms.append(
             Term(
                 name=TERMS[name],
@@ -110,7 +98,7 @@ def with_terms(fit: Fit) -> Trial:
         )
         fit = trial if kept else fit
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    return Trial(fit, tuple(terms), frozenset(confounded))
+    return fit, tuple(terms)
 
 
 def _shows(name: str, fit: Fit) -> bool:
