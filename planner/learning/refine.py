@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -234,7 +234,7 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     check_trial(cycles, modelled, before.trials if before else (), old)
     trials, now = _with_trial(before, joints, requests, cycles)
     models = Models.of(joints, before)
-    noise = _noise(joints, trials, trials[now].mean - modelled)
+    noise = _noise(joints, trials, now)
     if reidentify and now == len(trials) - 1:  # not an earlier trial, executed again
         tried = before is not None and not _same(requests, before.trials[-1].requests)
         if tried and models.anew and _worse(joints, trials[-1], trials[-2].error, noise):
@@ -244,18 +244,17 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
             models, said = reidentified(models, joints, trials, deviation_of(noise))
         joints = replace(joints, task=joints.task.with_models(models.now))
         remarks += said
-        noise = _noise(joints, trials, trials[now].mean - joints.task.response(requests))
+        noise = _noise(joints, trials, now)
     delays = delays_of(joints, cycles, joints.task.response(requests), removed)
     spread = deviation_of(noise)
     remarks += remarks_on_delays(joints, delays, spread)
-    found = _estimated(joints, trials, max(models.since), noise)
-    made = _next(joints, found.disturbance)
-    base = trials[found.base]
+    disturbance, best, gain = _estimated(joints, trials, max(models.since), noise)
+    made, base = _next(joints, disturbance), trials[best]
     answer = joints.task.response(made.requests)
-    next_error = _error(joints, answer + found.measured)
+    next_error = _error(joints, answer + _missed(joints, base))
     saved = base.error - next_error
     stopped = ""
-    if found.gain < OPTIONS.least_gain:
+    if gain < OPTIONS.least_gain:
         stopped = "smaller and smaller steps from the best cycle have made it worse"
     elif saved <= OPTIONS.worthwhile * base.error:
         stopped = (
@@ -273,11 +272,11 @@ def _refined(joints: Plan, cycles: Array, sensor_delay: float | None, reidentify
     learning = Learning(
         trials=trials,
         noise=spread,
-        gain=found.gain,
+        gain=gain,
         reidentified=models.since,
         replaced=models.replaced,
         delays=delays,
-        best=found.base,
+        best=best,
         floor=floor,
         next_error=next_error,
         stopped=stopped,
@@ -298,9 +297,9 @@ def _error(joints: Plan, angles: Array) -> float:
     return float(joints.task.errors_of(angles)[0])
 
 
-def _size(joints: Plan, deviations: Array) -> float:
-    """Error that independent deviations of the joints (k,) [rad] make, rms."""
-    task = joints.task
+def _size(joints: Plan, noise: Array) -> float:
+    """Error that the noise of a cycle makes, by its power (f, k), rms."""
+    task, deviations = joints.task, deviation_of(noise)
     if task.goal == "angles":
         return float(deviations[0])
     assert task.leg is not None, "a foot belongs to a leg"
@@ -309,47 +308,40 @@ def _size(joints: Plan, deviations: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((jacobians * deviations) ** 2, axis=(1, 2)))))
 
 
-class Estimate(NamedTuple):
-    """The disturbance as it is estimated from the trials: (21) of ``docs/math.md``.
-
-    Attributes:
-        disturbance: With which the next requests are planned [rad], (n, k).
-        measured: The disturbance as it was measured in the trial they start from [rad], (n, k).
-        base: That trial.
-        gain: Share of what is newly found that is made up for.
-    """
-
-    disturbance: Array
-    measured: Array
-    base: int
-    gain: float
-
-
-def _estimated(joints: Plan, trials: Sequence[Trial], since: int, noise: Array) -> Estimate:
-    """Go through all trials: d <- d + gain * learnt(measured - M(R) - d).
+def _estimated(
+    joints: Plan, trials: Sequence[Trial], since: int, noise: Array
+) -> tuple[Array, int, float]:
+    """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of ``docs/math.md``.
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
     ``since`` were planned on another model, so that their failures say nothing of this one.
+
+    Returns:
+        The disturbance for the next requests [rad], (n, k), the trial they start from, the gain.
     """
     used, gain, base, least = np.zeros_like(trials[0].requests), 1.0, 0, math.inf
-    before, seen = used, used
+    before = used
     for number, trial in enumerate(trials):
         if not _worse(joints, trial, least, noise):
             gain = 1.0 if number <= since else min(gain * OPTIONS.growth, 1.0)
             base, before = number, used
-            seen = trial.mean - joints.task.response(trial.requests)
             least = min(least, trial.error)
         elif number >= since:
             gain *= OPTIONS.shrink
+        missed = _missed(joints, trials[base]) - before
         power = noise / trials[base].cycles
-        new = learnt(seen - before, power, joints.models, cyclic=joints.cyclic)
-        used = before + gain * new
-    return Estimate(used, seen, base, gain)
+        used = before + gain * learnt(missed, power, joints.models, cyclic=joints.cyclic)
+    return used, base, gain
+
+
+def _missed(joints: Plan, trial: Trial) -> Array:
+    """The disturbance as it was measured in a trial [rad], (n, k)."""
+    return np.asarray(trial.mean - joints.task.response(trial.requests))
 
 
 def _worse(joints: Plan, trial: Trial, error: float, noise: Array) -> bool:
     """Whether a trial is worse than an error, by more than noise explains."""
-    size = _size(joints, deviation_of(noise)) / math.sqrt(trial.cycles)
+    size = _size(joints, noise) / math.sqrt(trial.cycles)
     return trial.error > error * (1.0 + OPTIONS.worse_error) + OPTIONS.worse_noise * size
 
 
@@ -357,8 +349,9 @@ def _same(requests: Array, others: Array) -> bool:
     return bool(np.max(np.abs(requests - others)) <= SAME_REQUESTS)
 
 
-def _noise(joints: Plan, trials: Sequence[Trial], error: Array) -> Array:
-    return noise_of([trial.measured for trial in trials], error, cyclic=joints.cyclic)
+def _noise(joints: Plan, trials: Sequence[Trial], now: int) -> Array:
+    measured = [trial.measured for trial in trials]
+    return noise_of(measured, _missed(joints, trials[now]), cyclic=joints.cyclic)
 
 
 def _with_trial(
@@ -382,7 +375,7 @@ def _floor(
     joints: Plan, made: Plan, noise: Array, before: Learning | None, *, ended: bool
 ) -> tuple[float, float]:
     """What cannot be learnt: the lower bound of the model, and the noise of a cycle."""
-    size = _size(joints, deviation_of(noise))
+    size = _size(joints, noise)
     if made.task.goal == "angles":
         return float(made.lower_bounds[0]), size
     known = math.nan if before is None else before.floor[0]
