@@ -1,7 +1,6 @@
 """One form for all shifts, mirror images, reversals and scales of the same samples.
 
-A search that meets them in one form finds the same curve for all of them. Where there are very many
-samples, means of neighbours stand for them while knots are sought.
+A search that meets them in one form finds the same curve for all of them.
 """
 
 from __future__ import annotations
@@ -11,20 +10,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.approximation.problem import Candidate, Problem, candidate
+from planner.approximation.problem import Candidate, Problem
 from planner.trajectory import Array
 
 RESOLUTION = 2.0**-36
 """Samples and slope are searched as multiples of this; the last QP takes them as they are."""
 
-
 EQUAL = 1e-9
 """Relative difference up to which two numbers count as equal where the larger one decides, so that
 rounding, which differs between processors, does not."""
-
-
-MEANS = 1024
-"""Means that stand for very many samples, fewer than ``search.MANY_SAMPLES``."""
 
 
 def at_resolution(problem: Problem) -> Problem:
@@ -120,32 +114,3 @@ def _sharpest_corner(desired: Array, ideal: Array) -> int:
     )
     sharpness = bend + 1e-3 * own_bend
     return int(np.argmax(sharpness >= (1.0 - EQUAL) * np.max(sharpness)))
-
-
-def to_means(problem: Problem) -> Problem:
-    """The problem with few samples, each the mean of those that are nearest to it; O(n) once.
-
-    Sample k of these few is at k (n - 1) / (m - 1) of a path's samples, at k n / m of a cycle's, so
-    that the ends stay the ends. The slopes keep the same bound.
-    """
-    spacing = _spacing(problem)
-    at = spacing * np.arange(MEANS + 1)
-    cuts = np.ceil(at - 0.5 * spacing).astype(np.intp)
-    first = -int(cuts[0]) if problem.cyclic else 0
-    cuts = np.maximum(cuts + first, 0)[:MEANS]
-    sums = np.add.reduceat(np.roll(problem.desired, first), cuts)
-    counts = np.diff(np.append(cuts, problem.samples))
-    return replace(problem, desired=sums / counts, step=problem.step * spacing)
-
-
-def from_means(problem: Problem, few: Candidate) -> Candidate:
-    """The curve through all samples that one through the means of :func:`to_means` stands for."""
-    knots = few.knots * _spacing(problem)
-    if not problem.cyclic:
-        knots[-1] = problem.samples - 1.0
-    return candidate(problem, knots, few.values)
-
-
-def _spacing(problem: Problem) -> float:
-    samples = problem.samples
-    return samples / MEANS if problem.cyclic else (samples - 1.0) / (MEANS - 1.0)

@@ -95,7 +95,7 @@ class _BranchAndBound:
         self._tried: set[tuple[int, ...]] = set()
         knots = np.floor(start.knots + 0.5)
         knots = np.sort(np.mod(knots, problem.samples)) if problem.cyclic else knots
-        self.best = best_values(problem, [knots])[0]
+        self.best = best_values(problem, knots)
         ideal = ideal_of(problem)
         if float(np.sum((ideal - problem.desired) ** 2)) < self._enough:
             self._search()
@@ -169,7 +169,7 @@ class _BranchAndBound:
         """Remember the curve with these knots if it is the best so far."""
         if tuple(chain) not in self._tried:
             self._tried.add(tuple(chain))
-            curve = best_values(self._problem, [np.array(chain, dtype=np.float64)])[0]
+            curve = best_values(self._problem, np.array(chain, dtype=np.float64))
             self.best = min(self.best, curve, key=attrgetter("error"))
 
 

@@ -54,7 +54,7 @@ def slope_bounded(
     ends = desired[-1:] if cyclic else desired[:1]
     if float(np.max(np.abs(np.diff(desired, prepend=ends)))) <= step:
         return desired.copy()
-    from planner.approximation.bounded_slopes import open_ended
+    from planner.approximation.kernel import open_ended
 
     weights = np.ones(desired.size) if weights is None else weights
     if not cyclic:

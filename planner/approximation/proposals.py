@@ -62,7 +62,7 @@ class ChainProposals:
         """
         last = problem.samples if problem.cyclic else problem.samples - 1
         count = min(last, NODES)
-        self._problem, self._last = problem, last
+        self._problem = problem
         nodes = np.round(np.linspace(0, last, count + 1)).astype(np.intp)
         fixed = nearest_samples(problem.required)
         self.nodes = np.union1d(nodes, np.mod(fixed, last) if problem.cyclic else fixed)
@@ -125,13 +125,6 @@ class ChainProposals:
                     if knots is not None:
                         proposals[key] = knots
         return list(proposals.values())
-
-    def least_error(self, segments: int) -> float | None:
-        """Squared error of the cheapest chain of chords; None where not every sample is a node."""
-        if self.nodes.size <= self._last or segments >= self.nodes.size:
-            return None
-        self._extend("chord", segments)
-        return float(np.min(self._costs["chord"][segments][:, -1]))
 
     def _extend(self, kind: CostKind, segments: int) -> None:
         """Make the costs and the ways of up to ``segments`` segments known."""

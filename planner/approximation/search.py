@@ -5,13 +5,11 @@ Nothing is proved here. Chains of :mod:`planner.approximation.proposals` are sta
 error has a kink wherever a knot meets a sample, so a local minimum between any two samples is
 possible; so the knots of the best two curves are moved across samples, one at a time, each move
 with a descent of its own. Beyond 32 segments, knots come from bottom-up merging and one descent.
-Samples that are piecewise linear already have their corners read off. Of very many samples, means
-stand for them while few knots are sought.
+Samples that are piecewise linear already have their corners read off.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import cached_property
 
@@ -21,8 +19,6 @@ from planner.approximation.canonical_form import (
     EQUAL,
     CanonicalForm,
     at_resolution,
-    from_means,
-    to_means,
     to_resolution,
 )
 from planner.approximation.curve import PiecewiseLinear
@@ -76,9 +72,6 @@ PROPOSED = 32
 """Segments up to which knots are sought by chains; beyond, by merging. 16: 0.7 % more error in the
 mean, 27 % at worst, in half the time; 64: 0.1 % more in the same time."""
 
-MANY_SAMPLES = 2000
-"""Samples beyond which few knots are sought among means of them."""
-
 BEND = 1e-10
 """Second difference, relative to the size of the samples, that counts as none."""
 
@@ -115,25 +108,17 @@ class KnotSearch:
             self._found[segments] = self._best(segments)
         return self._found[segments]
 
-    def rough_error(self, segments: int, limit: float) -> float:
-        """Squared error of a rough curve, or infinite where even chains of chords are above it.
-
-        Args:
-            segments: Number of segments.
-            limit: Squared error of the cheapest chain of chords from which on none is begun.
-        """
-        if segments in self._found or segments > PROPOSED or self._of_means is not None:
+    def rough_error(self, segments: int) -> float:
+        """Squared error of the best start of the search."""
+        if segments in self._found or segments > PROPOSED:
             return self.curve(segments).error
-        chords = self._proposals.least_error(segments)
-        if chords is not None and chords > limit:
-            return math.inf
         return self._starts(segments)[0].error
 
     def valued(self, knots: Array) -> Candidate:
         """The curve of best values at these knots."""
         problem = self.problem
         if knots.size <= WINDOW:
-            return best_values(problem, [knots])[0]
+            return best_values(problem, knots)
         values = within_slopes(
             solve_values(problem, knots),
             problem.step * np.diff(problem.ends(knots)),
@@ -152,14 +137,6 @@ class KnotSearch:
     def exact(self) -> Candidate | None:
         """The curve on which the samples lie, if there is one."""
         return exact_curve(self.unrounded)
-
-    @cached_property
-    def _of_means(self) -> KnotSearch | None:
-        """Curves through fewer samples, where there are very many and any knots will do."""
-        problem = self.problem
-        if problem.samples <= MANY_SAMPLES or problem.required.size:
-            return None
-        return KnotSearch(to_means(problem))
 
     @cached_property
     def _proposals(self) -> ChainProposals:
@@ -181,9 +158,9 @@ class KnotSearch:
         best = starts[0]
         if best.knots.size > WINDOW or best.error <= 1e-22 * problem.samples:
             return best
-        if self._of_means is None and best.error > CLOSE * self.ideal_error:
+        if best.error > CLOSE * self.ideal_error:
             best = improved(problem, self.ideal, starts)
-        return descend(problem, [best], rounds=MANY)[0]
+        return descend(problem, best, rounds=MANY)
 
     def _starts(self, segments: int) -> list[Candidate]:
         """Curves a few evaluations from what is proposed, the best first; found once."""
@@ -193,13 +170,10 @@ class KnotSearch:
 
     def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
-        if self._of_means is not None and segments < WINDOW:
-            few = self._of_means.form.restore(self._of_means.curve(segments))
-            return descend(problem, [from_means(problem, few)], rounds=FEW)
         proposed = self._proposals(segments) or [even_knots(problem, segments)]
         if proposed[0].size <= WINDOW:
-            starts = best_values(problem, proposed)
-            begun = descend(problem, starts, rounds=FEW, progress=1e-2)
+            starts = [best_values(problem, knots) for knots in proposed]
+            begun = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
             return sorted(begun, key=by_error)
         starts = sorted(map(self.valued, proposed), key=by_error)[:2]
         begun = [descend_by_windows(problem, curve, rounds=FEW) for curve in starts]
@@ -225,11 +199,10 @@ def improved(problem: Problem, ideal: Array, rough: list[Candidate]) -> Candidat
         lattice_chain(problem, ideal, best, nodes=nodes, offsets=offsets, anchor=anchor)
         for nodes, offsets in LATTICES
     ]
-    starts = best_values(problem, [knots for knots in chains if knots is not None])
+    starts = [best_values(problem, knots) for knots in chains if knots is not None]
     starts += rough[:2]
-    begun = sorted(descend(problem, starts, rounds=MANY, progress=1e-2), key=by_error)
-    if problem.required.size:
-        return begun[0]
+    begun = [descend(problem, start, rounds=MANY, progress=1e-2) for start in starts]
+    begun.sort(key=by_error)
     return with_moved_knots(problem, _apart(begun)[:2])
 
 
@@ -266,7 +239,7 @@ def with_moved_knots(problem: Problem, curves: list[Candidate]) -> Candidate:
     best, begun = min(curves, key=by_error), curves
     for _ in range(TURNS):
         starts = [each for curve in begun for each in (curve, *moved(problem, curve))]
-        other = min(descend(problem, starts, rounds=FEW, keep=12), key=by_error)
+        other = min((descend(problem, each, rounds=FEW) for each in starts), key=by_error)
         gained = best.error - other.error
         if gained <= 0.0:
             break

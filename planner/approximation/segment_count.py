@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.approximation.problem import BARELY, Candidate
-from planner.approximation.search import MANY_SAMPLES, KnotSearch
+from planner.approximation.search import KnotSearch
 from planner.exceptions import Infeasible, angle_text
 from planner.trajectory import Array
 
@@ -33,10 +33,6 @@ searched in full at once. 1: more segments in 1 of 99 answers; 1.04: no change."
 HOPELESS = 1.75
 """The same from which on a number is not searched. Of 364 curves the full search lowered it by 1.04
 in one of ten, by 1.4 in one of a hundred, by 2.4 at most."""
-
-HOPELESS_CHORDS = 6.0
-"""The same of the cheapest chain of chords, which costs less: 3.8 at most. 3: more segments in 19
-of 99 answers; 12: no change for an eighth more time."""
 
 
 def automatic(search: KnotSearch) -> Candidate:
@@ -121,24 +117,19 @@ def _fewest(
         close_enough: The curve of a number of segments, if it is good enough.
         most: The largest number.
     """
-    one_by_one = ONE_BY_ONE if search.problem.samples <= MANY_SAMPLES else 0
-
-    def rough(segments: int) -> float:
-        return search.rough_error(segments, HOPELESS_CHORDS * enough)
-
     fewest = None
     count = search.fewest
     failed = without = count - 1  # the number before; the last searched in full and without any
     while True:
-        if count == most or rough(count) <= LIKELY * enough:
+        if count == most or search.rough_error(count) <= LIKELY * enough:
             fewest = close_enough(count)
             without = without if fewest else count
         if fewest is not None or count == most:
             break
         failed = count
-        count = min(most, count + 1 if count < one_by_one else math.ceil(1.3 * count))
-    if fewest is not None and count <= one_by_one:
-        while count - 1 > without and rough(count - 1) <= HOPELESS * enough:
+        count = min(most, count + 1 if count < ONE_BY_ONE else math.ceil(1.3 * count))
+    if fewest is not None and count <= ONE_BY_ONE:
+        while count - 1 > without and search.rough_error(count - 1) <= HOPELESS * enough:
             fewer = close_enough(count - 1)
             if fewer is None:
                 break

@@ -94,7 +94,7 @@ def test_the_proof_respects_what_is_required(cyclic):
 def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of(kind, 30, rng), step=0.2, cyclic=True)
-    [start] = best_values(problem, [np.array([2.0, 11.0, 20.0])])
+    start = best_values(problem, np.array([2.0, 11.0, 20.0]))
     best = proved_best(problem, start)
     relaxation = Relaxation(problem)
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
@@ -111,7 +111,7 @@ def test_the_bound_of_a_paths_knots_is_attained_by_their_own_multipliers(step):
     rng = np.random.default_rng(6)
     problem = Problem(desired=samples_of("walk", 30, rng), step=step, cyclic=False)
     knots = [0, 9, 17, 29]
-    [curve] = best_values(problem, [np.array(knots, dtype=float)])
+    curve = best_values(problem, np.array(knots, dtype=float))
     relaxation = Relaxation(problem)
     multipliers = first_multipliers(problem, curve, relaxation.nodes)
     found = relaxation.bound([np.array([knot]) for knot in knots], multipliers)
@@ -154,7 +154,7 @@ def test_a_start_that_is_best_already_is_proved_so():
     problem = Problem(desired=np.array([0.0, 1.0, 0.0, -1.0] * 3), step=5.0, cyclic=False)
     knots = np.array([0.0, 5.0, 11.0])
     best = proved_best(problem, Candidate(knots, np.zeros(3), 6.0))
-    assert best.error <= best_values(problem, [knots])[0].error
+    assert best.error <= best_values(problem, knots).error
 
 
 @pytest.mark.parametrize("cyclic", [True, False])

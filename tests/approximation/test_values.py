@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.approximation.descent import SmallQPs, best_values, minimise_damped
+from planner.approximation.descent import best_values
+from planner.approximation.kernel import minimise_damped
 from planner.approximation.problem import Problem, candidate
 from planner.approximation.values import solve_values, within_slopes
 
@@ -40,7 +41,7 @@ def test_values_at_given_knots_are_those_of_an_independent_solver(cyclic, step, 
     if not cyclic:
         knots[[0, -1]] = 0.0, 59.0
     expected = on_the_reference_of(problem, knots)
-    for values in (solve_values(problem, knots), best_values(problem, [knots])[0].values):
+    for values in (solve_values(problem, knots), best_values(problem, knots).values):
         assert candidate(problem, knots, values).error == pytest.approx(expected, rel=1e-6)
 
 
@@ -70,10 +71,9 @@ def test_values_within_their_limits_stay_as_they_are():
 
 def undamped_step(hessian, gradient, rows, bounds):
     """The step of one small QP, None where none was found."""
-    free = np.ones((1, gradient.size), dtype=bool)
-    qps = SmallQPs(hessian[None], gradient[None], rows, bounds[None], free)
-    found = minimise_damped(qps, np.zeros((1, gradient.size)), np.ones(1))
-    return found.steps[0] if found.solved[0] else None
+    free, scales = np.ones(gradient.size, dtype=bool), np.zeros(gradient.size)
+    step, solved, _ = minimise_damped(hessian, gradient, rows, bounds, free, scales, 1.0)
+    return step if solved else None
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -1,0 +1,387 @@
+"""The fitter's inner loops, compiled: bounded slopes, descents of knots and values, small QPs.
+
+Import this module where it is used, inside functions: Numba takes a quarter of a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from planner.compilation import compiled
+from planner.trajectory import Array, Mask
+
+
+@compiled
+def open_ended(desired: Array, weights: Array, step: float) -> Array:
+    """The x nearest to ``desired`` with |x[k+1] - x[k]| <= step, shape (n,).
+
+    The cost of the best sequence that ends in x is convex and piecewise quadratic. Its derivative
+    is kept as two stacks of corners left and right of its root, which one more sample moves apart
+    by ``step`` and tilts by its weight. From the last root, the best end, the sequence follows
+    backwards.
+
+    Args:
+        desired: What to come close to [any unit], (n,).
+        weights: Weight of every sample's squared error, (n,).
+        step: Largest change from one sample to the next [same unit].
+    """
+    samples = len(desired)
+    # Corners: place + k * step on the left, - on the right, and change of the slope outwards.
+    left, right = np.empty((2 * samples, 2)), np.empty((2 * samples, 2))
+    on_left = on_right = 0
+    best = np.empty(samples)  # for every k the x[k] that is best for the samples up to k alone
+    root, slope = desired[0], weights[0]
+    best[0] = root
+    for k in range(1, samples):
+        shift = k * step
+        # The split at the root: flat between, the old slope outside.
+        left[on_left, 0], left[on_left, 1] = root - step + shift, slope
+        right[on_right, 0], right[on_right, 1] = root + step - shift, slope
+        on_left, on_right = on_left + 1, on_right + 1
+        root, slope = desired[k], weights[k]
+        while on_left and left[on_left - 1, 0] - shift > root:
+            on_left -= 1
+            at, change = left[on_left, 0] - shift, left[on_left, 1]
+            height = slope * (at - root)
+            slope += change
+            root = at - height / slope
+            right[on_right, 0], right[on_right, 1] = at - shift, -change
+            on_right += 1
+        while on_right and right[on_right - 1, 0] + shift < root:
+            on_right -= 1
+            at, change = right[on_right, 0] + shift, right[on_right, 1]
+            height = slope * (root - at)
+            slope += change
+            root = at + height / slope
+            left[on_left, 0], left[on_left, 1] = at + shift, -change
+            on_left += 1
+        best[k] = root
+    for k in range(samples - 2, -1, -1):
+        best[k] = min(max(best[k], best[k + 1] - step), best[k + 1] + step)
+    return best
+
+
+@compiled
+def descend(
+    desired: Array,
+    step: float,
+    cyclic: bool,
+    knots: Array,
+    values: Array,
+    free: Mask,
+    rounds: int,
+    progress: float,
+) -> tuple[Array, Array, float]:
+    """Newton's method on knots and values, damped until it goes down.
+
+    Args:
+        desired: Samples, shape (n,).
+        step: Largest change per sample.
+        cyclic: Whether the first sample follows the last.
+        knots: Where to start, of a cycle within one cycle, which may begin in any turn, shape (K,).
+        values: Values there, within the slopes, shape (K,).
+        free: Which knots and then which values move, shape (2K,).
+        rounds: Most evaluations.
+        progress: Relative decrease of the squared error below which the descent ends.
+
+    Returns:
+        Knots, values and squared error of the best curve; never worse than the start.
+    """
+    size = len(knots)
+    rows = constraint_rows(size, step, cyclic)
+    error, gradient, hessian, diagonal = evaluate(desired, cyclic, knots, values)
+    none = 1e-26 * np.sum(desired * desired)
+    damping, scales = 1e-3, np.empty(2 * size)
+    for _ in range(rounds):
+        if error <= none or not np.any(free):
+            break
+        by_value, by_knot = np.mean(diagonal[size:]), np.mean(diagonal[:size])
+        # A knot between segments of one slope has no curvature, nor has a constant by any knot.
+        scales[:size] = diagonal[:size] + 1e-2 * by_knot + 1e-12 * by_value
+        scales[size:] = diagonal[size:] + 1e-6 * by_value
+        bounds = np.maximum(slacks(len(desired), step, cyclic, knots, values), 0.0)
+        move, solved, damping = minimise_damped(
+            hessian, gradient, rows, bounds, free, scales, damping
+        )
+        if not solved:
+            damping *= 10.0
+            continue
+        predicted = -np.sum((2.0 * gradient + hessian @ move + damping * scales * move) * move)
+        other_knots, other_values = knots + move[:size], values + move[size:]
+        there = evaluate(desired, cyclic, other_knots, other_values)
+        gain = error - there[0]
+        if gain > 0.0:
+            knots, values = other_knots, other_values
+            error, gradient, hessian, diagonal = there
+            if gain <= progress * error and damping < 1.0:
+                break
+        elif predicted <= progress * error:
+            break
+        damping *= 0.2 if gain > 0.5 * predicted else 0.7 if gain > 0.0 else 6.0
+    return knots, values, error
+
+
+@compiled
+def best_values(
+    desired: Array, step: float, cyclic: bool, knots: Array, values: Array, free: Mask
+) -> Array:
+    """The values of least squared error at given knots; those they start from if none are found.
+
+    Args:
+        desired: Samples, shape (n,).
+        step: Largest change per sample.
+        cyclic: Whether the first sample follows the last.
+        knots: Knots, shape (K,).
+        values: Values within the slopes, shape (K,).
+        free: Which values move, shape (K,).
+    """
+    size = len(knots)
+    _, gradient, hessian, _ = evaluate(desired, cyclic, knots, values)
+    bounds = np.maximum(slacks(len(desired), step, cyclic, knots, values), 0.0)
+    rows = constraint_rows(size, step, cyclic)
+    hessian = np.ascontiguousarray(hessian[size:, size:])
+    scales = np.full(size, np.max(np.diag(hessian)))
+    move, _, _ = minimise_damped(
+        hessian,
+        gradient[size:],
+        np.ascontiguousarray(rows[: 2 * len(rows) // 3, size:]),
+        bounds[: 2 * len(rows) // 3],
+        free,
+        scales,
+        1e-10,
+    )
+    return values + move
+
+
+@compiled
+def evaluate(
+    desired: Array, cyclic: bool, knots: Array, values: Array
+) -> tuple[float, Array, Array, Array]:
+    """Squared error of a curve and the derivatives of half of it, knots first, then values.
+
+    Args:
+        desired: Samples, shape (n,).
+        cyclic: Whether the first sample follows the last.
+        knots: Knots t, shape (K,).
+        values: Values y, shape (K,).
+
+    Returns:
+        The squared error; the gradient, shape (2K,); the Hessian, shape (2K, 2K); and the diagonal
+        of the Hessian without the residuals' part, that of Gauss and Newton, shape (2K,).
+    """
+    size, n = len(knots), len(desired)
+    error = 0.0
+    gradient, diagonal = np.zeros(2 * size), np.zeros(2 * size)
+    hessian = np.zeros((2 * size, 2 * size))
+    part, own = np.empty(4), np.empty((4, 4))
+    for start in range(size if cyclic else size - 1):
+        end = (start + 1) % size
+        # A knot a rounding behind a sample counts as on it, as bounds may hold knots on samples.
+        first, stop = math.ceil(knots[start] - 1e-9), math.ceil(knots[end] - 1e-9)
+        length, rise = knots[end] - knots[start], values[end] - values[start]
+        if end == 0:
+            length, stop = length + n, stop + n
+        if not cyclic and start == 0:
+            first = 0
+        if not cyclic and end == size - 1:
+            stop = n
+        r0 = r1 = w1 = w2 = 0.0  # Σ r, Σ r u, Σ u and Σ u² with u the share of the segment
+        for k in range(first, stop):
+            share = (k - knots[start]) / length
+            residual = values[start] + share * rise - desired[k % n]
+            error += residual * residual
+            r0, r1 = r0 + residual, r1 + residual * share
+            w1, w2 = w1 + share, w2 + share * share
+        g0, g1, s11, s01 = r0 - r1, r1, w2, w1 - w2
+        s00 = (stop - first) - w1 - s01
+        slope, e0, e1 = rise / length, g0 / length, g1 / length
+        m00, m01, m11 = slope * s00, slope * s01, slope * s11
+        # By start knot, end knot, start value, end value.
+        part[0], part[1], part[2], part[3] = -slope * g0, -slope * g1, g0, g1
+        own[0, 0] = slope * (m00 - 2.0 * e0)
+        own[1, 1] = slope * (m11 + 2.0 * e1)
+        own[0, 1] = slope * (m01 + e0 - e1)
+        own[0, 2], own[0, 3] = e0 - m00, -m01 - e0
+        own[1, 2], own[1, 3] = e1 - m01, -m11 - e1
+        own[2, 2], own[2, 3], own[3, 3] = s00, s01, s11
+        variables = (start, end, size + start, size + end)
+        for i in range(4):
+            gradient[variables[i]] += part[i]
+            for j in range(4):
+                hessian[variables[i], variables[j]] += own[min(i, j), max(i, j)]
+        diagonal[start] += slope * m00
+        diagonal[end] += slope * m11
+        diagonal[size + start] += s00
+        diagonal[size + end] += s11
+    return error, gradient, hessian, diagonal
+
+
+@compiled
+def constraint_rows(size: int, step: float, cyclic: bool) -> Array:
+    """Rows A such that a step p of knots and values is allowed if A p <= the slacks.
+
+    The bound on a slope, |y' - y| <= v (t' - t), is linear in knots and values together, so the
+    rows are the same for all knots and values.
+
+    Args:
+        size: Number of knots K.
+        step: Largest change per sample v.
+        cyclic: Whether a last segment leads from the last knot to the first.
+
+    Returns:
+        A, shape (3S, 2K) for S segments: no slope too high, none too low, no segment too short.
+    """
+    count = size if cyclic else size - 1
+    rows = np.zeros((3 * count, 2 * size))
+    for start in range(count):
+        for knot, sign in ((start, -1.0), ((start + 1) % size, 1.0)):
+            rows[start, knot] -= sign * step
+            rows[start, size + knot] += sign
+            rows[count + start, knot] -= sign * step
+            rows[count + start, size + knot] -= sign
+            rows[2 * count + start, knot] -= sign
+    return rows
+
+
+@compiled
+def slacks(samples: int, step: float, cyclic: bool, knots: Array, values: Array) -> Array:
+    """How far slopes and lengths are from their bounds, in the order of the rows, shape (3S,)."""
+    size = len(knots)
+    count = size if cyclic else size - 1
+    found = np.empty(3 * count)
+    for start in range(count):
+        end = (start + 1) % size
+        length = knots[end] - knots[start] + (samples if end == 0 else 0)
+        rise = values[end] - values[start]
+        found[start] = step * length - rise
+        found[count + start] = step * length + rise
+        found[2 * count + start] = length - 1.0
+    return found
+
+
+@compiled
+def minimise_damped(
+    hessian: Array,
+    gradient: Array,
+    rows: Array,
+    bounds: Array,
+    free: Mask,
+    scales: Array,
+    damping: float,
+) -> tuple[Array, bool, float]:
+    """The p that minimises ½ pᵀ(H + λS)p + gᵀp among those with A p <= b.
+
+    With H + λS = LLᵀ and z = Lᵀp + L⁻¹g this is the point of a polyhedron that is nearest to the
+    origin.
+
+    Args:
+        hessian: H, shape (k, k).
+        gradient: g, shape (k,).
+        rows: A, shape (r, k).
+        bounds: b >= 0, shape (r,).
+        free: Which variables are sought, shape (k,); the others stay zero.
+        scales: Diagonal of S, shape (k,).
+        damping: λ; ten times as large as often as it takes to make the sum definite.
+
+    Returns:
+        The step, zero if none was found; whether it was found; and the damping.
+    """
+    size = len(gradient)
+    nothing = np.zeros(size)
+    inverse = np.zeros((size, size))
+    damped = np.zeros((size, size))
+    while True:
+        for i in range(size):
+            for j in range(size):
+                damped[i, j] = hessian[i, j] if free[i] and free[j] else 0.0
+            damped[i, i] += damping * scales[i] if free[i] else 1.0
+        if inverted_factor(damped, inverse):
+            break
+        damping *= 10.0
+        if not damping < 1e13:  # where a number is not finite, it never ends
+            return nothing, False, damping
+    offsets = inverse @ np.where(free, gradient, 0.0)
+    own = rows * np.where(free, 1.0, 0.0)
+    normals = own @ inverse.T
+    shortfalls = -(bounds + normals @ offsets)
+    point = -offsets
+    if np.max(shortfalls) > 0.0:
+        point += nearest_to_origin(normals, shortfalls)
+    move = inverse.T @ point
+    reach = np.max(np.abs(own) @ np.abs(move))
+    if not np.max(own @ move - bounds) <= 1e-9 * max(reach, 1e-300):
+        return nothing, False, damping
+    return move, True, damping
+
+
+@compiled
+def inverted_factor(matrix: Array, inverse: Array) -> bool:
+    """L⁻¹ of a matrix LLᵀ, written to ``inverse``; False if the matrix is not positive definite."""
+    size = len(matrix)
+    factor = np.zeros((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = rest / factor[j, j]
+            elif rest > 1e-15 * matrix[i, i]:
+                factor[i, i] = math.sqrt(rest)
+            else:
+                return False
+    for j in range(size):
+        inverse[j, j] = 1.0 / factor[j, j]
+        for i in range(j + 1, size):
+            total = 0.0
+            for k in range(j, i):
+                total -= factor[i, k] * inverse[k, j]
+            inverse[i, j] = total / factor[i, i]
+    return True
+
+
+@compiled
+def nearest_to_origin(normals: Array, shortfalls: Array) -> Array:
+    """The shortest z with N z <= -s, up to rounding if the conditions can be met.
+
+    It is z = -Nᵀu with the u >= 0 that minimises ½ |Nᵀu|² - sᵀu: non-negative least squares by
+    Lawson and Hanson (Solving Least Squares Problems, 1974, Chapter 23).
+
+    Args:
+        normals: N, shape (r, k).
+        shortfalls: s, shape (r,).
+    """
+    count = len(shortfalls)
+    gram = normals @ normals.T
+    lengths = np.sqrt(np.diag(gram))
+    lengths = np.where(lengths > 0.0, lengths, np.inf)  # bounds on variables that stay
+    enough = 1e-15 * np.max(np.abs(shortfalls) / lengths)
+    multipliers, active = np.zeros(count), np.zeros(count, dtype=np.bool_)
+    for _ in range(3 * count):
+        violations = np.where(active, 0.0, (shortfalls - gram @ multipliers) / lengths)
+        worst = np.argmax(violations)
+        if violations[worst] <= enough:
+            break
+        active[worst] = True
+        settled = False
+        while not settled:
+            index = np.flatnonzero(active)
+            system, target = gram[index][:, index], shortfalls[index]
+            inverse = np.zeros_like(system)
+            # Bounds may repeat one another: a touch of regularisation, which refinement removes.
+            if not inverted_factor(system + 1e-13 * np.diag(np.diag(system)), inverse):
+                return -(normals.T @ multipliers)
+            trial = np.zeros(len(index))
+            for _ in range(3):
+                trial += inverse.T @ (inverse @ (target - system @ trial))
+            before = multipliers[index]
+            share, settled = 1.0, True
+            for i in range(len(index)):
+                if trial[i] <= 0.0 and before[i] <= share * (before[i] - trial[i]):
+                    share, worst, settled = before[i] / (before[i] - trial[i]), index[i], False
+            multipliers[index] = before + share * (trial - before)
+            if not settled:
+                multipliers[worst], active[worst] = 0.0, False
+    return -(normals.T @ multipliers)
