@@ -26,11 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.approximation.problem import SHORTEST
 from planner.trajectory import Array
-
-EAVES = 8
-"""Eaves from which a cycle with no short segment is sought."""
 
 
 class Course(NamedTuple):
@@ -165,32 +161,29 @@ def fewest_links_around(gates: Gates) -> Course | None:
         gates: Gates of one turn, one sample apart, which no constant passes.
 
     Returns:
-        The cycle. Of those of several eaves, one whose segments are a sample long or longer if one
-        of the first :data:`EAVES` has such a cycle. None if rounding hides all eaves.
+        The cycle from the first eave, its segments a sample long or longer if some choice of its
+        last line makes them so; None if rounding hides all eaves.
     """
     n = len(gates.places)
     around = Gates(
         [float(k) for k in range(5 * n)], list(gates.lower) * 5, list(gates.upper) * 5, gates.slope
     )
     end = 5 * n - 1
-    cycles: list[Course] = []
     before: Link | None = None
     link = next_link(around, 0, end)
     turn = 0
-    while isinstance(link, Link) and turn < 3 and len(cycles) < 3 * EAVES:
+    while isinstance(link, Link) and turn < 3:
         link = _later(link, n * turn)
         if before is not None and link.rising != before.rising:
             eave = _later(link, n * (1 - link.before // n))
             lines, joints, last = _closed(around, n, eave)
-            for line in (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5)):
-                cycle = _around([*lines, line, _later(eave, n).line], joints, n)
-                cycles.append(_turned(cycle, n))
-                if cycles[-1].shortest(n) >= SHORTEST:
-                    return cycles[-1]
+            choices = (last.highest, last.lowest, line_between(last, joints[-1].touched, 0.5))
+            cycles = [_around([*lines, line, _later(eave, n).line], joints, n) for line in choices]
+            return max(cycles, key=lambda cycle: min(cycle.shortest(n), 1.0))
         turn, before = link.touched // n, link
         own = _later(link, -n * turn)
         link = next_link(around, own.touched, end, half=own.end, rising=own.rising)
-    return max(cycles, key=lambda cycle: cycle.shortest(n), default=None)
+    return None
 
 
 def _closed(around: Gates, n: int, eave: Link) -> tuple[list[Line], list[Link], LastLines]:
@@ -231,39 +224,6 @@ def _around(lines: list[Line], links: list[Link], n: int) -> Course:
         values.append(line.at(place))
     start = n * math.floor(knots[0] / n)
     return Course(np.array(knots) - start, np.array(values), len(links))
-
-
-def _turned(cycle: Course, n: int) -> Course:
-    """The cycle, segments shorter than a sample turned about the one gate that they pass.
-
-    One is turned until it meets the line before it at the gate before, or the line after it at the
-    gate after, if that line is not too short then.
-    """
-    rounding = 1.0 - SHORTEST
-    knots, values = cycle.knots.copy(), cycle.values.copy()
-    size = knots.size
-    for k in np.flatnonzero(np.diff(np.append(knots, knots[0] + n)) < SHORTEST):
-        number = np.arange(k - 1, k + 3)  # knots of the line before, of this one, of that after
-        x = knots[number % size] + n * (number // size)
-        y = values[number % size]
-        gate = math.ceil(x[1] - rounding)
-        if size < 4 or gate > x[2] + rounding:
-            continue
-        before, after = (Line(x[i], y[i], (y[i + 1] - y[i]) / (x[i + 1] - x[i])) for i in (0, 2))
-        pivot = float(np.interp(gate, x, y))
-        for place, kept, other in ((gate - 1.0, before, after), (gate + 1.0, after, before)):
-            value = kept.at(place)
-            line = Line(gate, pivot, (pivot - value) / (gate - place))
-            turn = line.slope - other.slope
-            met = gate + (other.at(gate) - pivot) / turn if turn else math.inf
-            ends = sorted([place, met])
-            crosses = abs(2.0 * met - 3.0 * gate + place) <= 1.0  # from the gate to the next
-            if crosses and min(ends[0] - x[0], ends[1] - ends[0], x[3] - ends[1]) >= SHORTEST:
-                inner = number[1:3]
-                knots[inner % size] = np.array(ends) - n * (inner // size)
-                values[inner % size] = [line.at(end) for end in ends]
-                break
-    return Course(knots, values, cycle.fewest)
 
 
 def _later(link: Link, shift: int) -> Link:
