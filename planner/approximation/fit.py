@@ -5,9 +5,9 @@ knots are sought, not proved best (:mod:`planner.approximation.search`): dynamic
 grids proposes them, sequential quadratic programming moves knots and values together, and then
 single knots are moved across samples. Where the squared error is within 0.2 % of that of the ideal,
 which has a knot at every sample and slopes within ±v_max, the search ends. Beyond 32 segments,
-knots come from bottom-up merging. One segment more is hardly ever worse: of 840 pairs at n = 60 and 88 seven were, by 0.2 to 0.4 %,
-all of a single impulse. The same samples
-shifted, mirrored, reversed or scaled give the same curve.
+knots come from bottom-up merging. One segment more is hardly ever worse: of 840 pairs at n = 60 and
+88 seven were, by 0.2 to 0.4 %, all of a single impulse. The same samples shifted, mirrored,
+reversed or scaled give the same curve.
 
 Time: O(n) up to 32 segments, O(n log n) beyond; memory O(n). At n = 88, 5 to 25 ms for 2 to 12
 segments.
