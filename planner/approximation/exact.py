@@ -106,7 +106,7 @@ class _BranchAndBound:
         return self.best.error * (1.0 - PROVED) - 1e-12
 
     def _search(self) -> None:
-        multipliers = first_multipliers(self._problem, self.best, self._relaxation.nodes)
+        multipliers = first_multipliers(self._problem, self.best)
         root = Branch(-math.inf, 0, self._all_levels(), multipliers)
         queue, number = [root], 0
         while queue:
@@ -200,24 +200,13 @@ class Bound(NamedTuple):
 class Relaxation:
     """All segments between samples, with the sums from which their costs follow."""
 
-    def __init__(self, problem: Problem, nodes: npt.NDArray[np.intp] | None = None) -> None:
-        """Sum the samples of all segments, those at their ends by half.
-
-        Args:
-            problem: What to approximate.
-            nodes: Samples where knots may lie, increasing, those of required knots and of a path's
-                ends among them; by default all. Memory takes their number squared.
-        """
+    def __init__(self, problem: Problem) -> None:
+        """Sum the samples of all segments, those at their ends by half."""
         n = self.samples = problem.samples
-        self.nodes = np.arange(n) if nodes is None else nodes
         self.cyclic, self.step = problem.cyclic, problem.step
-        desired = problem.desired
-        nodes = self.nodes
-        if problem.cyclic:
-            desired = np.resize(desired, 2 * n)
-            nodes = np.append(nodes, nodes + n)
-        count = nodes.size
-        start, end = nodes[:, None], nodes[None, :]
+        count = 2 * n if problem.cyclic else n
+        desired = np.resize(problem.desired, count)
+        start, end = np.arange(count)[:, None], np.arange(count)[None, :]
         sums = moments(desired, start, end)
         first, last = np.full(count, 0.5), np.full(count, 0.5)
         if not problem.cyclic:
@@ -237,10 +226,8 @@ class Relaxation:
         error = square - w0 * self.mean**2 - self.slope * sxd
         self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
         self.w0, self.length = w0, length
-        self.pins = np.full(self.nodes.size, np.nan)
-        fixed = nearest_samples(problem.required)
-        places = np.searchsorted(self.nodes, np.mod(fixed, n) if problem.cyclic else fixed)
-        self.pins[places] = problem.pins
+        self.pins = np.full(n, np.nan)
+        self.pins[nearest_samples(problem.required) % n] = problem.pins
 
     def costs(
         self, i: npt.NDArray[np.intp], j: npt.NDArray[np.intp], pi_i: Array, pi_j: Array
@@ -253,25 +240,8 @@ class Relaxation:
 
     def possible(self, chain: Sequence[int]) -> bool:
         """Whether these knots are in order, none too close, and no required one between them."""
-        ends = [*chain, chain[0] + self.nodes.size] if self.cyclic else list(chain)
+        ends = [*chain, chain[0] + self.samples] if self.cyclic else list(chain)
         return bool(np.all(np.isfinite(self.error[ends[:-1], ends[1:]])))
-
-    def places(self, chain: Sequence[int]) -> Array:
-        """Knots of a chain of nodes [samples]; beyond the cycle where it is."""
-        count = self.nodes.size
-        turns = np.array(chain) // count
-        last = self.nodes[np.array(chain) % count]
-        return np.asarray(last + turns * self.samples, dtype=np.float64)
-
-    def around(self, node: int, width: int) -> Array:
-        """Share of the step at ``node`` that each node takes, shape (m,); at a pin only the pin."""
-        count = self.nodes.size
-        away = np.abs(np.arange(count) - node % count)
-        if self.cyclic:
-            away = np.minimum(away, count - away)
-        if np.isfinite(self.pins[node % count]):
-            return np.asarray(away == 0, dtype=np.float64)
-        return np.asarray(np.maximum(0.0, 1.0 - away / width))
 
     def ends(self, i: int, j: int, pi_i: float, pi_j: float) -> tuple[float, float]:
         """Values of the cheapest line at ``i`` and ``j``."""
@@ -299,7 +269,7 @@ class Relaxation:
         pin = np.nan_to_num(self.pins)
         steps = [(t, t + 1, 0) for t in range(last)]
         if self.cyclic:
-            steps.append((last, 0, self.nodes.size))
+            steps.append((last, 0, self.samples))
         for t, u, turn in steps:
             i, j = levels[t][:, None], levels[u][None, :]
             table = self.costs(i, j + turn, out[t, i], into[u, j])
@@ -331,7 +301,7 @@ class Relaxation:
     def differences(self, chain: list[int], multipliers: Multipliers) -> tuple[Array, Array]:
         """Slopes of the bound by the multipliers at the knots of its chain: into, out."""
         into, out = multipliers
-        size, n = len(chain), self.nodes.size
+        size, n = len(chain), self.samples
         arriving, leaving = np.zeros(size), np.zeros(size)
         own = [node % n for node in chain]
         for t in range(size if self.cyclic else size - 1):
@@ -351,10 +321,8 @@ class Relaxation:
         return by_into, by_out
 
 
-def first_multipliers(
-    problem: Problem, curve: Candidate, nodes: npt.NDArray[np.intp]
-) -> Multipliers:
-    """The multipliers at ``nodes`` that make ``curve`` the cheapest chain with its own knots.
+def first_multipliers(problem: Problem, curve: Candidate) -> Multipliers:
+    """The multipliers that make ``curve`` the cheapest chain with its own knots.
 
     A segment is optimal if twice the sum of its residuals, P - d, equals the multiplier at its
     start less that at its end. This leaves the mean of a cycle's open, which is put to zero.
@@ -365,7 +333,7 @@ def first_multipliers(
         along -= np.mean(along)
     else:
         along[[0, -1]] = 0.0
-    table = np.tile(along[nodes], (curve.knots.size, 1))
+    table = np.tile(along, (curve.knots.size, 1))
     return Multipliers(table, table.copy())
 
 
@@ -379,7 +347,7 @@ def climb(
         multipliers: What to move.
         cheapest: The cheapest chain under them.
         reach: How much higher the bound should become.
-        width: Neighbours of a knot that take part of its step [nodes].
+        width: Neighbours of a knot that take part of its step [samples].
 
     Returns:
         False if the chain's segments meet: the bound is as high as can be.
@@ -389,8 +357,13 @@ def climb(
     if square < 1e-20:
         return False
     step = 2.0 * reach / square
+    n = relaxation.samples
     for t, knot in enumerate(cheapest.chain):
-        near = relaxation.around(knot, width)
+        away = np.abs(np.arange(n) - knot % n)
+        if relaxation.cyclic:
+            away = np.minimum(away, n - away)
+        pinned = np.isfinite(relaxation.pins[knot % n])
+        near = np.maximum(0.0, 1.0 - away / (1 if pinned else width))
         multipliers.into[t] += step * by_into[t] * near
         multipliers.out[t] += step * by_out[t] * near
     return True

@@ -98,7 +98,7 @@ def test_no_multipliers_lift_the_bound_above_the_optimum(kind):
     best = proved_best(problem, start)
     relaxation = Relaxation(problem)
     levels = [np.arange(t, 30 - 3 + t + 1) for t in range(3)]
-    at_best = first_multipliers(problem, best, relaxation.nodes)
+    at_best = first_multipliers(problem, best)
     for size in (0.0, 0.1, 1.0):
         moved = [table + size * rng.normal(size=table.shape[1]) for table in at_best]
         moved[1] = moved[0]
@@ -113,7 +113,7 @@ def test_the_bound_of_a_paths_knots_is_attained_by_their_own_multipliers(step):
     knots = [0, 9, 17, 29]
     curve = best_values(problem, np.array(knots, dtype=float))
     relaxation = Relaxation(problem)
-    multipliers = first_multipliers(problem, curve, relaxation.nodes)
+    multipliers = first_multipliers(problem, curve)
     found = relaxation.bound([np.array([knot]) for knot in knots], multipliers)
     assert found.chain == knots
     assert found.error == pytest.approx(curve.error, rel=1e-6)
