@@ -644,15 +644,15 @@ def test_what_is_learnt_with_a_gain_is_that_share_of_what_is_new(attained) -> No
 
 
 def test_noise_lets_an_error_exceed_the_best_by_a_fifth_of_a_deviation(attained) -> None:
-    """Of the mean of its cycles: two of them, each 0.02 rad off to either side."""
+    """Of the mean of its cycles: of eight, each off by 0.02 rad to either side, 0.0015 rad."""
     apart = 0.02 * np.sign(np.sin(44.0 * PHASE + 0.1))
-    cycles = np.stack([apart, -apart])
-    for more, best in ((0.0015, 1), (0.0075, 0)):
+    cycles = np.stack([apart, -apart] * 4)
+    for more, best in ((0.0008, 1), (0.003, 0)):
         plan = attained
         for error in (0.01, 0.01 + more):
             measured = attained.desired + error + cycles
             plan = planner.refine(plan, measured, reidentify=False, sensor_delay=0.0)
-        assert plan.learning.noise[0] == pytest.approx(0.02 * math.sqrt(2.0), rel=0.4)
+        assert plan.learning.noise[0] == pytest.approx(0.02 * math.sqrt(8.0 / 7.0), rel=0.25)
         assert plan.learning.best == best
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from planner.gait.half_ellipse import reference_walk
 from planner.model.joint import JointModel
-from planner.model.response import simulate
+from planner.model.response import motion_under, simulate
 from planner.planning.gauss_newton import Stage, allocated, evaluate
 from planner.planning.problem import Problem, problem_of, track
 from planner.planning.task import Task
@@ -349,3 +349,31 @@ def test_with_dry_friction_roughness_counts_how_far_requests_are_from_the_middle
         assert plain.roughness(requests) == pytest.approx(squares)
         away = float(np.sum((0.1 * (requests - 0.1)) ** 2))
         assert sticky.roughness(requests) == pytest.approx(squares + away)
+
+
+@CYCLIC
+@pytest.mark.parametrize("inertia", [0.0, 0.03])
+def test_a_joint_whose_load_makes_it_sag_and_slower_goes_where_its_simulation_does(inertia, cyclic):
+    """Each period has a torque of its own; the top speeds of the two directions differ, too."""
+    model = replace(
+        ERS210A,
+        compliance=0.05,
+        v_offset=0.6,
+        speed_per_torque=0.8,
+        dead_band=0.01,
+        time_constant=inertia,
+    )
+    requests = 0.8 * np.sin(2.0 * np.pi * np.arange(60) / 30)
+    torques = np.cos(0.3 * np.arange(60))
+    start = None if cyclic else 0.1
+    problem = track(model, requests, cyclic=cyclic, start=start, load=torques)
+    point = allocated(problem.spec, smoothing=False)
+    motion = motion_under(model, requests, cyclic=cyclic, start=start, torques=torques)
+    point.requests[:, 0] = requests
+    point.states[:, 0] = motion.angles
+    if inertia:
+        point.states[:, 1] = problem.units * motion.speeds
+    evaluate(problem.spec, Stage(1e-12, 1.0), 1.0, point)
+    np.testing.assert_allclose(point.defects, 0.0, rtol=0.0, atol=SAME)
+    exact = problem.exact_angles(requests[:, np.newaxis])
+    np.testing.assert_array_equal(exact[:, 0], motion.angles)
