@@ -615,7 +615,8 @@ def after_trials(plan: planner.Inversion, *errors: float) -> planner.Inversion:
         ((0.02, 0.03, 0.01), 2, 0.5),
         ((0.02, 0.03, 0.031), 0, 1.0 / 9.0),
         ((0.02, 0.03, 0.01, 0.005, 0.001), 4, 1.0),
-        ((0.02, 0.03, 0.0201, 0.0205), 2, 1.0 / 6.0),  # worse than the best one of all
+        ((0.02, 0.03, 0.0201, 0.0205), 2, 1.0 / 6.0),
+        ((0.02, 0.0201, 0.02025), 1, 1.0 / 3.0),  # worse than the least error of all
     ],
 )
 def test_the_gain_falls_to_a_third_after_a_worse_trial_and_grows_by_half_after_another(
@@ -625,6 +626,13 @@ def test_the_gain_falls_to_a_third_after_a_worse_trial_and_grows_by_half_after_a
     assert learning.best == best
     assert learning.gain == pytest.approx(gain)
     np.testing.assert_allclose(learning.errors, errors, rtol=1e-9)
+
+
+def test_failures_before_the_model_was_identified_anew_leave_the_gain_as_it_is(attained) -> None:
+    plan = after_trials(attained, 0.02, 0.03)
+    for since, gain in ((0, 1.0 / 9.0), (2, 1.0 / 3.0)):
+        known = replace(plan, learning=replace(plan.learning, reidentified=(since,)))
+        assert after_trials(known, 0.031).learning.gain == pytest.approx(gain)
 
 
 def test_learning_ends_after_three_worse_trials_in_a_row(attained) -> None:
