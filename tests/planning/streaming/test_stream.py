@@ -667,3 +667,20 @@ def test_a_copy_of_a_stream_knows_the_speed_and_the_last_measured_angle(copied):
     np.testing.assert_array_equal(again.step(rows[81], jump), stream.step(rows[81], jump))
     assert again.problem == stream.problem
     assert again.problem.endswith("taken as missing")
+
+
+def test_predicted_angles_are_exact_where_a_load_decides_the_top_speeds():
+    """Steps that saturate the joint both ways, under torques that change from tick to tick."""
+    model = replace(
+        planner.JointModel.ers210a(), compliance=0.05, v_offset=0.6, speed_per_torque=0.8
+    )
+    path = np.repeat([0.0, 1.0, -0.5, 0.8], 25)[:, np.newaxis]
+    torques = np.cos(0.2 * np.arange(100))[:, np.newaxis]
+    stream, sent, angles = planner.Stream(model, preview=20), [], []
+    for k in range(80):
+        sent.append(stream.step(path[k : k + 20], load=torques[k : k + 20])[0])
+        angles.append(stream.angles[0])
+    exact = planner.simulate(model, sent, cyclic=False, load=torques[:80, 0], start=0.0)
+    speeds = np.abs(np.diff(exact)) / model.period
+    assert np.max(speeds) > model.v_max + 0.6  # only the load and the offset make it so fast
+    np.testing.assert_allclose(angles, exact, rtol=0.0, atol=1e-12)
