@@ -148,7 +148,7 @@ def moving(grid: Grid) -> Grid:
 
 
 def settled_pieces(logs: Sequence[Log], fit: Fit) -> set[Place]:
-    """Pieces whose first rows say that their first request had been in force before."""
+    """Pieces whose first rows show that their first request had been in force before."""
     grid = fit.grid
     pieces = {(i, piece.start) for i, log in enumerate(logs) for piece in pieces_of(log)}
     every = resampled(logs, tick=grid.tick, reach=grid.reach, burn_in=0.0)

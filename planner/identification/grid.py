@@ -58,7 +58,7 @@ class Timing(NamedTuple):
 
 
 def timing_of(logs: Sequence[Log], *, tick: float | None, hold: int | None) -> Timing:
-    """The ticks of the logs, as given or chosen.
+    """The ticks of the logs, as requested or by default.
 
     Raises:
         InvalidInput: Tick and hold do not make the log's period.
@@ -113,7 +113,7 @@ def _keeps_to(period: float, times: Array) -> bool:
     """Whether times stay with a clock of this period, so that the mean pause tells it.
 
     Times that jitter, or are rounded to milliseconds, do, and the median pause is off. Those of a
-    loop that is late now and then do not, and most pauses are as long as the median says.
+    loop that is late now and then do not, and most pauses are as long as their median.
     """
     whole = np.round(np.diff(times) / period)
     apart = np.diff(times) - whole * period
@@ -139,7 +139,7 @@ def evenly_timed(logs: Sequence[Log], period: float) -> tuple[tuple[Log, ...], f
     """The logs with each row at the next whole period, and by how much times were off [s], rms.
 
     Pauses of several periods are dropped rows, and every piece between two gaps begins anew. The
-    period is that of all pieces together, or the one given where the times agree with it.
+    period is that of all pieces together, or ``period`` where the times agree with it.
     """
     lines = []
     for log in logs:

@@ -27,7 +27,7 @@ from planner.trajectory import Array, rms
 
 MISFIT = 0.01
 """Share by which the loss has to rise before a value counts as refuted, however many the rows: real
-joints are not the model, and what fits better by less says nothing about the parameter."""
+joints are not the model, and a smaller gain of the fit is no evidence about the parameter."""
 
 STRUCTURE = 0.2
 """The same share where all of the residuals are alike from row to row: structure that the model
@@ -214,7 +214,7 @@ def at_edge(fit: Fit, index: int) -> bool:
 
 
 def _open_at_the_edge(fit: Fit, index: int, interval: Interval) -> Interval:
-    """The interval; open where the search ended: the covariance says nothing there."""
+    """The interval; open where the search ended: the covariance does not hold there."""
     if not at_edge(fit, index):
         return interval
     if fit.parameters[index] >= bounds_of(fit.grid)[1][index] * (1.0 - EDGE):
@@ -420,7 +420,7 @@ def covariance_of(
 
 
 def correlations_of(fit: Fit, uncertainty: Uncertainty) -> tuple[tuple[float, ...], ...]:
-    """Correlations of what was fitted of :data:`PARAMETERS`, the gain in the place of theta_0."""
+    """Correlations of the fitted :data:`PARAMETERS`, the gain instead of theta_0."""
     change = model_derivatives(fit.grid, fit.parameters)
     theta_0, gain = PARAMETERS.index("theta_0"), Parameters._fields.index("gain")
     change[theta_0] = np.eye(len(change))[gain]

@@ -297,7 +297,7 @@ def least_squares(
     Mathematics 630), with the derivatives of (16). The first angles, each of which acts on the rows
     of its own run alone, are eliminated from the normal equations (Golub and Pereyra, 1973).
     Coordinates stay within their bounds by projection. The scale of the loss follows the
-    residuals, from round to round, unless it is given.
+    residuals, from round to round, unless it is fixed.
 
     Args:
         grid: The rows.

@@ -93,23 +93,23 @@ class Log:
     def __post_init__(self) -> None:
         """Copy and check every column once."""
         for field in ("name", "joint"):
-            given: Any = getattr(self, field)
-            if not isinstance(given, str):
-                raise InvalidTrajectory(f"log: {field}: got {shown(given)}, expected a text")
+            value: Any = getattr(self, field)
+            if not isinstance(value, str):
+                raise InvalidTrajectory(f"log: {field}: got {shown(value)}, expected a text")
         for column in ("times", "requests", "angles"):
             named = f"{self.name}: {column}"
             largest = LATEST if column == "times" else LARGEST
-            given = getattr(self, column)
-            values = as_trajectory(given, name=named, minimum=FEWEST_ROWS, largest=largest)
+            value = getattr(self, column)
+            values = as_trajectory(value, name=named, minimum=FEWEST_ROWS, largest=largest)
             object.__setattr__(self, column, values)
         rows = len(self.times)
         if self.load is not None:
             load = as_trajectory(self.load, name=f"{self.name}: load", minimum=FEWEST_ROWS)
             object.__setattr__(self, "load", load)
         for column in ("torque_on", "measured"):
-            given = getattr(self, column)
+            value = getattr(self, column)
             try:
-                flags = np.ones(rows, dtype=bool) if given is None else np.array(given, dtype=bool)
+                flags = np.ones(rows, dtype=bool) if value is None else np.array(value, dtype=bool)
             except ValueError as error:
                 raise InvalidTrajectory(
                     f"{self.name}: {column}: {error}; expected flags"
@@ -186,24 +186,24 @@ def _is_one(logs: Any) -> bool:
     )
 
 
-def _as_log(given: Any, number: int) -> Log:
-    if isinstance(given, Log):
-        return given
+def _as_log(log: Any, number: int) -> Log:
+    if isinstance(log, Log):
+        return log
     name = f"log {number + 1}"
-    if isinstance(given, Mapping):
-        missing = {"times", "requests", "angles"} - set(given)
-        unknown = set(given) - set(Log.__dataclass_fields__)
+    if isinstance(log, Mapping):
+        missing = {"times", "requests", "angles"} - set(log)
+        unknown = set(log) - set(Log.__dataclass_fields__)
         if missing or unknown:
             wrong = f"missing {sorted(missing)}" if missing else f"unknown {sorted(unknown)}"
             raise InvalidTrajectory(
                 f"{name}: {wrong} among its keys, expected times, requests and angles"
             )
-        return Log(**{"name": name, **given})
-    if _is_one(given):
-        times, requests, angles = given
+        return Log(**{"name": name, **log})
+    if _is_one(log):
+        times, requests, angles = log
         return Log(times=times, requests=requests, angles=angles, name=name)
     raise InvalidTrajectory(
-        f"{name}: got {type(given).__name__}, expected a planner.Log, a triple of arrays or a "
+        f"{name}: got {type(log).__name__}, expected a planner.Log, a triple of arrays or a "
         "mapping with the keys times, requests and angles"
     )
 

@@ -124,7 +124,7 @@ class Coordinate(NamedTuple):
         upper: Largest value.
         scale: Size beside which an interval is narrow, in the unit of the parameter; 1 for
             logarithms.
-        open_end: Lower end of an interval that the data leaves open; the upper one is infinite.
+        open_end: Lower end of an interval that the data does not bound; the upper one is infinite.
     """
 
     unit: Callable[[Grid], float] | None

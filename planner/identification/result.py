@@ -28,7 +28,7 @@ from planner.validation import freeze
 
 
 class Interval(NamedTuple):
-    """Where a parameter lies with 95 % confidence; infinite where the data does not say."""
+    """Where a parameter lies with 95 % confidence; infinite where the data does not bound it."""
 
     lower: float
     upper: float
@@ -177,7 +177,7 @@ class LogFit:
 
 
 class HeldOut(NamedTuple):
-    """What the rows that were held out say.
+    """The prediction of the rows that were held out.
 
     Attributes:
         rows: Which of the grid's rows were held out.
@@ -185,8 +185,8 @@ class HeldOut(NamedTuple):
         rms: Its error [rad].
         sound_rms: The same without gross outliers [rad].
         alternatives: Error of each simpler description, fitted to the others too [rad].
-        beyond: Whether they call for faster motion than the other rows, which do not say how fast
-            the joint can be: the top speed then is that of the fit to all rows.
+        beyond: Whether they call for faster motion than the other rows, which do not bound the top
+            speed: it then is that of the fit to all rows.
     """
 
     rows: npt.NDArray[np.bool_]
@@ -218,7 +218,7 @@ class Identification:
             saturates.
         covariance: Of the parameters in the order of ``intervals``, SI units, shape (p, p); None
             where one of them is not determined.
-        correlations: The same as correlations, v_max / theta_0 in the place of theta_0 and 0 where
+        correlations: The same as correlations, v_max / theta_0 instead of theta_0 and 0 where
             they are not known, shape (p, p); empty where none is.
         alternatives: Simpler descriptions of the same rows.
         terms: What dry friction, asymmetry and load would bring, those that were tried.
@@ -275,7 +275,7 @@ class Identification:
 
     @property
     def tested(self) -> Evidence:
-        """What the model file says of errors to expect, the motion they were seen in, intervals."""
+        """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
         return Evidence(
             self.expected_error,
@@ -293,7 +293,7 @@ class Identification:
         )
 
     def _known(self) -> dict[str, Interval]:
-        """The intervals, that of v_max / theta_0 in the place of theta_0's."""
+        """The intervals, that of v_max / theta_0 instead of theta_0's."""
         known = self.intervals | {"theta_0": self.gain_interval}
         return {GAIN if name == "theta_0" else name: each for name, each in known.items()}
 

@@ -1,7 +1,7 @@
 """What a joint has beside the paper's five numbers: terms that are kept, departures that are named.
 
 A further parameter of the model is 0 unless it reduces the loss: inertia, dry friction, asymmetry,
-load. Backlash and an acceleration limit are no part of an identified model. They are found by
+load. Backlash and an acceleration limit are no part of an identified model. They are detected by
 fitting a joint that has them to the same rows::
 
     m(t) = m(t-1) + w(t),  M(t) = clip(M(t-1), m(t) - h, m(t) + h)
@@ -102,7 +102,7 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
 
 
 def _shows(name: str, fit: Fit) -> bool:
-    """Whether the rows can say anything about a term."""
+    """Whether the rows depend on a term."""
     grid = fit.grid
     if fit.scale <= ROUNDED * float(np.std(grid.angles)):
         return False
@@ -130,7 +130,7 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     if name == "dead_band":
         begins = [at._replace(dead_band=2.0 * fit.scale)]
     if name == "time_constant":
-        begins = [  # it takes the place of a part of the window, and of the lag
+        begins = [  # it replaces a part of the window, and of the lag
             at._replace(
                 time_constant=share * at.whole_delay,
                 acceleration_time=max(window * at.acceleration_time, fit.grid.tick),

@@ -1,4 +1,4 @@
-"""What measured cycles say of the model's error: the disturbance, less what is noise or delay.
+"""The disturbance: the model's error in measured cycles, less noise and delay.
 
 The disturbance ``d = mean measured - modelled angles`` repeats from cycle to cycle, the noise does
 not. Its spectrum is shrunk as by a Wiener filter: where the noise, by its variance between the

@@ -101,11 +101,11 @@ def refine(
     more cycles are measured at once, the better the two are separated. Where an executed cycle is
     worse than the best one, the next plan is made from the best one with a smaller step. Where
     learning has ended, ``learning.stopped`` says why, and the requests are those of the best cycle;
-    it does not end there where they keep no limits that the plan has been given since.
+    it goes on where they break limits that the plan has got since.
 
     Limits, norm and all other options stay those of the plan. After a plan for several models the
-    next one is for the nominal model, or the one that is identified anew: what
-    was measured takes the place of what their intervals leave open.
+    next one is for the nominal model, or the one that is identified anew: the measured cycles
+    replace the other models.
 
     Args:
         plan: The plan that was executed, from :func:`planner.invert_optimal`,
@@ -314,7 +314,7 @@ def _estimated(
     """Go through all trials: d <- d + gain * learnt(measured - M(R) - d), (21) of ``docs/math.md``.
 
     A trial that is worse than the best one is not built upon, and lowers the gain. Trials before
-    ``since`` were planned on another model, so that their failures say nothing of this one.
+    ``since`` were planned on another model: their failures are no evidence about this one.
 
     Returns:
         The disturbance for the next requests [rad], (n, k), the trial they start from, the gain.

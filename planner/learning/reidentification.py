@@ -74,7 +74,7 @@ class Models(NamedTuple):
         return self._replace(replaced=(None,) * len(self.now))
 
     def before(self, trial: int) -> tuple[Models, list[str]]:
-        """The models that were replaced, from a trial on, and what to say of them."""
+        """The models that were replaced, from a trial on, and remarks."""
         back = [model is not None for model in self.replaced]
         pairs = zip(self.replaced, self.now, strict=True)
         now = tuple(old if old is not None else model for old, model in pairs)
@@ -95,7 +95,7 @@ def _name(models: Models, j: int) -> str:
 def reidentified(
     models: Models, joints: Plan, trials: Sequence[Trial], noise: Array
 ) -> tuple[Models, list[str]]:
-    """The models that the trials identify anew, where these predict better; and what to say.
+    """The models that the trials identify anew, where these predict better; and remarks.
 
     ``noise`` is the standard deviation of one cycle's [rad], (k,).
     """
