@@ -57,9 +57,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
     Raises:
         InvalidInput: There is no motion to fit.
     """
-    delay, _ = best_delay(
-        moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0))
-    )
+    delay = best_delay(moving(resampled(logs, tick=timing.tick, reach=timing.reach, burn_in=0.0)))
     burn_in = min(2.0 * delay + 2.0 * timing.period, timing.reach)
     stride = timing.period * max(1, int(0.004 / timing.period * (1.0 + 1e-9)))
     coarse = moving(resampled(logs, tick=stride, reach=timing.reach, burn_in=burn_in))
@@ -87,7 +85,7 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
 
 def _initial_fit(grid: Grid) -> Fit:
     """The best fit on a grid: of several starts the one that is best after a few steps."""
-    delay, _ = best_delay(grid)
+    delay = best_delay(grid)
     whole = max(delay, 2.0 * grid.tick)
     speed = grid.speed_exceeded_by(0.02)
     begins = _divided_delay(whole, v_max=max(speed, 1e-9 * float(np.ptp(grid.angles)) / grid.tick))
@@ -247,7 +245,7 @@ class Simple(NamedTuple):
 
 def simple_fits(grid: Grid) -> tuple[Simple, ...]:
     """Fit no model, a delay and a first-order lag, the simplest first."""
-    delay, _ = best_delay(grid)
+    delay = best_delay(grid)
     at = _first_order(grid, delay).parameters
     found = {
         "delay": at.lag + at.acceleration_time / 2.0,
@@ -289,22 +287,17 @@ def _first_order(grid: Grid, delay: float) -> Fit:
     return least_squares(grid, best.parameters, free=FIRST_ORDER, starts=best.starts, effort=SEARCH)
 
 
-def best_delay(grid: Grid) -> tuple[float, float]:
-    """The delay after which the requests come nearest to the angles.
-
-    Returns:
-        Delay [s], the least among equals, and the root mean square error that is left [rad].
-    """
+def best_delay(grid: Grid) -> float:
+    """The delay after which the requests come nearest to the angles [s], the least among equals."""
     step = 4.0 * grid.tick
     delays = np.arange(0.0, grid.reach, step)
     for _ in range(3):
-        errors = np.array([rms(delayed_errors(grid, delay)) for delay in delays])
-        best = int(np.argmin(errors))
-        delay = float(delays[best])
+        errors = [rms(delayed_errors(grid, delay)) for delay in delays]
+        delay = float(delays[np.argmin(errors)])
         step /= 8.0
         around = delay + step * np.arange(-8, 9)
         delays = np.unique(np.append(around[around >= 0.0], delay))
-    return delay, float(errors[best])
+    return delay
 
 
 def delayed_errors(grid: Grid, delay: float) -> Array:

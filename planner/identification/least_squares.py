@@ -21,6 +21,7 @@ from planner.identification.parameters import (
     parameters_at,
     units,
 )
+from planner.model.joint import Law
 from planner.trajectory import Array, Indices, rms
 
 if TYPE_CHECKING:
@@ -116,8 +117,16 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
     from planner.model.kernel import Servo
 
     faster = 0.0 if math.isinf(at.v_max) else grid.tick * at.v_max
+    law = Law.of(
+        tick=grid.tick,
+        gain=at.gain,
+        v_max=at.v_max,
+        dead_band=at.dead_band,
+        time_constant=at.time_constant,
+        max_acceleration=at.max_acceleration,
+    )
     return Servo(
-        at.law_per_tick(grid.tick),
+        law,
         float(at.lag),
         float(at.acceleration_time),
         float(at.offset),

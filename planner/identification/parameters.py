@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.grid import Grid
-from planner.model.joint import JointModel, Law
+from planner.model.joint import JointModel
 from planner.trajectory import Array
 
 Free = npt.NDArray[np.bool_]
@@ -67,17 +67,6 @@ class Parameters(NamedTuple):
             slowing=model.speed_per_torque / model.v_max,
             time_constant=model.time_constant,
             max_acceleration=model.max_acceleration,
-        )
-
-    def law_per_tick(self, tick: float) -> Law:
-        """The numbers of the law for ticks of this time [s]."""
-        return Law.of(
-            tick=tick,
-            gain=self.gain,
-            v_max=self.v_max,
-            dead_band=self.dead_band,
-            time_constant=self.time_constant,
-            max_acceleration=self.max_acceleration,
         )
 
     def faster(self, load: npt.ArrayLike = 0.0) -> Array:
