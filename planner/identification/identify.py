@@ -362,9 +362,9 @@ def _middle(log: Log) -> int:
 def _first_rows(log: Log, middle: int) -> Log | None:
     if middle < 3:
         return None
-    columns = ("times", "requests", "angles", "torque_on", "measured")
-    first = replace(log, load=None, **{name: getattr(log, name)[:middle] for name in columns})
-    return first if log.load is None else replace(first, load=log.load[:middle])
+    columns = ["times", "requests", "angles", "torque_on", "measured"]
+    columns += [] if log.load is None else ["load"]
+    return replace(log, **{name: getattr(log, name)[:middle] for name in columns})
 
 
 def _starts(grid: Grid, fit: Fit, parts: Sequence[Log | None]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -54,28 +54,26 @@ ROWS = tuple(COORDINATES.values())
 
 def intervals_of(fit: Fit, uncertainty: Uncertainty) -> dict[str, Interval]:
     """95 % intervals of what was fitted, by profile where the covariance is not enough."""
-    at, names = fit.parameters, fit.free_names
     half = uncertainty.quantile * uncertainty.deviations
-    scaling = units(fit.grid, at)
-    ends: list[Interval] = []
+    ends: dict[str, Interval] = {}
     possible: list[Parameters] = []
-    for index in map(Parameters._fields.index, names):
-        value = at[index]
-        logarithmic = ROWS[index].unit is None
+    for name in fit.free_names:
+        index = Parameters._fields.index(name)
+        value, row, (unit, scale) = fit.parameters[index], ROWS[index], _sizes(fit, index)
         if _certain(uncertainty, index) and not _beside_a_plain(fit, uncertainty, index):
-            ends.append(Interval(value * math.exp(-half[index]), value * math.exp(half[index])))
-        elif not logarithmic and _narrow(fit, index, half[index]):
-            width = half[index] * scaling[index]
-            low = value - width
-            ends.append(Interval(max(low, ROWS[index].open_end), value + width))
+            end = Interval(value * math.exp(-half[index]), value * math.exp(half[index]))
+        elif row.unit is not None and half[index] * unit <= max(unit, 0.3 * scale):
+            # so narrow that the slopes at its middle hold at its ends
+            width = half[index] * unit
+            end = Interval(max(value - width, row.open_end), value + width)
         else:
-            ends.append(
-                Interval(*(_end(fit, uncertainty, index, way, possible) for way in (-1, 1)))
-            )
-    for place, index in enumerate(map(Parameters._fields.index, names)):
-        ends[place] = _open_at_the_edge(fit, index, ends[place])
-    others = [[getattr(each, name) for each in possible] for name in names]
-    return dict(zip(names, map(_holding, ends, others), strict=True))
+            low, high = (_end(fit, uncertainty, index, way, possible) for way in (-1, 1))
+            end = Interval(low, high)
+        ends[name] = _open_at_the_edge(fit, index, end)
+    for name, end in ends.items():  # it holds what the profiles of other parameters did not refute
+        values = [float(getattr(each, name)) for each in possible]
+        ends[name] = Interval(min([end.lower, *values]), max([end.upper, *values]))
+    return ends
 
 
 def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
@@ -127,17 +125,6 @@ def _beside_a_plain(fit: Fit, uncertainty: Uncertainty, index: int) -> bool:
     at = fit.parameters._replace(gain=_limit(fit, index, 1)[0])
     residuals = respond(fit.grid, at, fit.starts).predicted - fit.grid.angles
     return huber(residuals, fit.scale) <= fit.cost + rise_allowed(fit, uncertainty, "gain")
-
-
-def _holding(interval: Interval, values: Sequence[float]) -> Interval:
-    """The interval, widened to hold what the profiles of other parameters did not refute."""
-    return Interval(float(min((interval.lower, *values))), float(max((interval.upper, *values))))
-
-
-def _narrow(fit: Fit, index: int, half: float) -> bool:
-    """Whether an interval is so narrow that the slopes at its middle hold at its ends."""
-    unit, scale = _sizes(fit, index)
-    return half * unit <= max(unit, 0.3 * scale)
 
 
 def _sizes(fit: Fit, index: int) -> tuple[float, float]:
