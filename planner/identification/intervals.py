@@ -54,7 +54,7 @@ ROWS = tuple(COORDINATES.values())
 
 def intervals_of(fit: Fit, uncertainty: Uncertainty) -> dict[str, Interval]:
     """95 % intervals of what was fitted, by profile where the covariance is not enough."""
-    half = uncertainty.quantile * uncertainty.deviations
+    half = (uncertainty.quantile * uncertainty.deviations).tolist()
     ends: dict[str, Interval] = {}
     possible: list[Parameters] = []
     for name in fit.free_names:
