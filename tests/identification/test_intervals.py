@@ -26,6 +26,7 @@ from tests.identification.made import (
     AIBO,
     NOISE,
     changed,
+    identified_rich,
     identified_steps,
     measured,
     rich_log,
@@ -315,3 +316,9 @@ def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude
     for end in ends:
         assert 0.95 < rise(end) < 2.0
         assert rise((end + fit.parameters.v_max) / 2.0) < 0.6
+
+
+def test_ends_of_intervals_are_plain_numbers_as_model_files_have_them():
+    for found in (identified_rich(), identified_steps()):
+        ends = [end for interval in found.intervals.values() for end in interval]
+        assert {type(end) for end in [*ends, *found.gain_interval]} == {float}
