@@ -485,6 +485,9 @@ def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):
         assert ("friction" in topics(found)) is hidden
         assert found.verdict == ("usable" if hidden else "holds")
         assert ("the log leaves dry friction open" in found.reason) is hidden
+    refused = judged(fitted, friction=np.inf, signal=2.0 * fit.rms)
+    assert refused.verdict == "refused"
+    assert "friction" not in topics(refused)  # of a model that is not used anyway
 
 
 def test_what_speaks_against_the_columns_is_said_where_the_model_misses_much(fitted):

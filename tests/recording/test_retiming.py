@@ -321,6 +321,10 @@ def test_of_several_joints_and_units_the_largest_share_of_its_tolerance_counts()
     strict = Measure.of(path, 1e-9, None, None)
     assert strict.late(made) == list(made.planned)
     assert Measure.of(path, 10.0, None, None).late(made) == []
+    # A tolerance of 1.1 rad is one of 63 % of a range.
+    between = 1.1 * made.planned[1].inversion.max_error
+    late = Measure.of(path, between, None, None).late(made)
+    assert made.planned[1] in late
 
 
 def test_a_bound_is_about_the_load_of_the_log_and_the_tolerance_of_the_joint(monkeypatch):

@@ -582,6 +582,17 @@ def test_a_measured_angle_moves_the_predicted_one_by_no_more_than_the_joint_can_
     assert stream.angles[0] != 0.4
 
 
+@pytest.mark.parametrize("hold", [1, 4])
+def test_a_measured_angle_far_off_moves_the_predicted_one_by_what_the_joint_turns_in_a_period(hold):
+    model = replace(planner.JointModel.ers210a(), hold=hold)
+    stream = planner.Stream(model, preview=10)
+    for measured in (0.4, 0.4, 2.4):
+        stream.step([[0.4]], [measured])
+    before = stream.angles[0]
+    stream.step([[0.4]], [2.4])  # counts from the second time on
+    assert stream.angles[0] - before == pytest.approx(model.v_max_per_period, rel=1e-9)
+
+
 def test_many_missed_ticks_are_simulated_for_a_slow_joint_too():
     slow = planner.JointModel(v_max=0.05, theta_0=1.0, lag=0.02, acceleration_time=0.04, tick=0.01)
     stream = planner.Stream(slow, preview=2)
