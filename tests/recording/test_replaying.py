@@ -359,3 +359,20 @@ def test_of_a_lagging_joint_the_best_shift_may_be_long():
     delay = late.lag + late.acceleration_time / 2.0 + late.theta_0 / late.v_max
     assert joint.lead == pytest.approx(delay, abs=0.5 * OWN)
     assert rms(joint.errors["shifted"]) < 0.1 * rms(joint.errors["direct"])
+
+
+@pytest.mark.parametrize("speed", [0.7, 1.0, 1.3, 1.6, 1.9])
+def test_no_lead_beside_the_best_one_is_better_to_either_side(speed):
+    """Whatever share of a period it is."""
+    (joint,) = replay(recorded(), SERVO, speed=speed).joints
+    count = np.arange(len(joint.desired))
+
+    def error(lead):
+        early = np.interp(count + lead / OWN, count, joint.desired)
+        sent = np.append(joint.requests[:1], early[1:])
+        angles = simulate(SERVO, sent, cyclic=False, start=joint.inversion.start)
+        return rms(angles - joint.desired)
+
+    leads = joint.lead + OWN * np.linspace(-1.0, 1.0, 9)
+    assert error(joint.lead) == pytest.approx(rms(joint.errors["shifted"]))
+    assert min(map(error, leads)) >= 0.99 * error(joint.lead)
