@@ -343,7 +343,8 @@ class Stream:
         """Leave out the desired angles that are degrees, and say so."""
         rows, problems = self._data.desired, []
         for j, name in enumerate(self.names):
-            if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(away[:, j]):
+            way = np.append(0.0, away[:, j])  # the first move, too, is one that a joint makes
+            if np.all(np.abs(rows[:, j]) <= LARGEST) and not_radians(way):
                 k = int(np.argmax(np.abs(away[:, j])))
                 problems.append(
                     f"desired: {name} {turns_words(rows[k, j])}, where it is at {here[j]:.3g} rad; "

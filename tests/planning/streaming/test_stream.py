@@ -79,6 +79,15 @@ def test_a_path_in_degrees_is_held_and_said_and_a_joint_that_winds_is_planned():
     assert [(stream.step(rows), stream.problem)[1] for rows in stretches(winding)] == 600 * [""]
 
 
+def test_a_path_in_degrees_that_falls_steadily_is_held_where_the_joint_is():
+    degrees = np.linspace(34.0, 3.0, PREVIEW)[:, np.newaxis]
+    stream = planner.Stream(planner.JointModel.ers210a(), preview=PREVIEW)
+    stream.step(np.zeros((PREVIEW, 1)))
+    assert stream.step(degrees)[0] == pytest.approx(0.0, abs=1e-9)
+    assert stream.status == ("held",)
+    assert "if these are degrees" in stream.problem
+
+
 @pytest.mark.parametrize("cycle", [None, 20])
 def test_requests_depend_on_the_preview_and_the_past_only(cycle):
     path = smooth_path(120)
