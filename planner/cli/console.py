@@ -10,6 +10,7 @@ import logging
 import os
 import shutil
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -56,19 +57,34 @@ def summarise(text: str) -> None:
 
 def complain(message: str) -> None:
     """Say in one line on standard error why there is no answer, or none to be trusted."""
-    line = printable(" ".join(message.split()))
-    print_line(f"{click.style('request-planner:', fg='red', bold=True)} {line}")
+    _print_notice(printable(" ".join(message.split())), fg="red", bold=True)
 
 
 def warn(message: str) -> None:
     """Say in one line on standard error what to beware of."""
-    print_line(f"request-planner: {click.style('warning:', fg='yellow')} {message}")
+    _print_notice(message, "warning:", fg="yellow")
 
 
 def remark(message: str) -> None:
     """Say in one line on standard error what is good to know."""
     if verbosity() != "quiet":
-        print_line(f"request-planner: {message}")
+        _print_notice(message)
+
+
+def _print_notice(message: str, label: str = "", **style: Any) -> None:
+    """A message in one line, which a terminal shows in lines that break between words."""
+    opening = f"request-planner: {label}".strip()
+    text = f"{opening} {message}"
+    if sys.stderr is not None and sys.stderr.isatty():
+        text = textwrap.fill(
+            text,
+            terminal_width(sys.stderr) or WIDTH,
+            subsequent_indent="  ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    styled = label or opening
+    print_line(text.replace(styled, click.style(styled, **style), 1) if style else text)
 
 
 @contextmanager
@@ -120,11 +136,13 @@ def print_line(text: str) -> None:
 
 
 def terminal_width(stream: TextIO | None) -> int | None:
-    """Characters of a line where a stream goes to a terminal; None where it goes elsewhere."""
+    """Characters of a line: COLUMNS, or the terminal's; None where a stream goes elsewhere."""
+    with suppress(KeyError, ValueError):
+        columns = int(os.environ["COLUMNS"])
+        if columns > 0:
+            return columns
     if stream is None or not stream.isatty():
         return None
-    with suppress(KeyError, ValueError):
-        return int(os.environ["COLUMNS"]) or WIDTH
     with suppress(OSError, ValueError):
         return os.get_terminal_size(stream.fileno()).columns or WIDTH
     return WIDTH

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 
 import numpy as np
 import pytest
 
-from planner.cli.console import BAR, Progress, naming
+from planner.cli.console import BAR, Progress, naming, terminal_width, warn
 from planner.cli.reproduce import DURATIONS
 from planner.exceptions import PlannerError, SolverFailed
 from planner.files.text import to_json
@@ -136,3 +137,34 @@ def test_work_inside_other_work_has_the_line_and_gives_it_back(clock, monkeypatc
 
 def test_the_steps_of_the_experiment_are_those_that_are_expected(reproduced):
     assert [*reproduced.told, "the report"] == list(DURATIONS["model"])
+
+
+LONG = "the model of the knee was identified from a log in which the joint hardly moved: record it"
+
+
+def test_a_warning_is_wrapped_on_a_terminal_and_one_line_elsewhere(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setenv("NO_COLOR", "1")
+    for watched in (True, False):
+        stream = io.StringIO()
+        monkeypatch.setattr(stream, "isatty", lambda watched=watched: watched)
+        monkeypatch.setattr(sys, "stderr", stream)
+        warn(LONG)
+        lines = stream.getvalue().splitlines()
+        if watched:
+            assert max(map(len, lines)) <= 40
+        else:
+            assert len(lines) == 1
+        text = " ".join(" ".join(lines).split())
+        assert text == f"request-planner: warning: {LONG}"
+
+
+@pytest.mark.parametrize(
+    ("columns", "width"), [("60", 60), ("0", None), ("wide", None), (None, None)]
+)
+def test_columns_set_the_width_of_tables_that_are_piped(monkeypatch, columns, width):
+    if columns is None:
+        monkeypatch.delenv("COLUMNS", raising=False)
+    else:
+        monkeypatch.setenv("COLUMNS", columns)
+    assert terminal_width(io.StringIO()) == width
