@@ -34,7 +34,6 @@ from planner.approximation.problem import (
     residuals,
     segment_allowed,
 )
-from planner.approximation.proposals import moments
 from planner.exceptions import SolverFailed
 from planner.trajectory import Array
 
@@ -207,25 +206,32 @@ class Relaxation:
         count = 2 * n if problem.cyclic else n
         desired = np.resize(problem.desired, count)
         start, end = np.arange(count)[:, None], np.arange(count)[None, :]
-        sums = moments(desired, start, end)
+        # Over the samples after the start up to the end, with k = 0 at the start.
+        k = np.arange(count, dtype=np.float64)
+        w1, w2, d0, d1, d2 = (
+            total[end] - total[start]
+            for total in map(np.cumsum, (k, k * k, desired, k * desired, desired * desired))
+        )
+        span = (end - start).astype(np.float64)
+        w2 = w2 - start * (2.0 * w1 - start * span)
+        w1, d1 = w1 - start * span, d1 - start * d0
         first, last = np.full(count, 0.5), np.full(count, 0.5)
         if not problem.cyclic:
             first[0], last[-1] = 1.0, 0.0
         first, last = first[:, None], last[None, :]
-        length = (end - start).astype(np.float64)
         possible = segment_allowed(problem, start, end)
         d_i, d_j = desired[start], desired[end]
-        w0 = np.where(possible, sums.w0 + first - last, 1.0)
-        self.centre = (sums.w1 - last * length) / w0
-        self.mean = (sums.d0 + first * d_i - last * d_j) / w0
-        sxx = sums.w2 - last * length**2 - w0 * self.centre**2
+        w0 = np.where(possible, span + first - last, 1.0)
+        self.centre = (w1 - last * span) / w0
+        self.mean = (d0 + first * d_i - last * d_j) / w0
+        sxx = w2 - last * span**2 - w0 * self.centre**2
         self.sxx = np.where(possible, np.maximum(sxx, 1e-12), 1.0)
-        sxd = sums.d1 - last * length * d_j - w0 * self.centre * self.mean
+        sxd = d1 - last * span * d_j - w0 * self.centre * self.mean
         self.slope = sxd / self.sxx
-        square = sums.d2 + first * d_i**2 - last * d_j**2
+        square = d2 + first * d_i**2 - last * d_j**2
         error = square - w0 * self.mean**2 - self.slope * sxd
         self.error = np.where(possible, np.maximum(error, 0.0), np.inf)
-        self.w0, self.length = w0, length
+        self.w0, self.length = w0, span
         self.pins = np.full(n, np.nan)
         self.pins[nearest_samples(problem.required) % n] = problem.pins
 

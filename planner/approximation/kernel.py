@@ -1,4 +1,4 @@
-"""The fitter's inner loops, compiled: bounded slopes, descents of knots and values, small QPs.
+"""The fitter's inner loops, compiled: bounded slopes, chains on grids, descents, small QPs.
 
 Import this module where it is used, inside functions: Numba takes a quarter of a second.
 """
@@ -8,9 +8,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from planner.compilation import compiled
 from planner.trajectory import Array, Mask
+
+Indices = npt.NDArray[np.intp]
 
 
 @compiled
@@ -61,6 +64,114 @@ def open_ended(desired: Array, weights: Array, step: float) -> Array:
     for k in range(samples - 2, -1, -1):
         best[k] = min(max(best[k], best[k + 1] - step), best[k + 1] + step)
     return best
+
+
+@compiled
+def chord_costs(desired: Array, step: float, nodes: Indices, states: Array, fixed: Mask) -> Array:
+    """Squared errors of segments between states of nodes, each over the samples after its start.
+
+    Args:
+        desired: Samples, shape (n,).
+        step: Largest change per sample.
+        nodes: Samples where knots may lie, increasing, shape (m,).
+        states: Values that the curve may have there, shape (m, g); infinite where there are fewer.
+        fixed: Which nodes must be knots, shape (m,).
+
+    Returns:
+        Costs by end and start, shape (m g, m g), infinite where a segment is too steep, does not
+        end after its start or passes a fixed node.
+    """
+    size, count = states.shape
+    costs = np.full((size * count, size * count), np.inf)
+    totals = _totals(desired)
+    for i in range(size):
+        for j in range(i + 1, size):
+            length = float(nodes[j] - nodes[i])
+            d0, d1, d2 = _moments(totals, nodes[i], nodes[j])
+            w1 = 0.5 * length * (length + 1.0)
+            w2 = w1 * (2.0 * length + 1.0) / 3.0
+            for start in range(count):
+                a = states[i, start]
+                for end in range(count):
+                    slope = (states[j, end] - a) / length
+                    if abs(slope) <= step * (1.0 + 1e-9):
+                        cost = a * (length * a + 2.0 * (slope * w1 - d0))
+                        cost += slope * (slope * w2 - 2.0 * d1) + d2
+                        costs[j * count + end, i * count + start] = max(cost, 0.0)
+            if fixed[j]:
+                break
+    return costs
+
+
+@compiled
+def line_costs(desired: Array, step: float, nodes: Indices, fixed: Mask) -> Array:
+    """The same of the best line within the slopes through each segment's samples, shape (m, m)."""
+    size = len(nodes)
+    costs = np.full((size, size), np.inf)
+    totals = _totals(desired)
+    for i in range(size):
+        for j in range(i + 1, size):
+            length = float(nodes[j] - nodes[i])
+            d0, d1, d2 = _moments(totals, nodes[i], nodes[j])
+            sxx = length * (length * length - 1.0) / 12.0
+            sxy = d1 - 0.5 * (length + 1.0) * d0
+            slope = min(max(sxy / max(sxx, 1e-9), -step), step)
+            cost = d2 - d0 * d0 / length + slope * (slope * sxx - 2.0 * sxy)
+            costs[j, i] = max(cost, 0.0)
+            if fixed[j]:
+                break
+    return costs
+
+
+@compiled
+def _totals(desired: Array) -> Array:
+    """Running sums of d, k d and d², shape (3, n)."""
+    k = np.arange(len(desired))
+    totals = np.empty((3, len(desired)))
+    totals[0], totals[1] = np.cumsum(desired), np.cumsum(k * desired)
+    totals[2] = np.cumsum(desired * desired)
+    return totals
+
+
+@compiled
+def _moments(totals: Array, start: int, end: int) -> tuple[float, float, float]:
+    """Σ d, Σ k d and Σ d² over the samples after ``start`` up to ``end``, with k = 0 there."""
+    d0 = totals[0, end] - totals[0, start]
+    d1 = totals[1, end] - totals[1, start] - start * d0
+    return d0, d1, totals[2, end] - totals[2, start]
+
+
+@compiled
+def cheapest_chain(costs: Array, at_start: Array, segments: int) -> Indices:
+    """States on the cheapest way from the first node to the last; empty if there is none.
+
+    Args:
+        costs: Costs of segments by end and start, shape (m g, m g).
+        at_start: Costs of the states of the first node, shape (g,).
+        segments: Number of segments.
+    """
+    size, count = len(costs), len(at_start)
+    total = np.full(size, np.inf)
+    total[:count] = at_start
+    came_from = np.zeros((segments, size), dtype=np.intp)
+    for level in range(segments):
+        after = np.empty(size)
+        for end in range(size):
+            best = 0
+            for start in range(end):
+                if total[start] + costs[end, start] < total[best] + costs[end, best]:
+                    best = start
+            came_from[level, end] = best
+            after[end] = total[best] + costs[end, best]
+        total = after
+    state = size - count + np.argmin(total[size - count :])
+    if not np.isfinite(total[state]):
+        return np.zeros(0, dtype=np.intp)
+    way = np.empty(segments + 1, dtype=np.intp)
+    way[segments] = state
+    for level in range(segments - 1, -1, -1):
+        way[level] = came_from[level, way[level + 1]]
+    return way
 
 
 @compiled

@@ -36,7 +36,7 @@ from planner.approximation.problem import (
     round_knots,
     segment_capacity,
 )
-from planner.approximation.proposals import ChainProposals, MergedKnots, lattice_chain
+from planner.approximation.proposals import MergedKnots, chain_proposals, lattice_chain
 from planner.approximation.values import solve_values, within_slopes
 from planner.trajectory import Array
 
@@ -139,10 +139,6 @@ class KnotSearch:
         return exact_curve(self.unrounded)
 
     @cached_property
-    def _proposals(self) -> ChainProposals:
-        return ChainProposals(self.problem, self.ideal)
-
-    @cached_property
     def _merged(self) -> MergedKnots:
         return MergedKnots(replace(self.problem, desired=self.ideal))
 
@@ -170,7 +166,8 @@ class KnotSearch:
 
     def _begin(self, segments: int) -> list[Candidate]:
         problem = self.problem
-        proposed = self._proposals(segments) or [even_knots(problem, segments)]
+        proposed = chain_proposals(problem, self.ideal, segments)
+        proposed = proposed or [even_knots(problem, segments)]
         if proposed[0].size <= WINDOW:
             starts = [best_values(problem, knots) for knots in proposed]
             begun = [descend(problem, start, rounds=FEW, progress=1e-2) for start in starts]
