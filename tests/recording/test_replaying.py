@@ -376,3 +376,22 @@ def test_no_lead_beside_the_best_one_is_better_to_either_side(speed):
     leads = joint.lead + OWN * np.linspace(-1.0, 1.0, 9)
     assert error(joint.lead) == pytest.approx(rms(joint.errors["shifted"]))
     assert min(map(error, leads)) >= 0.99 * error(joint.lead)
+
+
+def test_the_load_of_a_pose_that_belongs_to_the_recording_acts_unless_another_is_given():
+    path = recorded_path([recorded()], replace(SERVO, compliance=0.05))
+    moments, given = path.moments(2.0), []
+
+    def load_at(at):
+        given.append(at)
+        return np.cos
+
+    posed = replace(path, load_at=load_at)
+    own, same, other, none = (
+        replay_at(each, moments, load=load).requests
+        for each, load in ((posed, None), (path, np.cos), (posed, np.sin), (path, None))
+    )
+    assert [len(at) for at in given] == [len(moments)]
+    np.testing.assert_array_equal(own, same)
+    assert not np.allclose(own, other)
+    assert not np.allclose(own, none)
