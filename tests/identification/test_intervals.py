@@ -322,3 +322,25 @@ def test_ends_of_intervals_are_plain_numbers_as_model_files_have_them():
     for found in (identified_rich(), identified_steps()):
         ends = [end for interval in found.intervals.values() for end in interval]
         assert {type(end) for end in [*ends, *found.gain_interval]} == {float}
+
+
+def test_where_residuals_are_alike_the_loss_may_rise_by_a_fifth_of_it():
+    """(18): of their share that is structure, here a half; three rows that count as one allow less.
+
+    Of white residuals, of which there is as much, it may rise by a hundredth.
+    """
+    white = NOISE * np.random.default_rng(0).normal(size=400)
+    alike = [0.0]
+    for step in white:
+        alike.append(0.5 * alike[-1] + step)
+    rises, shares = [], []
+    for residuals in (alike[1:], white):
+        log = rich_log()
+        log = changed(log, angles=log.angles + np.array(residuals))
+        fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+        rises.append(uncertainty_of(fit).threshold[fit.free] / fit.cost)
+        shares.append(structure_of(fit))
+    assert shares[0] > 0.3
+    assert np.all(rises[0] >= 0.9 * 0.2 * shares[0])
+    assert shares[1] == 0.0
+    assert np.min(rises[1]) < 0.015

@@ -70,6 +70,8 @@ def test_the_action_is_what_was_asked():
     log = recorded()
     (joint,) = replay(log, SERVO, track="action").joints
     assert joint.desired == pytest.approx(log.requests, abs=1e-12)
+    assert joint.recorded_requests == pytest.approx(log.requests, abs=1e-12)
+    assert joint.recorded_angles == pytest.approx(log.angles, abs=1e-12)
     assert rms(joint.errors["planned"]) < 0.1 * joint.path.recorded_error
 
 
