@@ -316,7 +316,8 @@ def _lost(before: JointPath | FootPath, after: JointPath | FootPath, *, cyclic: 
     return (
         f"{before.path}: a request every {1e3 * whole / max(len(closed) - 1, 1):.3g} ms loses "
         f"{100.0 * missed[worst] / moved[worst]:.0f} % of the motion of {names[worst]} "
-        "(rms of what it moves): plan with a higher rate (--rate-hz) to keep it"
+        "(rms of what it moves), and the errors are those from the path that is left: plan with a "
+        "higher rate (--rate-hz) to keep it"
     )
 
 

@@ -417,4 +417,5 @@ def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     result = run("plan", tmp_path / "fast.csv", "--rate-hz", rate, "-o", tmp_path / "r.csv")
     assert result.exit_code == 0
     said = re.search(r"loses (\d+) % of the motion of knee", result.stderr)
+    assert ("errors are those from the path that is left" in result.stderr) == (said is not None)
     assert (said is not None and int(said[1]) >= 99) == lost
