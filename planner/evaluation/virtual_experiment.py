@@ -9,11 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from planner.evaluation.baselines import best_lead
-from planner.evaluation.clock import Clock
 from planner.evaluation.metrics import angle_distance
 from planner.evaluation.outcome import PlannedWalk
 from planner.evaluation.paper import SEGMENTS
-from planner.evaluation.reproduction import foot_outcome, plan_walk
+from planner.evaluation.reproduction import Clock, foot_outcome, plan_walk
 from planner.evaluation.virtual_outcome import LearningRun, Run, VirtualOutcome
 from planner.exceptions import NoSteadyCycle
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
