@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from planner.planning.plan import Plan
     from planner.planning.result import FootInversion, Inversion
     from planner.planning.streaming.stream import Stream
+    from planner.planning.time_shift import invert_shift
     from planner.planning.trials import Learning, SensorDelay, Trial
     from planner.recording.replaying import Replay, replay
     from planner.recording.retiming import Fastest, fastest
@@ -88,6 +89,7 @@ __all__ = [
     "invert_closed_form",
     "invert_foot",
     "invert_optimal",
+    "invert_shift",
     "joints_in",
     "line_offset",
     "lower_bound",
@@ -135,6 +137,7 @@ _HOMES = {
     "planner.planning.plan": ("Plan",),
     "planner.planning.result": ("FootInversion", "Inversion"),
     "planner.planning.streaming.stream": ("Stream",),
+    "planner.planning.time_shift": ("invert_shift",),
     "planner.planning.trials": ("Learning", "SensorDelay", "Trial"),
     "planner.learning.refine": ("refine",),
     "planner.model.joint": ("JointModel",),

@@ -27,6 +27,7 @@ from planner.planning.load_of_pose import LoadOfPose, settled
 from planner.planning.plan import Method, Plan, joined
 from planner.planning.result import FootInversion, Inversion
 from planner.planning.task import Task
+from planner.planning.time_shift import shifted
 from planner.validation import is_one_of, shown
 
 if TYPE_CHECKING:
@@ -260,7 +261,7 @@ def plan(
             the models, which must have the same one.
         cyclic: Whether the path repeats for ever.
         limits: Smallest and largest request [rad], each a number or an array of shape (k,); or a
-            dict of such pairs by joint. Only with method "optimal".
+            dict of such pairs by joint. Not with method "closed_form".
         names: The joints, for dicts and files; by default the keys of ``models``, where it is a
             dict of k joints, else joint_1 to joint_k.
         start: From rest: where the joints rest before [rad], a number, shape (k,), or a dict by
@@ -278,11 +279,12 @@ def plan(
             there; a model that is in no such sequence needs intervals, from which others are
             drawn. Only with method "optimal".
         method: "optimal" for :func:`planner.invert_optimal`, "closed_form" for
-            :func:`planner.invert_closed_form`.
+            :func:`planner.invert_closed_form`, "shift" for :func:`planner.invert_shift`.
         progress: Called with the name of each joint before it is planned.
-        norm: "rms" or "max"; only with method "optimal", as tolerance and solver.
+        norm: "rms" or "max"; not with method "closed_form", as tolerance.
         tolerance: Error that each joint's plan should keep [rad].
-        solver: "gauss-newton" or "ipopt", see :func:`planner.invert_optimal`.
+        solver: "gauss-newton" or "ipopt", see :func:`planner.invert_optimal`; only with method
+            "optimal".
         segments: Number of lines; only with method "closed_form", as rule and refine.
         rule: "paper" or "exact", see :func:`planner.invert_closed_form`.
         refine: Whether to move the knots, as there.
@@ -310,12 +312,14 @@ def plan(
         True
     """
     if not is_one_of(method, METHODS):
-        raise InvalidInput(f"method: got {shown(method)}, expected 'optimal' or 'closed_form'")
-    search: dict[str, Any] = {"limits": limits, "start": start, "max_step": max_step}
-    search |= {"smoothness": smoothness, "robust": robust, "norm": norm}
-    search |= {"tolerance": tolerance, "solver": solver}
+        raise InvalidInput(
+            f"method: got {shown(method)}, expected 'optimal', 'closed_form' or 'shift'"
+        )
+    goal: dict[str, Any] = {"limits": limits, "start": start, "norm": norm, "tolerance": tolerance}
+    search: dict[str, Any] = {"max_step": max_step, "smoothness": smoothness}
+    search |= {"robust": robust, "solver": solver}
     lines: dict[str, Any] = {"segments": segments, "rule": rule, "refine": refine}
-    without_effect = search if method == "closed_form" else lines
+    without_effect = {"closed_form": goal | search, "shift": search | lines}.get(method, lines)
     if strange := [name for name, value in without_effect.items() if value is not None]:
         raise InvalidInput(
             f"{', '.join(strange)}: without effect with method '{method}'; leave it out"
@@ -344,7 +348,7 @@ def plan(
     )
 
 
-METHODS: tuple[Method, ...] = ("optimal", "closed_form")
+METHODS: tuple[Method, ...] = ("optimal", "closed_form", "shift")
 """How joints are planned."""
 
 
@@ -375,7 +379,7 @@ def planned(
             does not settle.
     """
     check_solver(solver)
-    if method == "closed_form" and len(task.scenarios) > 1:
+    if method != "optimal" and len(task.scenarios) > 1:
         raise InvalidInput("models: got several of a joint, which need method 'optimal'")
 
     from planner.planning.solve import solve  # compiled: Numba takes a quarter of a second
@@ -383,6 +387,8 @@ def planned(
     def plan_for(task: Task) -> Plan:
         if method == "closed_form":
             return _closed_form(task, lines or {}, progress)
+        if method == "shift":
+            return shifted(task)
         found = solve(task, solver=solver, progress=progress)
         foot = task.goal == "foot"
         return Plan(

@@ -25,7 +25,7 @@ from planner.planning.trials import Learning
 from planner.trajectory import Array, steps
 from planner.validation import freeze
 
-Method = Literal["closed_form", "optimal", "foot_optimal"]
+Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
 
 LEAST_MOTION = 1e-9
 """Change of a request that is no motion [rad]: rounding."""
@@ -91,6 +91,7 @@ class Plan:
         method: How they were found.
         solver: What solved the problem of an optimised plan for joints; else None.
         approximations: The piecewise linear trajectories behind a closed form, one a joint.
+        leads: Of a time shift: how early each joint's desired angles are requested [s].
         nominal_requests: With several models: requests for the nominal ones alone [rad], (n, k).
         learning: The executed cycles that the plan has learnt from, of each that is judged; () for
             none.
@@ -101,6 +102,7 @@ class Plan:
     method: Method = "optimal"
     solver: Solver | None = None
     approximations: tuple[PiecewiseLinear, ...] = ()
+    leads: tuple[float, ...] = ()
     nominal_requests: Array | None = None
     learning: tuple[Learning, ...] = ()
 

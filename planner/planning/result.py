@@ -213,6 +213,11 @@ class Inversion(_View):
         return self.plan.approximations[self.column] if self.plan.approximations else None
 
     @property
+    def lead(self) -> float | None:
+        """Of a time shift: how early the desired angles are requested [s], else None."""
+        return self.plan.leads[self.column] if self.plan.leads else None
+
+    @property
     def tolerance(self) -> float | None:
         """Error that was asked for, in the plan's norm [rad]; None where none was."""
         return self.plan.task.tolerance

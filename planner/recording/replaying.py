@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -18,6 +17,7 @@ from planner.planning.error_norm import error_norm
 from planner.planning.inversion import plan
 from planner.planning.load_of_pose import LoadOfPose
 from planner.planning.result import Inversion
+from planner.planning.time_shift import shifted
 from planner.recording.recorded_path import (
     Models,
     Path,
@@ -28,25 +28,6 @@ from planner.recording.recorded_path import (
 )
 from planner.trajectory import Array
 from planner.validation import as_positive, freeze
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShiftOptions:
-    """How the best time shift is found, the baseline of a replay.
-
-    Attributes:
-        longest_lead: Longest time shift that is tried [s]. Servos lag by 20 to 400 ms.
-        worse_leads: Leads one period apart that may be worse than the best one before longer ones
-            are given up: the error has one minimum unless the path repeats within it.
-        lead_tolerance: Accuracy of the best lead [periods].
-    """
-
-    longest_lead: float = 1.0
-    worse_leads: int = 3
-    lead_tolerance: float = 0.05
-
-
-OPTIONS = ShiftOptions()
 
 Kind = Literal["resent", "direct", "shifted", "planned"]
 """Requests of a joint: as recorded, the path as it is, that with the best time shift, a plan."""
@@ -246,41 +227,19 @@ class JointReplay:
     @cached_property
     def lead(self) -> float:
         """Time shift of the desired angles that follows them best [s]."""
-        return self._shift[0]
+        assert self._shift.lead is not None, "of a time shift"
+        return self._shift.lead
 
     @property
     def shifted(self) -> Array:
         """Angles of a planned joint with the best time shift, shape (n,)."""
-        return self._shift[1]
+        return self._shift.predicted
 
     @cached_property
-    def _shift(self) -> tuple[float, Array]:
-        period = self._model.period
-        count = np.arange(len(self.desired))
-
-        def angles(lead: float) -> Array:
-            return self._under(np.interp(count + lead, count, self.desired))
-
-        def error(lead: float) -> float:
-            return error_norm(angles(lead) - self.desired, "rms")
-
-        most = int(min(OPTIONS.longest_lead / period, len(count) - 1))
-        best, least = 0.0, error(0.0)
-        for lead in map(float, range(1, most + 1)):
-            found = error(lead)
-            if found < least:
-                best, least = lead, found
-            elif lead > best + OPTIONS.worse_leads:
-                break
-        around = minimize_scalar(
-            error,
-            bounds=(max(best - 1.0, 0.0), best + 1.0),
-            method="bounded",
-            options={"xatol": OPTIONS.lead_tolerance},
-        )
-        if around.fun < least:
-            best = float(around.x)
-        return best * period, angles(best)
+    def _shift(self) -> Inversion:
+        assert self.inversion is not None, "a joint without a model is not simulated"
+        task = self.inversion.plan.task.joint(self.inversion.column)
+        return Inversion(shifted(replace(task, norm="rms")))
 
     def error_of(self, kind: Kind) -> Array:
         """Angles minus desired angles of a planned joint under one kind of requests, shape (n,).

@@ -47,6 +47,7 @@ from planner.report.style import (
     FOOT_OPTIMAL,
     OPTIMAL,
     REQUESTED,
+    SHIFT,
     Role,
 )
 from planner.report.table import NO_BOUND, percent
@@ -57,7 +58,12 @@ if TYPE_CHECKING:
     from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
     from planner.trajectory import Array
 
-METHODS = {"closed-form": CLOSED_FORM, "optimal": OPTIMAL, "foot-optimal": FOOT_OPTIMAL}
+METHODS = {
+    "shift": SHIFT,
+    "closed-form": CLOSED_FORM,
+    "optimal": OPTIMAL,
+    "foot-optimal": FOOT_OPTIMAL,
+}
 """How the plan of each method is drawn everywhere."""
 
 VIEWS = {"side": (0, "x"), "front": (1, "y")}

@@ -13,7 +13,7 @@ from planner.model.drawn_models import has_intervals
 from planner.planning.arguments import checked_leg, limits_of_each
 from planner.planning.error_norm import error_norm
 from planner.planning.inversion import planned
-from planner.planning.plan import Plan
+from planner.planning.plan import Method, Plan
 from planner.planning.task import Task
 from planner.run import settings
 from planner.run.desired import Desired, Limits
@@ -33,10 +33,22 @@ IGNORED = {
         *("norm", "solver", "weights", "start"),
         *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
     ),
+    "shift": (
+        *("solver", "weights", "segments", "rule"),
+        *("max_step_deg", "max_request_speed_deg_s", "smoothness", "robust"),
+    ),
     "optimal": ("segments", "rule", "weights"),
     "foot-optimal": ("segments", "rule", "solver", "start"),
 }
 """Settings that have no effect on a method, and that are therefore refused."""
+
+CORE_METHODS: Mapping[settings.Method, Method] = {
+    "shift": "shift",
+    "closed-form": "closed_form",
+    "optimal": "optimal",
+    "foot-optimal": "optimal",
+}
+"""How the core calls the methods: a foot is optimised."""
 
 
 def check_settings(run: settings.Run, desired: Desired) -> None:
@@ -117,7 +129,7 @@ def plan_of(
         made = planned(
             task_of(given, desired, limits, starts, load=load),
             load=load,
-            method="closed_form" if given.method == "closed-form" else "optimal",
+            method=CORE_METHODS[given.method],
             solver=given.solver or "gauss-newton",
             lines={"segments": given.segments, "rule": given.rule or "paper"},
             progress=progress,
@@ -233,7 +245,7 @@ def task_of(
         lower, upper = zip(*(limits[name] for name in desired.names), strict=True)
         options |= {"weights": given.weights or (1.0, 1.0, 1.0), "limits": (lower, upper)}
         return Task.of(desired.models, desired.foot, leg=checked_leg(desired.leg), **options)
-    if given.method == "optimal":  # the closed form knows no limits
+    if given.method != "closed-form":  # which knows no limits
         options |= {"limits": limits, "start": starts}
     return Task.of(desired.models, desired.angles, names=desired.names, **options)
 

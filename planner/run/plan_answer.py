@@ -10,8 +10,10 @@ import numpy as np
 from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
+from planner.planning.time_shift import shifted
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.run.models import model_words, verdict_document
+from planner.trajectory import rms
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan, RequestMotion
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any]:
     """The plan for machines; what a plan for the foot does not have is null."""
     run, desired, task = prepared.settings, prepared.desired, plan.task
-    joints = {}
+    joints, shift = {}, shifted(task)
     for j, name in enumerate(desired.names):
         inversion, unit = plan.inversions[j] if plan.inversions else None, desired.unit(j)
         joints[name] = {
@@ -36,6 +38,11 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
             "over_models": inversion and _over_models(inversion, unit, math.degrees(1.0)),
+            "best_shift": {
+                "lead_s": shift.leads[j],
+                f"rms_{unit}": float(np.degrees(rms(shift.errors[:, j]))),
+                f"expected_rms_{unit}": _degrees_or_null(shift.expected[j].error),
+            },
             **verdict_document(desired.models[j]),
             **_motion(plan.motions[j], unit),
             f"requests_{unit}": np.degrees(plan.requests[:, j]).tolist(),
@@ -49,6 +56,10 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             **_errors(100.0 * plan.distances, "cm"),
             "expected_rms_cm": plan.expected_foot and 100.0 * plan.expected_foot,
             "norm": together and together.norm,
+            "best_shift": {
+                "rms_cm": 100.0 * rms(shift.distances),
+                "expected_rms_cm": shift.expected_foot and 100.0 * shift.expected_foot,
+            },
             "lower_bound_cm": None if bound is None else 100.0 * bound,
             "gap": None if bound is None else together and together.gap,
             "over_models": together and _over_models(together, "cm", 100.0),
@@ -110,6 +121,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         if plan.expected_foot is not None:
             text += f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
         text += _bounded_foot(plan)
+    text += f"\n{_best_shift(desired, plan)}"
     if known:
         text += "\non the robot: rms error to expect, by what the models were tested on"
     if words := untested_words(desired.names, plan.expected):
@@ -122,6 +134,20 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         text += "\nlower bounds are for requests with steps of any size"
     if desired.unreachable:
         text += f"\n{desired.unreachable} samples were out of the leg's reach"
+    return text
+
+
+def _best_shift(desired: Desired, plan: Plan) -> str:
+    """What the desired angles, sent the best time early, come to: what a plan has to beat."""
+    shift, each = shifted(plan.task), []
+    for j, lead in enumerate(shift.leads):
+        expected = np.degrees(shift.expected[j].error)
+        robot = "" if np.isnan(expected) else f", on the robot {expected:.3f}"
+        error = np.degrees(rms(shift.errors[:, j]))
+        each.append(f"{_label(desired, j)} {error:.3f}{robot} ({1e3 * lead:.0f} ms early)")
+    text = f"desired angles sent early instead, rms [deg]: {', '.join(each)}"
+    if desired.foot is not None:
+        text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     return text
 
 

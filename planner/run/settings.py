@@ -42,7 +42,7 @@ Samples = Annotated[int, Range(ge=4, le=10**6)]
 
 ShippedLeg = Literal["reference", "front-left", "front-right", "hind-left", "hind-right"]
 Unreachable = Literal["raise", "nearest", "clamp"]
-Method = Literal["closed-form", "optimal", "foot-optimal"]
+Method = Literal["shift", "closed-form", "optimal", "foot-optimal"]
 Norm = Literal["rms", "max"]
 Solver = Literal["gauss-newton", "ipopt"]
 Rule = Literal["paper", "exact"]
@@ -265,8 +265,8 @@ class Plan(Settings):
     method: Annotated[
         Method,
         About(
-            help="The paper's inversion, or requests optimised joint by joint, or all at once for "
-            "the foot.",
+            help="The desired angles, the best time early; the paper's inversion; or requests "
+            "optimised joint by joint, or all at once for the foot.",
             set_to="foot-optimal",
         ),
     ] = "optimal"
