@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from planner.planning.error_norm import error_norm
+from planner.planning.time_shift import shifted
 from planner.report.figure import Timeline
 from planner.report.table import NOTHING, Column, Row, Table, percent, signed
+from planner.trajectory import rms
 
 if TYPE_CHECKING:
     from planner.planning.plan import Plan
@@ -107,14 +109,18 @@ def joints_table(plan: Plan) -> Table:
         Column("planned [deg]", ("rms", "max")),
         *([Column("on the robot [deg]")] if known else []),
         Column("without a plan [deg]", ("rms", "max")),
+        Column("best time shift", ("rms [deg]", "early [ms]")),
         *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
         Column("speed [deg/s]", ("desired", "top")),
         Column("too fast"),
         Column("limits [deg]"),
         Column("requests at a limit"),
     ]
-    rows = []
-    for row, expected in zip(joint_rows(plan), expected_errors(plan), strict=True):
+    rows, shift = [], shifted(plan.task)
+    early = zip((np.degrees(rms(errors)) for errors in shift.errors.T), shift.leads, strict=True)
+    for row, expected, (error, lead) in zip(
+        joint_rows(plan), expected_errors(plan), early, strict=True
+    ):
         bounds = [
             NOTHING if row.bound is None else f"{row.bound:.3f}",
             NOTHING if row.gap is None else percent(row.gap),
@@ -126,6 +132,7 @@ def joints_table(plan: Plan) -> Table:
             planned,
             *([f"{expected:.3f}" if expected else NOTHING] if known else []),
             direct,
+            (f"{error:.3f}", f"{1e3 * lead:.0f}"),
             *(bounds if bounded else []),
             (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
             percent(row.too_fast, 0),

@@ -121,7 +121,11 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         if plan.expected_foot is not None:
             text += f"; on the robot {100.0 * plan.expected_foot:.3f} cm rms to expect"
         text += _bounded_foot(plan)
-    text += f"\n{_best_shift(desired, plan)}"
+    if plan.method != "shift":
+        text += f"\n{_best_shift(desired, plan)}"
+    else:
+        leads = zip(desired.names, plan.leads, strict=True)
+        text += f"\nearly by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in leads)}"
     if known:
         text += "\non the robot: rms error to expect, by what the models were tested on"
     if words := untested_words(desired.names, plan.expected):
@@ -148,6 +152,9 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     text = f"desired angles sent early instead, rms [deg]: {', '.join(each)}"
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
+    pairs = zip(plan.expected, shift.expected, strict=True)
+    if any(early.error < planned.error for planned, early in pairs):
+        text += "; on the robot that is better for some joints: see --method shift"
     return text
 
 

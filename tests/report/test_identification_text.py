@@ -84,7 +84,7 @@ def test_the_verdict_says_whether_the_model_holds_and_on_which_rows():
 def test_a_model_that_a_pure_delay_beats_is_not_to_be_planned_with():
     late = Alternative(name="delay", rms=0.003, held_out_rms=0.003, parameters={"delay": 0.1})
     found = made_up(alternatives=(late,), verdict="worse than a delay")
-    assert verdict(found).startswith("a pure delay serves better, do not plan with this model: ")
+    assert verdict(found).startswith("a pure delay serves better, plan with --method shift: ")
     assert "1.3 times farther off than the best pure delay" in verdict(found)
     text = identification_text({"hip": made_up(), "knee": found})
     assert text.startswith("the model holds for 1 of 2 joints\n")

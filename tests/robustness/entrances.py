@@ -233,6 +233,10 @@ ENTRANCES: Mapping[str, tuple[Callable[..., Any], Callable[[], dict[str, Any]]]]
         planner.invert_closed_form,
         lambda: {**JOINT, "desired": ANGLES, "segments": 3, "rule": "exact", "refine": False},
     ),
+    "invert_shift": (
+        planner.invert_shift,
+        lambda: {**JOINT, "desired": ANGLES, "norm": "rms", "start": None},
+    ),
     "invert_foot": (
         planner.invert_foot,
         lambda: {

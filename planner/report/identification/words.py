@@ -300,7 +300,7 @@ def verdict(identification: Identification) -> str:
     words = {
         "holds": "the model holds",
         "usable": "the model is usable, but not exact",
-        "worse than a delay": "a pure delay serves better, do not plan with this model",
+        "worse than a delay": "a pure delay serves better, plan with --method shift",
         "refused": "THE MODEL DOES NOT FIT",
     }
     return words[identification.verdict] + tail

@@ -1,0 +1,122 @@
+"""The best time shift: what it sends, and that no other shift is better."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import planner
+from planner.model.joint import JointModel
+from planner.model.response import simulate
+from planner.planning.task import Task
+from planner.planning.time_shift import OPTIONS, shifted
+from tests.instances import random_model, saturating
+
+ERS210A = JointModel.ers210a()
+
+NEARBY = 1e-3
+"""Share of the error that a lead within the tolerance of the best one may cost."""
+
+PATH = 0.3 * np.sin(2.0 * np.pi * np.arange(80) / 80)
+"""A path that the ERS-210A follows [rad]."""
+
+
+def shifted_by(samples, path=PATH):
+    """A cyclic path a whole number of samples early."""
+    return np.roll(path, -samples)
+
+
+def test_requests_are_the_desired_angles_between_samples_the_lead_early():
+    made = planner.invert_shift(ERS210A, PATH)
+    assert made.method == "shift"
+    places = np.arange(80) + made.lead / ERS210A.period
+    three = np.tile(PATH, 3)
+    expected = np.interp(80 + places, np.arange(240), three)
+    np.testing.assert_allclose(made.requests, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("norm", ["rms", "max"])
+def test_no_shift_by_whole_samples_is_better(seed, norm):
+    rng = np.random.default_rng(seed)
+    model = random_model(rng, whole=False, hold=1 + seed % 3, offset=seed % 2 == 1)
+    desired = saturating(rng, model, samples=60)
+    made = planner.invert_shift(model, desired, norm=norm)
+    most = int(OPTIONS.longest_lead / model.period)
+    for samples in range(min(most, int(made.lead / model.period) + OPTIONS.worse_leads) + 1):
+        errors = simulate(model, shifted_by(samples, desired)) - desired
+        size = np.sqrt(np.mean(errors**2)) if norm == "rms" else np.max(np.abs(errors))
+        assert made.error <= size * (1.0 + 1e-12)
+
+
+def test_a_pure_delay_is_taken_off_whole():
+    model = JointModel(v_max=50.0, theta_0=0.4, lag=0.02, acceleration_time=1e-3, tick=0.008)
+    made = planner.invert_shift(model, PATH)
+    # a delay of the lag, and of the time constant theta_0 / v_max of small errors
+    assert made.lead == pytest.approx(0.02 + 0.4 / 50.0, abs=0.004)
+    assert made.max_error < 0.02 * np.max(np.abs(PATH))
+
+
+def test_from_rest_the_first_request_holds_the_joint_and_the_last_angle_is_held():
+    model = replace(ERS210A, offset=0.02)
+    made = planner.invert_shift(model, PATH[:40], cyclic=False, start=-0.05)
+    assert made.requests[0] == pytest.approx(-0.07, abs=1e-12)
+    assert made.predicted[0] == pytest.approx(-0.05, abs=1e-12)
+    assert np.all(made.requests[-5:] == PATH[39])
+
+
+def test_the_load_is_that_of_the_path():
+    heavy = replace(ERS210A, compliance=0.1)
+    load = np.full(80, 0.5)
+    made = planner.invert_shift(heavy, PATH, load=load)
+    np.testing.assert_allclose(made.predicted, simulate(heavy, made.requests, load=load))
+    light = planner.invert_shift(ERS210A, PATH)
+    np.testing.assert_allclose(made.errors, light.errors + 0.05, atol=1e-3)
+
+
+def test_every_joint_has_a_lead_of_its_own_and_a_plan_has_the_same():
+    slow = replace(ERS210A, lag=0.08)
+    desired = np.column_stack([PATH, PATH])
+    made = planner.plan([ERS210A, slow], desired, method="shift", names=["hip", "knee"])
+    alone = [planner.invert_shift(model, PATH) for model in (ERS210A, slow)]
+    assert made.leads == tuple(each.lead for each in alone)
+    assert made.leads[1] > made.leads[0] + 0.03
+    np.testing.assert_array_equal(made.requests, np.column_stack([a.requests for a in alone]))
+    assert [each.lead for each in made.inversions] == list(made.leads)
+    assert planner.invert_optimal(ERS210A, PATH).lead is None
+
+
+@pytest.mark.parametrize("option", [{"max_step": 0.1}, {"smoothness": 0.1}, {"segments": 4}])
+def test_options_without_effect_on_a_shift_are_refused(option):
+    with pytest.raises(planner.InvalidInput, match=f"{next(iter(option))}: without effect"):
+        planner.plan(ERS210A, PATH[:, np.newaxis], method="shift", **option)
+
+
+def test_limits_and_tolerance_of_a_shift_are_kept_in_mind():
+    made = planner.plan(
+        ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.4, 0.4), tolerance=0.1
+    )
+    assert made.inversions[0].limits == (-0.4, 0.4)
+    assert made.inversions[0].within_tolerance
+    with pytest.raises(planner.Infeasible):
+        planner.plan(ERS210A, PATH[:, np.newaxis], method="shift", limits=(-0.1, 0.1))
+
+
+def test_an_optimised_plan_is_no_worse_by_the_model():
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        model = random_model(rng, whole=False)
+        desired = saturating(rng, model, samples=70)
+        best = planner.invert_optimal(model, desired, smoothness=0.0)
+        assert best.rms <= planner.invert_shift(model, desired).rms
+
+
+def test_a_lead_is_not_sought_beyond_the_longest_one():
+    slow = JointModel(v_max=5.0, theta_0=0.5, lag=1.5, acceleration_time=0.02, tick=0.02)
+    desired = 0.2 * np.sin(2.0 * np.pi * np.arange(400) / 400)
+    task = Task.of([slow], desired, names=("",))
+    assert shifted(task).leads[0] <= OPTIONS.longest_lead + slow.period
+    assert math.isfinite(shifted(task).rms[0])
