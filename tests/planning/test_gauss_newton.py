@@ -383,3 +383,48 @@ def test_the_regularisation_adds_its_weight_times_its_squares(smoothing, cyclic)
     away = point.requests - problem.resting
     expected = problem.roughness(point.requests) if smoothing else float(np.sum(away**2))
     assert point.costs[1] - point.costs[0] == pytest.approx(0.25 * expected)
+
+
+@CYCLIC
+@pytest.mark.parametrize("case", [{"seed": 0}, {"seed": 2, "inertia": True}], ids=str)
+def test_where_the_lagrangian_curves_upwards_at_the_corners_the_step_is_damped(case, cyclic):
+    """E and Delta of (11), where multipliers are known: of an angle and of a request each."""
+    problem = joint(cyclic=cyclic, **case)
+    spec, stage = problem.spec, Stage(0.3, 0.01)
+    point = point_at(problem, stage)
+    pattern = problem.pattern(smoothing=False)
+    samples, width = len(point.requests), spec.weights.shape[2]
+    multipliers = np.random.default_rng(5).normal(size=point.states.shape)
+    held = np.zeros((2, *point.requests.shape), dtype=np.int64)
+    search = Search(point.requests, point.states, multipliers, held, np.array([DAMPING, 1.0]))
+    step = np.zeros(len(pattern.factor.position))
+    found, _ = set_step(spec, stage, pattern, point, search, step)
+    assert found
+
+    gradient, hessian, slopes = dense(problem, stage, point)
+    count = point.requests.size
+    terms = np.zeros(len(gradient))
+    terms[:count] = DAMPING
+    angles = count + np.arange(point.states.size).reshape(point.states.shape)
+    if problem.has_speeds:
+        terms[angles[:, 1]] = SPEED_TERM
+    bends = point.slopes[:, 0, :, spec.parts + width :]  # second derivatives, (n, s, width)
+    curvature = -np.einsum("ks,ksj->kj", multipliers, bends)
+    assert np.any(curvature > 0.0)
+    for k in range(samples):
+        for j, bend in enumerate(np.maximum(curvature[k], 0.0)):
+            number = k - spec.youngest - j
+            if cyclic or k > 0:
+                terms[angles[k - 1, 0]] += bend
+            if cyclic or number >= 0:
+                terms[number % samples] += bend
+    conditions, right = [slopes], [-point.defects.ravel()]
+    if not cyclic:
+        conditions.append(np.eye(1, len(gradient)))
+        right.append(problem.first_requests - point.requests[0])
+    matrix = np.concatenate(conditions)
+    rows = len(matrix)
+    kkt = np.block([[hessian + 2.0 * np.diag(terms), matrix.T], [matrix, np.zeros((rows, rows))]])
+    expected = np.linalg.solve(kkt, np.concatenate([-gradient, *right]))[: len(gradient)]
+    scale = max(1.0, float(np.max(np.abs(expected))))
+    np.testing.assert_allclose(step[: len(gradient)], expected, rtol=0.0, atol=AGREEMENT * scale)
