@@ -11,9 +11,14 @@ import numpy as np
 from kinematics import Leg, urdf_path
 from planner.evaluation.baselines import best_time_shift, direct
 from planner.evaluation.metrics import foot_distance, foot_distances
-from planner.evaluation.outcome import FootOutcome, JointOutcome, PlannedWalk, Reproduction
+from planner.evaluation.outcome import (
+    FootOutcome,
+    JointOutcome,
+    PlannedWalk,
+    Reproduction,
+    measure_step_response,
+)
 from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES
-from planner.evaluation.step_response import measure_step_response
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
 from planner.model.joint import JointModel
 from planner.planning.closed_form import invert_closed_form

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.evaluation import paper
-from planner.evaluation.step_response import measure_step_response
+from planner.evaluation.outcome import measure_step_response
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 
