@@ -114,7 +114,11 @@ def test_what_comes_back_cannot_be_written_to(plan):
         ({"hip": AIBO}, {"names": ["hip", "knee"]}, "models: none for joint 'knee'; got hip"),
         (AIBO, {"names": ["hip", "hip"]}, "names: got .* expected 2 different names"),
         (AIBO, {"names": "ab"}, "names: got 'ab'"),
-        (AIBO, {"method": "direct"}, "method: got 'direct', expected 'optimal', 'closed_form' or 'shift'"),
+        (
+            AIBO,
+            {"method": "direct"},
+            "method: got 'direct', expected 'optimal', 'closed_form' or 'shift'",
+        ),
         (AIBO, {"limits": (1.0, [1, 2, 3])}, "limits: got .* one for each of the columns of"),
         (AIBO, {"limits": {"jaw": (0, 1)}}, "limits: no joint 'jaw'; joints: joint_1, joint_2"),
         (

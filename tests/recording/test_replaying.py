@@ -397,3 +397,15 @@ def test_the_load_of_a_pose_that_belongs_to_the_recording_acts_unless_another_is
     np.testing.assert_array_equal(own, same)
     assert not np.allclose(own, other)
     assert not np.allclose(own, none)
+
+
+def test_a_first_request_off_the_middle_of_the_dead_band_leaves_the_joint_where_it_was():
+    """Under all kinds of requests: dry friction holds it there."""
+    sticky = replace(SERVO, dead_band=0.05)
+    (joint,) = replay(recorded(), sticky, speed=2.0, begin=0.6).joints
+    assert abs(joint.requests[0] - joint.desired[0]) > 0.02
+    for angles in (joint.predicted, joint.direct, joint.resent, joint.shifted):
+        assert angles[0] == joint.desired[0]
+    sent = np.append(joint.requests[:1], joint.desired[1:])
+    start = float(joint.desired[0])
+    np.testing.assert_array_equal(joint.direct, simulate(sticky, sent, cyclic=False, start=start))
