@@ -444,7 +444,9 @@ def test_the_view_of_each_joint_shows_the_figures_of_that_joint():
         tolerance=0.1,
     )
     names = "requests predicted errors desired rms max_error error lower_bound gap limits max_step"
-    names += " start load expected largest_step excess model"
+    names += (
+        " start load expected largest_step excess model over_models worst_error errors_of_models"
+    )
     for j, view in enumerate(made.inversions):
         (alone,) = made.joint(j).inversions
         (other,) = made.joint(1 - j).inversions
