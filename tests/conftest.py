@@ -34,6 +34,9 @@ with suppress(ImportError):  # versions without such numbers
     providers.is_local_module_file = lambda _: False
 
 
+# Readline, which pytest imports, sets it for the processes that run the tests; tables heed it.
+os.environ.pop("COLUMNS", None)
+
 SLOWEST = (
     "tests/docs/test_pages.py",
     "tests/planning/test_friction.py",
