@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
 
 from planner.model.joint import JointModel, checked_model
 from planner.planning.arguments import Norm, one_path
@@ -24,12 +23,13 @@ class ShiftOptions:
         longest_lead: Longest time shift that is tried [s]. Servos lag by 20 to 400 ms.
         worse_leads: Leads one period apart that may be worse than the best one before longer ones
             are given up: the error has one minimum unless the path repeats within it.
-        lead_tolerance: Accuracy of the best lead [periods].
+        steps: Between leads that are tried about the best one, four to either side [periods]: the
+            last is the accuracy of the answer.
     """
 
     longest_lead: float = 1.0
     worse_leads: int = 3
-    lead_tolerance: float = 0.05
+    steps: tuple[float, ...] = (0.25, 0.05)
 
 
 OPTIONS = ShiftOptions()
@@ -135,10 +135,7 @@ def best_lead(joint: Task) -> float:
             best, least = lead, found
         elif lead > best + OPTIONS.worse_leads:
             break
-    around = minimize_scalar(
-        error,
-        bounds=(max(best - 1.0, 0.0), best + 1.0),
-        method="bounded",
-        options={"xatol": OPTIONS.lead_tolerance},
-    )
-    return float(around.x) if around.fun < least else best
+    for step in OPTIONS.steps:
+        nearby = (min(max(best + step * k, 0.0), float(most)) for k in range(-4, 5))
+        best = min(nearby, key=error)
+    return best
