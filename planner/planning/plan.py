@@ -413,6 +413,7 @@ class Plan:
             method=self.method,
             solver=self.solver,
             approximations=self.approximations[j : j + 1],
+            leads=self.leads[j : j + 1],
             nominal_requests=None
             if nominal is None
             else np.ascontiguousarray(nominal[:, j : j + 1]),
@@ -446,6 +447,7 @@ def joined(plans: Sequence[Plan]) -> Plan:
         task=Task.joined([each.task for each in plans]),
         requests=np.hstack([each.requests for each in plans]),
         approximations=tuple(curve for each in plans for curve in each.approximations),
+        leads=tuple(lead for each in plans for lead in each.leads),
         nominal_requests=np.hstack(nominal) if robust else None,
         learning=tuple(one for each in plans for one in each.learning),
     )

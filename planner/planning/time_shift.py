@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from planner.model.joint import JointModel, checked_model
 from planner.planning.arguments import Norm, one_path
+from planner.planning.closed_form import switching_time
 from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.planning.task import Task
@@ -21,13 +22,16 @@ class ShiftOptions:
 
     Attributes:
         longest_lead: Longest time shift that is tried [s]. Servos lag by 20 to 400 ms.
-        worse_leads: Leads one period apart that may be worse than the best one before longer ones
-            are given up: the error has one minimum unless the path repeats within it.
+        usual: Leads of up to this many delays of the joint are all tried. (With the first rise as
+            the end, 5 of 80 random joints miss the best lead, and 17 % of the error at worst.)
+        worse_leads: Leads one period apart beyond these that may be worse than the best one before
+            longer ones are given up.
         steps: Between leads that are tried about the best one, four to either side [periods]: the
             last is the accuracy of the answer.
     """
 
     longest_lead: float = 1.0
+    usual: float = 2.0
     worse_leads: int = 3
     steps: tuple[float, ...] = (0.25, 0.05)
 
@@ -127,13 +131,15 @@ def best_lead(joint: Task) -> float:
         angles = joint.response(early(joint, lead)[:, np.newaxis])
         return float(joint.errors_of(angles)[0])
 
+    model = joint.nominal[0]
+    delay = (switching_time(model) + model.theta_0 / model.v_max) / joint.period
     most = int(min(OPTIONS.longest_lead / joint.period, len(joint.desired) - 1))
     best, least = 0.0, error(0.0)
     for lead in map(float, range(1, most + 1)):
         found = error(lead)
         if found < least:
             best, least = lead, found
-        elif lead > best + OPTIONS.worse_leads:
+        elif lead > max(best, OPTIONS.usual * delay) + OPTIONS.worse_leads:
             break
     for step in OPTIONS.steps:
         nearby = (min(max(best + step * k, 0.0), float(most)) for k in range(-4, 5))

@@ -11,6 +11,7 @@ import pytest
 import planner
 from planner.model.joint import JointModel
 from planner.model.response import simulate
+from planner.planning.plan import joined
 from planner.planning.task import Task
 from planner.planning.time_shift import OPTIONS, shifted
 from tests.instances import random_model, saturating
@@ -43,13 +44,26 @@ def test_requests_are_the_desired_angles_between_samples_the_lead_early():
 def test_no_shift_by_whole_samples_is_better(seed, norm):
     rng = np.random.default_rng(seed)
     model = random_model(rng, whole=False, hold=1 + seed % 3, offset=seed % 2 == 1)
-    desired = saturating(rng, model, samples=60)
+    desired = (0.2, 1.0, 3.0)[seed % 3] * saturating(rng, model, samples=60)
     made = planner.invert_shift(model, desired, norm=norm)
-    most = int(OPTIONS.longest_lead / model.period)
-    for samples in range(min(most, int(made.lead / model.period) + OPTIONS.worse_leads) + 1):
+    delay = model.lag + model.acceleration_time / 2.0 + model.theta_0 / model.v_max
+    for samples in range(int(OPTIONS.usual * delay / model.period) + OPTIONS.worse_leads):
         errors = simulate(model, shifted_by(samples, desired)) - desired
         size = np.sqrt(np.mean(errors**2)) if norm == "rms" else np.max(np.abs(errors))
         assert made.error <= size * (1.0 + 1e-12)
+
+
+def test_a_lead_is_found_beyond_leads_that_only_make_the_largest_error_worse():
+    rng = np.random.default_rng([5, 27])
+    model = random_model(rng, whole=False, hold=1)
+    samples = int(rng.integers(30, 90))
+    desired = saturating(rng, model, samples=samples) * rng.choice([0.2, 1.0, 3.0])
+    errors = [
+        np.max(np.abs(simulate(model, shifted_by(lead, desired)) - desired)) for lead in range(40)
+    ]
+    assert min(errors[1:4]) > errors[0]
+    made = planner.invert_shift(model, desired, norm="max")
+    assert made.error <= min(errors) < 0.95 * errors[0]
 
 
 def test_a_pure_delay_is_taken_off_whole():
@@ -87,6 +101,9 @@ def test_every_joint_has_a_lead_of_its_own_and_a_plan_has_the_same():
     np.testing.assert_array_equal(made.requests, np.column_stack([a.requests for a in alone]))
     assert [each.lead for each in made.inversions] == list(made.leads)
     assert planner.invert_optimal(ERS210A, PATH).lead is None
+    parts = [made.joint(j) for j in range(2)]
+    assert [part.leads for part in parts] == [(lead,) for lead in made.leads]
+    assert joined(parts).leads == made.leads
 
 
 @pytest.mark.parametrize("option", [{"max_step": 0.1}, {"smoothness": 0.1}, {"segments": 4}])
