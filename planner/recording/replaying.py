@@ -282,6 +282,19 @@ class JointReplay:
         return self.inversion.expected.untested
 
     @cached_property
+    def resent_may_serve(self) -> bool:
+        """Whether the recorded requests may serve better than the plan, if sent as recorded.
+
+        They moved the joint along its recorded angles once, so that their error by the model is
+        mostly the model's own. Unless the error to expect of the plan is less than half of that,
+        the model does not show that the plan is better. False where the torque was off at a
+        replayed row: something else moved the joint.
+        """
+        rows = (self.path.times >= self.moments[0]) & (self.path.times <= self.moments[-1])
+        driven = bool(np.all(self.path.log.torque_on[rows]))
+        return driven and self.expected > 0.5 * error_norm(self.error_of("resent"), "rms")
+
+    @cached_property
     def too_fast(self) -> tuple[Span, ...]:
         """Parts in which the desired angles are faster than the joint can be [s]."""
         assert self.inversion is not None, "a joint without a model has no top speed"
@@ -334,6 +347,17 @@ class Replay:
     def planned(self) -> tuple[JointReplay, ...]:
         """The joints whose requests are planned."""
         return tuple(joint for joint in self.joints if joint.inversion is not None)
+
+    @property
+    def resent_may_serve(self) -> tuple[JointReplay, ...]:
+        """The planned joints that the recorded requests may move better than the plan.
+
+        At another speed than the recorded one, and along the recorded requests, nobody has seen
+        what the recorded requests do: there are none.
+        """
+        if self.speed != 1.0 or self.path.track != "state":
+            return ()
+        return tuple(joint for joint in self.planned if joint.resent_may_serve)
 
     @cached_property
     def requests(self) -> Array:

@@ -128,6 +128,51 @@ def test_json_has_every_error_in_the_unit_of_the_joint(run, demo, model):
     assert len(jaw["requests_percent"]) == content["requests"] == 120
 
 
+RESENT = "the recorded requests may serve better than the plan"
+
+
+def test_the_requests_of_a_recording_repeat_it_at_its_own_speed_as_well_as_a_plan(run, demo, model):
+    """By a model that may be off by 0.23 degrees, which the plan cannot be better than."""
+    result = run("replay", demo, "--model", model, "-o", "out.csv", "--report", "page.html")
+    assert result.exit_code == 0, result.stderr
+    (line,) = [each for each in result.stderr.splitlines() if RESENT in each]
+    content = json.loads(run("replay", demo, "--model", model, "--json").stdout)
+    elbow = content["joints"]["elbow"]
+    assert elbow["recorded_requests_may_serve"]
+    plan, resent = elbow["expected_on_robot_rms_deg"], elbow["resent"]["rms_deg"]
+    assert line.endswith(f"requests as recorded, elbow ({plan:.3f} and {resent:.3f} deg rms)")
+    page = demo.with_name("page.html").read_text()
+    assert line[1:] in page
+
+
+@pytest.mark.parametrize("case", ["another speed", "the action", "a hand", "a bad recording"])
+def test_recorded_requests_are_not_praised_where_they_did_not_make_the_path(case, run, demo, model):
+    names, *rows = demo.read_text().splitlines()
+    table = np.loadtxt(rows, delimiter=",")
+    if case == "a hand":  # moves a joint without torque; the requests follow it
+        table = np.column_stack([table, table[:, 1] < 30.0])
+        names += ",torque_on"
+    if case == "a bad recording":  # in which the joint is off by much more than the plan's error
+        table[:, 2] += np.where(table[:, 0] > 0.5, 2.0, 0.0)
+    np.savetxt(demo, table, delimiter=",", header=names, comments="", fmt="%.9g")
+    options = {"another speed": ("--speed", 1.01), "the action": ("--track", "action")}
+    result = run("replay", demo, "--model", model, "-o", "out.csv", *options.get(case, ()))
+    assert result.exit_code == 0, result.stderr
+    assert RESENT not in result.stderr
+
+
+def test_of_many_recordings_it_is_said_how_many_their_own_requests_repeat_as_well(
+    run, dataset, model
+):
+    ask = ("replay", dataset, *UNITS, "--model", model, "--as", "lerobot", "--workers", 1)
+    result = run(*ask, "-o", "planned", "--report", "page.html")
+    assert result.exit_code == 0, result.stderr
+    (line,) = [each for each in result.stderr.splitlines() if RESENT in each]
+    assert line.startswith("in 3 of 3 recordings ")
+    assert line[1:] in dataset.with_name("page.html").read_text()
+    assert RESENT not in run(*ask, "-o", "fast", "--speed", 1.5).stderr
+
+
 def test_the_path_for_the_other_commands_has_their_columns(run, demo, model):
     assert run("replay", demo, "--model", model, "--as", "joints", "-o", "r.csv").exit_code == 0
     names = demo.with_name("r.csv").read_text().partition("\n")[0]

@@ -81,6 +81,7 @@ CASES = {
     "--joint knee --joint gripper --limits-deg -30:90 --norm max -o out.csv --json",
     "replay-lerobot": "replay demo.csv --model joint.toml --speed 3 --rate-hz 49.85 --as lerobot "
     "-o planned",
+    "replay-again": "replay demo.csv --model tested.toml -o out.csv --report page.html",
     "replay-page": "replay demo.csv --model joint.toml --speed 0.5 --report page.html -o out.csv",
     "reproduce-file": "reproduce --out path.csv",
     "run": "run run.toml",

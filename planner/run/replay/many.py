@@ -24,7 +24,7 @@ from planner.report.table import number, text_table
 from planner.run import settings
 from planner.run.desired import find_leg
 from planner.run.replay.files import lerobot_layout, lerobot_rows
-from planner.run.replay.replay import UNITS, ReplayTask, known
+from planner.run.replay.replay import RESENT, UNITS, ReplayTask, known
 from planner.run.results import Results, Task, finished, made_from, results_beside
 from planner.run.tasks import Engine, carry_out
 from planner.trajectory import Array
@@ -178,6 +178,7 @@ def episode_figures(replay: Replay) -> dict[str, Any]:
         **{f"{kind}_rms": factor * error_norm(each, "rms") for kind, each in worst.errors.items()},
         "expected_on_robot_rms": known(factor * worst.expected),
         "lower_bound": known(factor * worst.lower_bound),
+        "recorded_requests_may_serve": worst in replay.resent_may_serve,
         "remarks": list(replay.path.remarks),
     }
 
@@ -193,7 +194,7 @@ def episodes_document(
         "speed": None if task.replay.fastest else task.replay.speed,
         "recordings": [dict(each) for each in figures],
         "left_out": dict(failed),
-        "remarks": list(task.models.remarks),
+        "remarks": [*task.models.remarks, *_resent_words(figures)],
     }
 
 
@@ -228,7 +229,19 @@ def episodes_text(document: Mapping[str, Any]) -> str:
         ]
         for row in document["recordings"]
     ]
-    return f"{episodes_line(document)}\n{text_table(header, cells)}"
+    words = _resent_words(document["recordings"])
+    return "\n".join([episodes_line(document), text_table(header, cells), *words])
+
+
+def _resent_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """In how many recordings the recorded requests may serve better, and the errors of one."""
+    of = [row for row in rows if row["recorded_requests_may_serve"]]
+    if not of:
+        return []
+    first = of[0]
+    errors = f"{first['expected_on_robot_rms']:.3f} and {first['resent_rms']:.3f} {first['unit']}"
+    where = f"such as {errors} rms in {first['recording']}"
+    return [f"in {len(of)} of {len(rows)} recordings {RESENT}, {where}"]
 
 
 def episodes_report(document: Mapping[str, Any], logs: Sequence[str]) -> str:

@@ -39,6 +39,13 @@ FASTER = 1.05
 ROUNDING = 1e-9
 """Share of a tolerance by which rounding may miss it."""
 
+RESENT = (
+    "the recorded requests may serve better than the plan, as they have moved the robot along this "
+    "path: the error to expect of the plan is not clearly smaller than that of the requests as "
+    "recorded"
+)
+"""What a replay at the recorded speed may come to."""
+
 PASSED_ON = "recorded requests, re-timed"
 """What a joint gets that is not planned."""
 
@@ -236,9 +243,23 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
             f"the recording contradicts the model of {', '.join(refuted)}: it moved faster than "
             "by its model it can; identify it from this recording too"
         )
+    if words := resent_words(replay):
+        lines.append(words)
     if untested:
         lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
     return "\n".join(lines)
+
+
+def resent_words(replay: Replay) -> str:
+    """Which joints the recorded requests may move better than the plan, and why; "" for none."""
+    errors = []
+    for each in replay.resent_may_serve:
+        unit, factor = UNITS[each.path.unit]
+        resent = factor * error_norm(each.error_of("resent"), "rms")
+        errors.append(f"{each.name} ({factor * each.expected:.3f} and {resent:.3f} {unit} rms)")
+    if not errors:
+        return ""
+    return f"{RESENT}, {', '.join(errors)}"
 
 
 def refuted_joints(replay: Replay) -> list[str]:
@@ -291,6 +312,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
                 "norm": plan.norm,
                 f"lower_bound_{unit}": known(factor * joint.lower_bound),
                 f"largest_step_{unit}": factor * plan.largest_step,
+                "recorded_requests_may_serve": joint in replay.resent_may_serve,
                 "untested": list(joint.untested),
                 "top_speed_known": joint.name not in replay.path.open_top_speeds,
                 "faster_than_the_joint_s": [list(span) for span in joint.too_fast],
@@ -407,7 +429,7 @@ def replay_report(
     task: ReplayTask, made: Replay, found: Fastest | None, page: str, output: str
 ) -> str:
     """The page about a replay, which will stand at ``page`` and links to its files."""
-    from planner.report.page import linked_files
+    from planner.report.page import linked_files, sentence
     from planner.report.replay import replay_page
 
     arm = task.arm()
@@ -422,7 +444,7 @@ def replay_report(
         verdict="" if found is None else fastest_text(found),
         arm=arm,
         missed=missed(task, made),
-        remarks=task.models.remarks,
+        remarks=[*map(sentence, filter(None, [resent_words(made)])), *task.models.remarks],
         origins=[("recording", task.recording.name), ("track", made.path.track)],
         files=linked_files(page, named),
     )
