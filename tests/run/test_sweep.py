@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner.evaluation.swept import Outcome, Requirement, Swept
 from planner.exceptions import InvalidFile
 from planner.files.paths import write_joint_path
-from planner.report.sweep import verdict
+from planner.report.sweep import Outcome, Requirement, Swept, verdict
 from planner.run.results import Results, results_beside
 from planner.run.settings import HalfEllipse
 from planner.run.sweep.space import number_of_points, read_sweep

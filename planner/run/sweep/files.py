@@ -17,7 +17,7 @@ from planner.run.schema import flat
 from planner.run.sweep.space import origin
 
 if TYPE_CHECKING:
-    from planner.evaluation.swept import Outcome, Swept
+    from planner.report.sweep import Outcome, Swept
     from planner.run.sweep.space import Space
 
 MOST_SHOWN = 10

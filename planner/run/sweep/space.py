@@ -15,10 +15,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from kinematics.exceptions import KinematicsError
-from planner.evaluation.swept import Point, Requirement
 from planner.exceptions import MissingExtra, PlannerError
 from planner.files.paths import is_foot_path, path_table
 from planner.files.toml import Toml, read_toml
+from planner.report.sweep import Point, Requirement
 from planner.run.desired import find_leg, load_leg, refused_models
 from planner.run.faults import BadSetting, Key, Remark
 from planner.run.kinds import Count, Expected, FromList, Positive, Range

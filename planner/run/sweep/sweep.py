@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from kinematics.exceptions import KinematicsError, UnreachableFoot
-from planner.evaluation.swept import Outcome, Point, Requirement, Swept
 from planner.exceptions import PlannerError
 from planner.planning.error_norm import error_norm
 from planner.planning.plan import Plan
+from planner.report.sweep import Outcome, Point, Requirement, Swept
 from planner.run.results import Results, Task
 from planner.run.run import Prepared, prepare
 from planner.run.schema import settings_of
