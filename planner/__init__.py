@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from planner.files.logs.options import LogOptions
     from planner.files.logs.read import joints_in, read_logs
     from planner.gait.half_ellipse import half_ellipse, reference_walk
+    from planner.identification.excitation import step_test
     from planner.identification.identify import identify
     from planner.identification.log import Log
     from planner.identification.result import Identification
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from planner.model.joint import JointModel
     from planner.model.response import simulate
     from planner.model.sensitivity import sensitivities
-    from planner.model.step_test import step_test
     from planner.planning.bounds.certify import Certificate, certify, lower_bound
     from planner.planning.closed_form import closed_form_requests, invert_closed_form
     from planner.planning.inversion import invert_foot, invert_optimal, plan
@@ -127,6 +127,7 @@ _HOMES = {
     "planner.files.logs.options": ("LogOptions",),
     "planner.files.logs.read": ("joints_in", "read_logs"),
     "planner.gait.half_ellipse": ("half_ellipse", "reference_walk"),
+    "planner.identification.excitation": ("step_test",),
     "planner.identification.result": ("Identification",),
     "planner.identification.identify": ("identify",),
     "planner.identification.log": ("Log",),
@@ -143,7 +144,6 @@ _HOMES = {
     "planner.model.joint": ("JointModel",),
     "planner.model.response": ("simulate",),
     "planner.model.sensitivity": ("sensitivities",),
-    "planner.model.step_test": ("step_test",),
     "planner.recording.replaying": ("Replay", "replay"),
     "planner.recording.retiming": ("Fastest", "fastest"),
     "planner.robot.follow": ("follow",),

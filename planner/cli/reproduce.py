@@ -15,8 +15,8 @@ from planner.files.text import to_json
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from planner.evaluation.outcome import Reproduction
-    from planner.evaluation.virtual_outcome import VirtualOutcome
+    from planner.evaluation.reproduction import Reproduction
+    from planner.evaluation.virtual_experiment import VirtualOutcome
     from planner.report.figure import Figure
 
 _PLANS = {
@@ -178,7 +178,6 @@ def on_virtual_robot(folder: Path, progress: Callable[[str], None]) -> Results:
 
 
 def _write_paths(folder: Path, reproduction: Reproduction) -> None:
-    import numpy as np
 
     from planner.files.paths import write_foot_path, write_joint_path
     from planner.report.paper.results import joint_paths
@@ -188,8 +187,8 @@ def _write_paths(folder: Path, reproduction: Reproduction) -> None:
     for name, angles in joint_paths(reproduction).items():
         write_joint_path(folder / f"{name}.csv", names, angles, period=period)
     write_foot_path(folder / "foot_desired.csv", reproduction.walk.desired_foot, period=period)
-    for name, outcome in reproduction.foot.items():
-        write_foot_path(folder / f"foot_{name}.csv", np.asarray(outcome.positions), period=period)
+    for name, path in reproduction.foot.items():
+        write_foot_path(folder / f"foot_{name}.csv", path, period=period)
 
 
 def _write_records(folder: Path, outcome: VirtualOutcome) -> None:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
-from kinematics import Leg, urdf_path
-from planner.evaluation.baselines import best_time_shift, direct
-from planner.evaluation.metrics import foot_distance, foot_distances
-from planner.evaluation.outcome import (
-    FootOutcome,
-    JointOutcome,
-    PlannedWalk,
-    Reproduction,
-    measure_step_response,
-)
-from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES
+from planner.evaluation.checks import beyond_limits
+from planner.evaluation.metrics import Distance, angle_distance, foot_distance
+from planner.evaluation.paper import JOINTS, SEGMENTS, STEP_AMPLITUDES, deviations
+from planner.exceptions import InvalidTrajectory
 from planner.gait.half_ellipse import ReferenceWalk, reference_walk
+from planner.identification.excitation import step_test
 from planner.model.joint import JointModel
+from planner.model.response import simulate, simulate_joints
 from planner.planning.closed_form import invert_closed_form
 from planner.planning.inversion import invert_foot, invert_optimal
 from planner.planning.line_inverse import Rule
@@ -32,6 +29,232 @@ RULE: Rule = "paper"
 
 REFINE = {"closed_form_plain": False, "closed_form": True}
 """Whether knots are moved by the error of the simulated joint. The paper's stay where they are."""
+
+VISIBLE = 0.01
+"""A speed has changed, or is the top speed, when it is this close, relative to the top speed."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointOutcome:
+    """One joint of the experiment.
+
+    Attributes:
+        name: The joint.
+        desired: Desired angles [rad], shape (n,): the paper's Des.
+        direct: Angles when these are requested [rad], shape (n,): Dir.
+        limits: Smallest and largest request that the joint can take [rad].
+        closed_form_plain: The inversion as in the paper, which knows no limits.
+        closed_form: The same, with the knots moved until the joint itself tracks best; ours.
+        optimal: The optimised inversion, within the joint's limits.
+        foot_requests: Requests of the plan for all joints at once [rad], shape (n,).
+        foot_optimal: Angles under them [rad], shape (n,).
+    """
+
+    name: str
+    desired: Array
+    limits: tuple[float, float]
+    direct: Array
+    closed_form_plain: Inversion
+    closed_form: Inversion
+    optimal: Inversion
+    foot_requests: Array
+    foot_optimal: Array
+
+    @property
+    def distances(self) -> dict[str, Distance]:
+        """The rows of Table 2 [rad], Plain for the closed form as in the paper and MB for ours.
+
+        Two more are of the optimised plans, Opt and Foot.
+        """
+        plain, refined = self.closed_form_plain, self.closed_form
+        return {
+            "Des,Dir": angle_distance(self.direct, self.desired),
+            "Des,Plain": angle_distance(plain.predicted, self.desired),
+            "Pwl,Plain": angle_distance(plain.predicted, approximation(plain)),
+            "Des,MB": angle_distance(refined.predicted, self.desired),
+            "Pwl,MB": angle_distance(refined.predicted, approximation(refined)),
+            "Des,Opt": angle_distance(self.optimal.predicted, self.desired),
+            "Des,Foot": angle_distance(self.foot_optimal, self.desired),
+        }
+
+    @property
+    def excesses(self) -> dict[str, float]:
+        """How far the farthest request of each plan is beyond the joint's limits [rad], or 0."""
+        requests = {
+            "closed_form_plain": self.closed_form_plain.requests,
+            "closed_form": self.closed_form.requests,
+            "optimal": self.optimal.requests,
+            "foot_optimal": self.foot_requests,
+        }
+        return {
+            method: max(beyond_limits(values, self.limits), 0.0)
+            for method, values in requests.items()
+        }
+
+
+def approximation(closed_form: Inversion) -> Array:
+    """Piecewise linear approximation behind a closed form at the samples [rad], shape (n,): Pwl."""
+    assert closed_form.approximation is not None, "a closed form has one"
+    return closed_form.approximation.angles
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedWalk:
+    """Every plan for the reference walk, and what the joints' models predict of it.
+
+    Attributes:
+        models: The model of each joint, in the leg's order.
+        segments: Lines of each approximation.
+        walk: The reference walk with its leg.
+        joints: One outcome per joint, in the leg's order.
+        lead: Samples by which the best time shift is early.
+        foot_plan: The plan for all joints at once, which keeps the foot close to its path.
+    """
+
+    models: tuple[JointModel, ...]
+    segments: int
+    walk: ReferenceWalk
+    joints: tuple[JointOutcome, ...]
+    lead: int
+    foot_plan: FootInversion
+
+    @cached_property
+    def requests(self) -> dict[str, Array]:
+        """Requests of all joints by method [rad], each (n, k)."""
+        desired = self.walk.desired
+        return {
+            "direct": desired,
+            "shift": np.roll(desired, -self.lead, axis=0),
+            **self._columns(lambda plan: plan.requests),
+            "foot_optimal": self.foot_plan.requests,
+        }
+
+    @cached_property
+    def angles(self) -> dict[str, Array]:
+        """Angles that the models predict under them [rad], each (n, k)."""
+        direct = np.column_stack([joint.direct for joint in self.joints])
+        return {
+            "direct": direct,
+            "shift": np.roll(direct, -self.lead, axis=0),
+            **self._columns(lambda plan: plan.predicted),
+            "foot_optimal": self.foot_plan.predicted,
+        }
+
+    @cached_property
+    def legs(self) -> dict[str, Array]:
+        """Where the leg's joints and, last, its foot are at the ``desired`` angles and by method.
+
+        In metres, each of shape (n, joints + 1, 3).
+        """
+        angles = {"desired": self.walk.desired, **self.angles}
+        return {method: self.walk.leg.joint_positions(each) for method, each in angles.items()}
+
+    @property
+    def foot(self) -> dict[str, Array]:
+        """Path of the foot under each method [m], shape (n, 3)."""
+        return {method: self.legs[method][:, -1] for method in self.angles}
+
+    @property
+    def table2(self) -> dict[str, dict[str, Distance]]:
+        """Distances between angle trajectories by joint and comparison [degrees]: Table 2."""
+        return {
+            joint.name: {
+                comparison: distance.in_units_of(math.radians(1.0))
+                for comparison, distance in joint.distances.items()
+            }
+            for joint in self.joints
+        }
+
+    @property
+    def foot_table(self) -> dict[str, Distance]:
+        """Distances of the foot from its desired path by method [cm]."""
+        return {
+            method: foot_distance(path, self.walk.desired_foot).in_units_of(0.01)
+            for method, path in self.foot.items()
+        }
+
+    def _columns(self, read: Callable[[Inversion], Array]) -> dict[str, Array]:
+        """What is read of every joint's plans by method, each (n, k)."""
+        return {
+            method: np.column_stack([read(getattr(joint, method)) for joint in self.joints])
+            for method in ("closed_form_plain", "closed_form", "optimal")
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction(PlannedWalk):
+    """Everything that the experiment gave on one model for all joints.
+
+    Attributes:
+        steps: The step tests, by amplitude [degrees].
+        seconds: Time that each part took [s].
+    """
+
+    steps: Mapping[float, StepResponse]
+    seconds: Mapping[str, float]
+
+    @property
+    def model(self) -> JointModel:
+        """The model of every joint."""
+        return self.models[0]
+
+    @property
+    def baseline_deviation(self) -> float:
+        """Mean relative deviation of the ten baseline figures from the paper's."""
+        return float(np.mean(deviations(self.table2, self.foot_table)))
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """A joint's steady answer to the step test, and its features at the step down.
+
+    Attributes:
+        amplitude: Height of the step [rad].
+        requests: Requests of Equation 1 [rad], shape (n,).
+        angles: Angles [rad], shape (n,).
+        step: Sample at which the requests step down.
+        lag: Samples until the speed begins to change.
+        acceleration: Samples from then until the joint moves down at its top speed.
+        v_max: Its top speed [rad/s].
+    """
+
+    amplitude: float
+    requests: Array
+    angles: Array
+    step: int
+    lag: int
+    acceleration: int
+    v_max: float
+
+
+def measure_step_response(
+    model: JointModel, amplitude: float, *, samples: int = 88
+) -> StepResponse:
+    """Run the step test of Equation 1 and read its features off, in whole samples as by eye.
+
+    Args:
+        model: The joint.
+        amplitude: Height of the step [rad]; high enough for the joint to reach its top speed.
+        samples: Length of the test.
+    """
+    requests = step_test(amplitude, samples=samples)
+    angles = simulate(model, requests)
+    step = int(np.argmin(requests))
+    speeds = angles - np.roll(angles, 1)  # speeds[k] leads from sample k - 1 to k [rad/sample]
+    fastest = float(np.max(np.abs(speeds)))
+    after = speeds[step:]
+    begun = int(np.argmax(np.abs(after - after[0]) > VISIBLE * fastest))
+    full = int(np.argmax(after <= -(1.0 - VISIBLE) * fastest))
+    lag = begun - 1  # sample `begun` ends the first interval in which the speed is another
+    return StepResponse(
+        amplitude=amplitude,
+        requests=requests,
+        angles=angles,
+        step=step,
+        lag=lag,
+        acceleration=full - lag,
+        v_max=fastest / model.period,
+    )
 
 
 def reproduce(
@@ -76,9 +299,7 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
     walk = reference_walk()
     clock.start("baselines", "the baselines")
     direct_angles = direct(models, walk.desired)
-    shift = best_time_shift(
-        walk.desired, direct_angles, lambda each: foot_outcome(walk, each).distance
-    )
+    lead = best_lead(direct_angles, walk_distance(walk))
     clock.start("foot_optimal", "the optimised requests for the foot")
     foot_plan = invert_foot(models, walk.leg, walk.desired_foot)
     clock.start("foot_bound", "the lower bound for the foot")
@@ -88,38 +309,46 @@ def plan_walk(models: Sequence[JointModel], *, segments: int, clock: Clock) -> P
         for j in range(len(models))
     )
     clock.stop()
-    angles = {
-        "direct": direct_angles,
-        "shift": shift.angles,
-        "closed_form_plain": _predicted([joint.closed_form_plain for joint in joints]),
-        "closed_form": _predicted([joint.closed_form for joint in joints]),
-        "optimal": _predicted([joint.optimal for joint in joints]),
-        "foot_optimal": foot_plan.predicted,
-    }
-    return PlannedWalk(
-        models=models,
-        segments=segments,
-        walk=walk,
-        joints=joints,
-        knee=_knee_of(walk),
-        legs={
-            method: walk.leg.joint_positions(each)
-            for method, each in {"desired": walk.desired, **angles}.items()
-        },
-        shift=shift,
-        foot_plan=foot_plan,
-        foot={method: foot_outcome(walk, each) for method, each in angles.items()},
-    )
+    return PlannedWalk(models, segments, walk, joints, lead, foot_plan)
 
 
-def foot_outcome(walk: ReferenceWalk, angles: Array) -> FootOutcome:
-    """Where the walk's leg has its foot at these angles [rad], and how far off that is."""
-    positions = walk.leg.foot_positions(angles)
-    return FootOutcome(
-        positions=positions,
-        distances=foot_distances(positions, walk.desired_foot),
-        distance=foot_distance(positions, walk.desired_foot),
-    )
+def direct(models: Sequence[JointModel], desired: Array) -> Array:
+    """Angles of cyclic joints when the desired angles are requested: the paper's direct method.
+
+    Args:
+        models: One model per joint.
+        desired: Desired angles [rad], shape (n, joints).
+
+    Returns:
+        Angles [rad], shape (n, joints), read-only.
+    """
+    if desired.ndim != 2 or desired.shape[1] != len(models):
+        raise InvalidTrajectory(
+            f"desired: got shape {desired.shape}, expected (n, {len(models)}), one column per model"
+        )
+    angles = simulate_joints(models, desired, cyclic=True)
+    angles.setflags(write=False)
+    return angles
+
+
+def best_lead(unshifted: Array, distance: Callable[[Array], Distance]) -> int:
+    """By how many samples to be early: the lead with the least rms, the smallest such lead.
+
+    A joint's answer to shifted requests is its shifted answer, so one simulation serves all leads.
+
+    Args:
+        unshifted: A cycle of the joints' angles when the desired angles are requested [rad],
+            shape (n, joints).
+        distance: Distance from the goal for given angles [rad], shape (n, joints); the paper judges
+            in the foot's space.
+    """
+    leads = range(len(unshifted))
+    return min(leads, key=lambda lead: distance(np.roll(unshifted, -lead, axis=0)).rms)
+
+
+def walk_distance(walk: ReferenceWalk) -> Callable[[Array], Distance]:
+    """Distance of the foot from the walk's path [m], as a function of the angles [rad], (n, k)."""
+    return lambda angles: foot_distance(walk.leg.foot_positions(angles), walk.desired_foot)
 
 
 def _plan_joint(
@@ -156,16 +385,6 @@ def _plan_joint(
         foot_requests=foot_plan.requests[:, j],
         foot_optimal=foot_plan.predicted[:, j],
     )
-
-
-def _knee_of(walk: ReferenceWalk) -> Array:
-    """Path of the knee: the lower leg begins there, however the knee turns."""
-    upper = Leg.from_urdf(urdf_path("reference_leg.urdf"), base=walk.leg.base, foot="lower")
-    return upper.foot_positions(walk.desired)
-
-
-def _predicted(inversions: Sequence[Inversion]) -> Array:
-    return np.column_stack([inversion.predicted for inversion in inversions])
 
 
 class Clock:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.evaluation.baselines import best_time_shift, direct
 from planner.evaluation.metrics import angle_distance
+from planner.evaluation.reproduction import best_lead, direct
 from planner.exceptions import InvalidTrajectory
 from planner.model.joint import JointModel
 from planner.model.response import simulate
@@ -31,15 +31,15 @@ def test_the_direct_method_requests_the_desired_angles():
 
 
 def test_the_best_time_shift_is_the_best_of_all_simulated_one_by_one():
-    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
-    distances = []
-    for lead in range(88):
-        requests = np.roll(DESIRED, -lead, axis=0)
+    unshifted = direct([JOINT, JOINT], DESIRED)
+    lead, distances = best_lead(unshifted, _distance), []
+    for early in range(88):
+        requests = np.roll(DESIRED, -early, axis=0)
         angles = np.column_stack([simulate(JOINT, requests[:, j]) for j in range(2)])
         distances.append(_distance(angles).rms)
-    assert shift.samples == int(np.argmin(distances))
-    assert shift.distance.rms == pytest.approx(min(distances), abs=1e-10)  # closed to 1e-12
-    assert np.array_equal(shift.requests, np.roll(DESIRED, -shift.samples, axis=0))
+    assert lead == int(np.argmin(distances))
+    least = _distance(np.roll(unshifted, -lead, axis=0)).rms
+    assert least == pytest.approx(min(distances), abs=1e-10)  # closed to 1e-12
 
 
 def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
@@ -57,23 +57,25 @@ def test_the_best_lead_is_that_of_equation_3_with_the_figures_of_table_1():
         angles.append(done[-88:])
     distances = [_distance(np.roll(np.column_stack(angles), -lead, axis=0)) for lead in range(88)]
     best = min(range(88), key=lambda lead: distances[lead].rms)
-    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
-    assert shift.samples == best
-    assert shift.distance.rms == pytest.approx(distances[best].rms, abs=1e-10)
+    unshifted = direct([JOINT, JOINT], DESIRED)
+    assert best_lead(unshifted, _distance) == best
+    least = _distance(np.roll(unshifted, -best, axis=0)).rms
+    assert least == pytest.approx(distances[best].rms, abs=1e-10)
 
 
 def test_two_ticks_more_of_lag_make_the_best_lead_two_samples_longer():
-    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
     later = replace(JOINT, lag=JOINT.lag + 2 * JOINT.tick)
-    more = best_time_shift(DESIRED, direct([later, later], DESIRED), _distance)
-    assert more.samples == shift.samples + 2
-    assert more.distance.rms == pytest.approx(shift.distance.rms, abs=1e-10)
+    found = []
+    for joint in (JOINT, later):
+        unshifted = direct([joint, joint], DESIRED)
+        lead = best_lead(unshifted, _distance)
+        found.append((lead, _distance(np.roll(unshifted, -lead, axis=0)).rms))
+    assert found[1][0] == found[0][0] + 2
+    assert found[1][1] == pytest.approx(found[0][1], abs=1e-10)
 
 
 def test_what_comes_back_is_read_only():
-    shift = best_time_shift(DESIRED, direct([JOINT, JOINT], DESIRED), _distance)
-    for array in (shift.requests, shift.angles, direct([JOINT, JOINT], DESIRED)):
-        assert not array.flags.writeable
+    assert not direct([JOINT, JOINT], DESIRED).flags.writeable
 
 
 def test_there_is_one_model_per_column():

@@ -9,7 +9,7 @@ import pytest
 
 import planner
 from planner.evaluation import paper
-from planner.evaluation.outcome import measure_step_response
+from planner.evaluation.reproduction import measure_step_response
 from planner.model.joint import JointModel
 from planner.model.response import simulate
 
@@ -107,8 +107,9 @@ def test_every_distance_follows_from_the_requests_by_simulation(reproduction):
 
 
 def test_the_knee_is_one_upper_leg_from_the_hip_and_one_lower_leg_from_the_foot(reproduction):
-    upper = np.linalg.norm(reproduction.knee, axis=1)
-    lower = np.linalg.norm(reproduction.walk.desired_foot - reproduction.knee, axis=1)
+    knee = reproduction.legs["desired"][:, 2]
+    upper = np.linalg.norm(knee, axis=1)
+    lower = np.linalg.norm(reproduction.walk.desired_foot - knee, axis=1)
     assert upper == pytest.approx(np.full(88, 0.064), abs=1e-12)
     assert lower == pytest.approx(np.full(88, 0.069), abs=1e-12)
 

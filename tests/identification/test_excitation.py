@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.exceptions import InvalidInput
-from planner.identification.excitation import MEANING, excite, expect
+from planner.identification.excitation import MEANING, excite, expect, step_test
 from planner.model.joint import JointModel
-from planner.model.step_test import step_test
 
 EQUAL = 1e-12
 """Two ways to the same request differ by rounding only [rad]."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from planner.exceptions import InvalidInput
+from planner.identification.excitation import step_test
 from planner.model.joint import JointModel
 from planner.model.response import simulate
-from planner.model.step_test import step_test
 
 ERS210A = JointModel.ers210a()
 LAG, ACCELERATION = 4, 6  # ticks, Table 1

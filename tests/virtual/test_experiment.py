@@ -251,7 +251,7 @@ def test_ten_trials_of_learning_keep_the_foot_near_the_bound_of_the_models(playe
     """The plan is within two per cent of it already; no trial makes that worse by its noise."""
     errors = [each.mean.rms for each in played.learnt_foot]
     bound = 100.0 * played.planned.foot_plan.lower_bound
-    last = played.learning.plans[-1].learning
+    last = played.learning
     assert len(errors) == 10
     assert max(errors) < errors[0] + 100.0 * last.floor[1]
     assert bound < np.mean(errors[5:]) < 1.02 * bound

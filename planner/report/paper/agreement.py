@@ -13,7 +13,7 @@ from planner.report.paper.tables import COMPARISONS
 from planner.report.style import CLOSED_FORM, GRID, INK
 
 if TYPE_CHECKING:
-    from planner.evaluation.outcome import Reproduction
+    from planner.evaluation.reproduction import Reproduction
 
 COMPARED = ("Des,Dir", "Des,Plain", "Pwl,Plain")
 """The comparisons of Table 2, each under the paper's own method."""

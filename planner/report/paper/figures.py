@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from planner.evaluation.metrics import foot_distances
 from planner.evaluation.paper import STEP_AMPLITUDES
 from planner.report.figure import (
     Axis,
@@ -42,7 +43,7 @@ from planner.report.style import (
 )
 
 if TYPE_CHECKING:
-    from planner.evaluation.outcome import JointOutcome, PlannedWalk, Reproduction
+    from planner.evaluation.reproduction import JointOutcome, PlannedWalk, Reproduction
     from planner.trajectory import Array
 
 ROLES = {
@@ -115,7 +116,7 @@ def paper_figures(reproduction: Reproduction) -> tuple[Figure, ...]:
 
 def direct_foot_figure(reproduction: Reproduction) -> Figure:
     """Figure 1: the foot's paths from the side, joined at the same instants by thin lines."""
-    desired, actual = reproduction.walk.desired_foot, reproduction.foot["direct"].positions
+    desired, actual = reproduction.walk.desired_foot, reproduction.foot["direct"]
     pairs = 100.0 * np.stack([desired[::TIED], actual[::TIED]], axis=1)
     ties = GRID._replace(label="the same instants", width=1.2)
     draw = timeline_of(reproduction).path
@@ -138,7 +139,7 @@ def direct_foot_figure(reproduction: Reproduction) -> Figure:
 def _foot_paths(reproduction: Reproduction) -> Figure:
     """Figure 8."""
     paths = [
-        timeline_of(reproduction).path(reproduction.foot[method].positions, role)
+        timeline_of(reproduction).path(reproduction.foot[method], role)
         for method, role in ROLES.items()
         if method not in HIDDEN
     ]
@@ -176,7 +177,7 @@ def foot_paths_figure(
     foot, pose = planned.walk.desired_foot, planned.legs["desired"][SKETCHED]
     ground = float(foot[:, 2].min())
     ends = around([100.0 * foot[:, 0]])
-    joints = 100.0 * np.stack([pose[0], planned.knee[SKETCHED]])
+    joints = 100.0 * np.stack([pose[0], pose[2]])
     panel = Panel(
         UPWARD,
         (
@@ -215,11 +216,11 @@ def foot_distances_figure(timeline: Timeline, panel: Panel, title: str) -> Figur
 
 def _distance_panel(reproduction: Reproduction, *, hidden: Sequence[str] = ()) -> Panel:
     """The foot's distances, those of some methods hidden at first."""
-    timeline = timeline_of(reproduction)
-    curves = [
-        timeline.curve(100.0 * reproduction.foot[method].distances, role, hidden=method in hidden)
-        for method, role in ROLES.items()
-    ]
+    timeline, desired = timeline_of(reproduction), reproduction.walk.desired_foot
+    curves = []
+    for method, role in ROLES.items():
+        distances = 100.0 * foot_distances(reproduction.foot[method], desired)
+        curves.append(timeline.curve(distances, role, hidden=method in hidden))
     axis = Axis("distance", "cm", from_zero=True)
     return Panel(axis, tuple(curves), "foot, from its desired path")
 

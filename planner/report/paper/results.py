@@ -12,11 +12,22 @@ import numpy as np
 
 from planner._version import __version__
 from planner.evaluation.metrics import Distance
-from planner.evaluation.outcome import JointOutcome, PlannedWalk, Reproduction, approximation
 from planner.evaluation.paper import SOURCE, Published, deviations, published, published_foot
-from planner.evaluation.reproduction import REFINE, RULE
-from planner.evaluation.virtual_experiment import AMPLITUDES, MEASURED_CYCLES, STEP_CYCLES
-from planner.evaluation.virtual_outcome import OverCycles, VirtualOutcome
+from planner.evaluation.reproduction import (
+    REFINE,
+    RULE,
+    JointOutcome,
+    PlannedWalk,
+    Reproduction,
+    approximation,
+)
+from planner.evaluation.virtual_experiment import (
+    AMPLITUDES,
+    MEASURED_CYCLES,
+    STEP_CYCLES,
+    OverCycles,
+    VirtualOutcome,
+)
 from planner.identification.result import Identification
 from planner.model.joint import JointModel
 from planner.report.page import versions
@@ -71,7 +82,7 @@ def paper_results(reproduction: Reproduction) -> dict[str, Any]:
             method: distance_entry(distance, published_foot(method))
             for method, distance in reproduction.foot_table.items()
         },
-        "best_shift_samples": reproduction.shift.samples,
+        "best_shift_samples": reproduction.lead,
         "baseline_deviation": reproduction.baseline_deviation,
         "bounds": {joint.name: bound_entry(joint) for joint in reproduction.joints},
         "foot_bound": foot_bound_entry(reproduction),
@@ -199,16 +210,14 @@ def virtual_results(outcome: VirtualOutcome) -> dict[str, Any]:
 
 def _learning(outcome: VirtualOutcome) -> dict[str, Any]:
     """Foot errors of the trials of learning [cm], and how it ended."""
-    last = outcome.learning.plans[-1].learning
-    assert last is not None, "refine returned it"
     return {
         "trials": [
             {"L2": each.mean.rms, "Linf": each.mean.max, "std": {"L2": each.deviation.rms}}
             for each in outcome.learnt_foot
         ],
         "cycles_of_each": MEASURED_CYCLES,
-        "noise": 100.0 * last.floor[1],
-        "stopped": last.stopped or None,
+        "noise": 100.0 * outcome.learning.floor[1],
+        "stopped": outcome.learning.stopped or None,
     }
 
 
@@ -312,24 +321,13 @@ def _baseline_deviation(outcome: VirtualOutcome) -> float:
 
 def joint_paths(reproduction: Reproduction) -> dict[str, Array]:
     """Angles and requests of all joints [rad], each (n, k), by the name of their file."""
-    joints = reproduction.joints
-
-    def columns(arrays: list[Array]) -> Array:
-        return np.column_stack(arrays)
-
+    plain = [approximation(joint.closed_form_plain) for joint in reproduction.joints]
+    refined = [approximation(joint.closed_form) for joint in reproduction.joints]
+    requests, angles = reproduction.requests, reproduction.angles
     return {
         "desired": reproduction.walk.desired,
-        "approximation_plain": columns([approximation(each.closed_form_plain) for each in joints]),
-        "approximation": columns([approximation(joint.closed_form) for joint in joints]),
-        "requests_shift": reproduction.shift.requests,
-        "requests_closed_form_plain": columns([each.closed_form_plain.requests for each in joints]),
-        "requests_closed_form": columns([joint.closed_form.requests for joint in joints]),
-        "requests_optimal": columns([joint.optimal.requests for joint in joints]),
-        "requests_foot_optimal": reproduction.foot_plan.requests,
-        "angles_direct": columns([joint.direct for joint in joints]),
-        "angles_shift": reproduction.shift.angles,
-        "angles_closed_form_plain": columns([each.closed_form_plain.predicted for each in joints]),
-        "angles_closed_form": columns([joint.closed_form.predicted for joint in joints]),
-        "angles_optimal": columns([joint.optimal.predicted for joint in joints]),
-        "angles_foot_optimal": reproduction.foot_plan.predicted,
+        "approximation_plain": np.column_stack(plain),
+        "approximation": np.column_stack(refined),
+        **{f"requests_{name}": each for name, each in requests.items() if name != "direct"},
+        **{f"angles_{name}": each for name, each in angles.items()},
     }

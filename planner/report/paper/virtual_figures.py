@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner.evaluation.outcome import approximation
 from planner.evaluation.paper import published_foot
+from planner.evaluation.reproduction import approximation
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline, joined, replace_width
 from planner.report.paper.agreement import dumb_bells
 from planner.report.paper.figures import (
@@ -33,8 +33,8 @@ from planner.report.style import (
 )
 
 if TYPE_CHECKING:
-    from planner.evaluation.outcome import JointOutcome
-    from planner.evaluation.virtual_outcome import VirtualOutcome
+    from planner.evaluation.reproduction import JointOutcome
+    from planner.evaluation.virtual_experiment import VirtualOutcome
 
 VIRTUAL_FEATURED = ("foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
