@@ -1,9 +1,9 @@
 """The blocks of a page that can be run, and what the page says that they print.
 
 On every page, and in the README, ``python`` and ``sh`` are run, and so are indented lines that call
-the program; ``text`` blocks after one of them are what it prints, or parts of it, and
-``--rewrite-snapshots`` writes the numbers that it prints today into them. ``console`` and the rest
-are for the reader alone.
+the program. The ``text`` blocks after one of them are all that it prints, but for what a line
+``...`` stands for, and ``--rewrite-snapshots`` writes what it prints today into them. ``console``
+and the rest are for the reader alone.
 """
 
 from __future__ import annotations

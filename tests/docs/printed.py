@@ -9,6 +9,9 @@ NUMBER = re.compile(r"[-−]?\d+(?:\.(\d+))?(?:e[-+]\d+)?")
 NEAR = 0.002
 """Relative difference that solvers on another machine may make."""
 
+OMITTED = "..."
+"""A line of a page that stands for any number of lines."""
+
 LAST_DIGITS = 1.0
 """Units of the last decimal that they may make where little is left of a number."""
 
@@ -31,22 +34,50 @@ def _alike(told, shown):
     return True
 
 
-def missing(told, shown):
-    """The first line that a page tells and that is not among those shown, in order; or None."""
-    lines = iter(shown.splitlines())
-    for line in told.splitlines():
-        if not any(_alike(line, other) for other in lines):
-            return line
+def difference(told, shown):
+    """How what a page tells differs from what is shown, in words; None where it does not.
+
+    All that is shown must be told, line by line, but for what a line ``...`` stands for.
+    """
+    left, omitted = shown.strip("\n").splitlines(), False
+    for line in told.strip("\n").splitlines():
+        if line == OMITTED:
+            omitted = True
+            continue
+        same = [k for k, other in enumerate(left) if _alike(line, other)]
+        if not same:
+            return f"not printed: {line}"
+        if same[0] and not omitted:
+            break
+        left, omitted = left[same[0] + 1 :], False
+    if left and not omitted:
+        return f"printed, and neither told nor omitted by a line {OMITTED!r}: {left[0]}"
     return None
 
 
 def rewritten(told, shown):
-    """What a page tells, with the numbers that are shown; other lines stay as they are."""
-    lines, left = [], shown.splitlines()
-    for line in told.splitlines():
-        same = [other for other in left if _words(other) == _words(line)]
-        now = next((other for other in same if _alike(line, other)), same[0] if same else None)
-        if now is not None:
-            left = left[left.index(now) + 1 :]
-        lines.append(line if now is None or _alike(line, now) else now.rstrip())
-    return "".join(f"{line}\n" for line in lines)
+    """What the blocks of a page tell, with the lines and numbers that are shown.
+
+    Lines that are not shown stay as they are.
+
+    Args:
+        told: The blocks, which tell of what is shown in order.
+        shown: What is shown.
+    """
+    left, omitted, made = shown.strip("\n").splitlines(), False, []
+    for block in told:
+        lines = []
+        for line in block.splitlines():
+            same = [k for k, other in enumerate(left) if _words(other) == _words(line)]
+            k = next((k for k in same if _alike(line, left[k])), same[0] if same else None)
+            if line == OMITTED or k is None:
+                omitted = omitted or line == OMITTED
+                lines.append(line)
+                continue
+            lines += [] if omitted else left[:k]
+            lines.append(line if _alike(line, left[k]) else left[k])
+            left, omitted = left[k + 1 :], False
+        made.append(lines)
+    if told and not omitted:
+        made[-1] += left
+    return ["".join(f"{line.rstrip()}\n" for line in lines) for lines in made]

@@ -12,7 +12,7 @@ import pytest
 
 import planner
 from tests.docs.blocks import ROOT
-from tests.docs.printed import missing
+from tests.docs.printed import difference
 
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
@@ -62,5 +62,5 @@ def test_the_cells_of_the_notebook_print_what_it_shows(notebook):
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed):
                 exec(compile("".join(cell["source"]), notebook.name, "exec"), names)
-            assert missing(shown, printed.getvalue()) is None, printed.getvalue()
+            assert difference(shown, printed.getvalue()) is None, printed.getvalue()
     assert isinstance(names["found"], planner.Identification)

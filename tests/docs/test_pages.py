@@ -17,7 +17,7 @@ from planner.run import comparison
 from tests.docs import shell
 from tests.docs.blocks import PAGES, ROOT, blocks, prose
 from tests.docs.logs import write_logs
-from tests.docs.printed import missing, rewritten
+from tests.docs.printed import difference, rewritten
 
 RUN = [page for page in PAGES if blocks(page)]
 
@@ -82,12 +82,12 @@ def test_the_blocks_of_the_page_run_and_print_what_it_says(page, request):
                 absent = shell.missing(command)
                 not_installed.update(absent)
                 shown += "" if absent else shell.run(command)
-        for told, place in block.printed:
-            if request.config.getoption("--rewrite-snapshots"):
-                told = rewritten(told, shown)
-                changed.append((place, told))
-            line = missing(told, shown)
-            assert line is None, f"{where}: not printed: {line}\nbut:\n{shown}"
+        told = [each.text for each in block.printed]
+        if request.config.getoption("--rewrite-snapshots"):
+            told = rewritten(told, shown)
+            changed += zip((each.place for each in block.printed), told, strict=True)
+        differs = difference("".join(told), shown) if told else None
+        assert differs is None, f"{where}: {differs}\nof:\n{shown}"
     text = page.read_text(encoding="utf-8")
     for (start, end), told in reversed(changed):
         text = text[:start] + told + text[end:]
@@ -123,6 +123,31 @@ def test_errors_that_the_text_of_a_page_names_are_printed_by_one_of_its_blocks(p
 )
 def test_a_block_is_what_is_printed_to_the_last_digit_or_is_rewritten(shown, same):
     told = "foot  0.616   0.52 %\n"
-    assert (missing(told, f"leg\n{shown}\n") is None) == same
-    assert rewritten(told, f"leg\n{shown}\n") == (told if same else f"{shown}\n")
-    assert rewritten(told, "another line\n") == told
+    assert (difference(told, f"{shown}\n") is None) == same
+    assert rewritten([told], f"{shown}\n") == [told if same else f"{shown}\n"]
+
+
+PRINTED = "leg\nfoot 1\nfoot 2\nin all\n"
+
+
+@pytest.mark.parametrize(
+    ("told", "differs"),
+    [
+        (PRINTED, None),
+        ("...\nfoot 1\n...\nin all\n", None),
+        ("leg\nfoot 1\n...\n", None),
+        ("foot 1\nfoot 2\nin all\n", "printed, and neither told nor omitted by a line '...': leg"),
+        ("leg\nfoot 1\nin all\n", "printed, and neither told nor omitted by a line '...': foot 2"),
+        ("leg\n...\nfoot 1\n", "printed, and neither told nor omitted by a line '...': foot 2"),
+        ("leg\n...\nfoot 3\n...\n", "not printed: foot 3"),
+        ("...\nfoot 2\nfoot 1\n...\n", "not printed: foot 1"),
+    ],
+)
+def test_a_page_tells_all_lines_that_are_printed_or_says_where_it_leaves_out_some(told, differs):
+    assert difference(told, PRINTED) == differs
+
+
+def test_blocks_get_the_lines_that_are_printed_where_they_leave_out_none():
+    assert rewritten(["foot 1\n", "in all\n"], PRINTED) == ["leg\nfoot 1\n", "foot 2\nin all\n"]
+    assert rewritten(["foot 1\n...\n"], PRINTED) == ["leg\nfoot 1\n...\n"]
+    assert rewritten(["another line\n...\n"], PRINTED) == ["another line\n...\n"]
