@@ -1,4 +1,4 @@
-"""Functions compiled by Numba: one decorator, its cache, and what a person is told of it.
+"""Functions compiled by Numba: one decorator, its cache, and the line that announces compilation.
 
 Import this module where compiled functions are defined, and those modules where they are called,
 inside functions: Numba takes a quarter of a second.
@@ -6,6 +6,8 @@ inside functions: Numba takes a quarter of a second.
 
 from __future__ import annotations
 
+import fcntl
+import logging
 import os
 import re
 import shutil
@@ -19,7 +21,9 @@ from typing import Any, ParamSpec, TypeVar
 import numba
 from numba.core import event
 
-COMPILING = "request-planner: compiling the joint model, once after installation ..."
+COMPILING = (
+    "request-planner: compiling the joint model, once after installation, for up to a minute ..."
+)
 
 NO_CACHE = (
     "request-planner: compiling the joint model, at every start, because no folder can be written "
@@ -27,6 +31,11 @@ NO_CACHE = (
 )
 
 CONFIG: Any = numba.config
+
+LOG = logging.getLogger(__name__)
+"""Nothing is announced where it does not take warnings, as with ``--quiet``."""
+
+PACKAGE = Path(__file__).parent
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -88,20 +97,40 @@ def _imported(module: str) -> set[str]:
 
 
 class _Announcement(event.Listener):
-    """Tells a person at a terminal, once a process, that compilation takes a moment."""
+    """Says once on standard error that compilation takes a moment.
+
+    Of processes that compile at the same time, such as workers and the commands of a pipe, one
+    says it: the first that locks the folder, until it ends.
+    """
 
     def __init__(self) -> None:
         self._announced = False
 
     def on_start(self, event: Any) -> None:
         module = str(event.data["dispatcher"].py_func.__module__)
-        if not self._announced and module.startswith("planner."):
-            self._announced = True
-            if sys.stderr is not None and sys.stderr.isatty():
-                print(COMPILING if _cache_folder(module) else NO_CACHE, file=sys.stderr, flush=True)
+        if self._announced or not module.startswith("planner."):
+            return
+        self._announced = True
+        if sys.stderr is None or not LOG.isEnabledFor(logging.WARNING):
+            return
+        kept = _cache_folder(module)
+        folder = PACKAGE if kept is None or PACKAGE in kept.parents else kept.parent
+        if _locked(folder):
+            print(COMPILING if kept else NO_CACHE, file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass
+
+
+def _locked(folder: Path) -> bool:
+    """Lock a folder until this process ends; False where another one has locked it."""
+    try:
+        fcntl.flock(os.open(folder, os.O_RDONLY), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        pass
+    return True
 
 
 event.register("numba:compile", _Announcement())  # type: ignore[no-untyped-call]

@@ -20,6 +20,7 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import settings
 
+import planner
 from planner.planning.bounds import foot_bound
 from tests.browser import Browser
 from tests.snapshots import Snapshot
@@ -78,6 +79,13 @@ def snapshot(request):
     """The snapshots beside a test's file."""
     rewrite = request.config.getoption("rewrite_snapshots")
     return Snapshot(request.path.parent / "snapshots", rewrite=rewrite)
+
+
+def pytest_configure():
+    """Lock the package, as what compiles it does, so that no command announces compilation."""
+    with suppress(BlockingIOError):  # the process that started this one has done it
+        package = os.open(Path(planner.__file__).parent, os.O_RDONLY)
+        fcntl.flock(package, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def pytest_collection_modifyitems(items):

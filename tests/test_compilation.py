@@ -1,4 +1,4 @@
-"""Compiled functions are cached until a source of theirs changes, and compiling is announced."""
+"""Compiled functions are cached until a source of theirs changes; compilation is announced."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import io
 import sys
 from types import SimpleNamespace
 
+import click
 import pytest
 
 from planner import compilation
+from planner.cli.console import _settle
 from planner.model import kernel
 
 
@@ -55,16 +57,38 @@ def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
     assert folder_of("one") is None
 
 
-@pytest.mark.parametrize("terminal", [True, False])
-@pytest.mark.parametrize("cached", [True, False])
-def test_compilation_is_announced_once_and_to_a_terminal_only(terminal, cached, monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr(stream, "isatty", lambda: terminal, raising=False)
-    monkeypatch.setattr("sys.stderr", stream)
-    if not cached:
-        monkeypatch.setattr(compilation, "_cache_folder", lambda _: None)
-    listener = compilation._Announcement()
-    for function in (kernel.run, kernel.along):
-        listener.on_start(SimpleNamespace(data={"dispatcher": function}))
-    told = compilation.COMPILING if cached else compilation.NO_CACHE
-    assert stream.getvalue() == (told + "\n" if terminal else "")
+@pytest.fixture
+def announced(tmp_path, monkeypatch):
+    """What is announced of two compiled functions by a process of its own, after others."""
+    monkeypatch.setattr(compilation, "PACKAGE", tmp_path)
+    monkeypatch.setattr(compilation, "_cache_folder", lambda _: tmp_path / "__pycache__" / "kept")
+
+    def announced():
+        stream = io.StringIO()
+        monkeypatch.setattr("sys.stderr", stream)
+        listener = compilation._Announcement()
+        for function in (kernel.run, kernel.along):
+            listener.on_start(SimpleNamespace(data={"dispatcher": function}))
+        return stream.getvalue()
+
+    return announced
+
+
+def test_compilation_is_announced_once_to_a_terminal_and_to_any_other_stream(announced):
+    assert announced() == compilation.COMPILING + "\n"
+
+
+def test_compilation_without_a_cache_is_announced_with_what_to_do(announced, monkeypatch):
+    monkeypatch.setattr(compilation, "_cache_folder", lambda _: None)
+    assert announced() == compilation.NO_CACHE + "\n"
+
+
+def test_of_processes_that_compile_at_the_same_time_one_announces_it(announced):
+    assert [announced() for _ in range(3)] == [compilation.COMPILING + "\n", "", ""]
+
+
+def test_quiet_commands_announce_no_compilation(announced):
+    with click.Context(click.Command("plan")) as context:
+        _settle(context, click.Option(["--quiet"]), True)
+        assert announced() == ""
+    assert announced() == compilation.COMPILING + "\n"

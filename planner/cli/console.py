@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Any, Literal, TextIO
 
 import click
@@ -195,6 +196,10 @@ def _settle(context: click.Context, option: click.Parameter, value: Any) -> None
     context.meta[KEY] = asked
     if asked == "verbose":
         context.call_on_close(print_log())
+    if asked == "quiet":
+        compilation = logging.getLogger("planner.compilation")
+        context.call_on_close(partial(compilation.setLevel, compilation.level))
+        compilation.setLevel(logging.ERROR)
 
 
 def print_log() -> Callable[[], None]:
