@@ -46,13 +46,18 @@ FIRST_ORDER = only("gain", "lag", "offset")
 """The parameters of a first-order lag."""
 
 
-def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> Fit:
-    """Fit the joint to all logs.
+def fit_joint(
+    logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False
+) -> tuple[Fit, ...]:
+    """Fit the joint, without the terms of ``terms.py``, to all logs.
 
     Args:
         logs: The logs.
         timing: Their ticks.
-        choose_tick: Whether ticks of a whole period may do instead, where they fit better.
+        choose_tick: Whether to try ticks of a whole period, too.
+
+    Returns:
+        The fit; with ticks of a whole period another one after it, where these fit better.
 
     Raises:
         InvalidInput: There is no motion to fit.
@@ -72,15 +77,23 @@ def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False)
             logs, tick=timing.tick, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         best = least_squares(moving(final), best.parameters, scale=best.scale, effort=SEARCH)
+    fits = [best]
     if choose_tick and timing.hold > 1:
         rows = resampled(
             logs, tick=timing.period, reach=timing.reach, burn_in=burn_in, settled=settled
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
-        # Where the log does not tell which ticks the joint has, the two agree to a tenth of that.
-        best = simple if simple.cost < 0.995 * best.cost else best
-    best = least_squares(best.grid, best.parameters, starts=best.starts, effort=SEARCH)
-    return _without_saturation(best)
+        fits += [simple] if better_tick(best, simple) else []
+    again = (least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits)
+    return tuple(map(_without_saturation, again))
+
+
+def better_tick(fine: Fit, whole: Fit) -> bool:
+    """Whether ticks of a whole period fit better.
+
+    Where the log does not tell which ticks the joint has, the two agree to a tenth of the bound.
+    """
+    return huber(whole.residuals, fine.scale) < 0.995 * huber(fine.residuals, fine.scale)
 
 
 def _initial_fit(grid: Grid) -> Fit:

@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
+    better_tick,
     commanded_speed,
     errors_of,
     fit_joint,
@@ -56,7 +57,7 @@ from planner.identification.result import (
     Note,
     note,
 )
-from planner.identification.terms import unmodelled, with_terms
+from planner.identification.terms import backlash_of, with_motor, with_terms
 from planner.report.identification.findings import sentence
 from planner.trajectory import Array, rms
 from planner.validation import as_flag
@@ -106,12 +107,23 @@ def identify(
     _check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
-    logs, timing, fit, evenly_timed = _fitted(logs, tick=tick, hold=hold)
-    timing = timing.ticking(fit.grid.tick)
-    fit, terms = with_terms(fit)
-    every, (logs, stopped) = logs, _without_stops(logs, fit)
+    logs, timing, fits, evenly_timed = _fitted(logs, tick=tick, hold=hold)
+    plain = with_terms(fits[0])
+    found = with_motor(*plain)
+    for fit in fits[1:]:
+        other = with_terms(fit)
+        if better_tick(found[0], (motor := with_motor(*other))[0]):
+            plain, found = other, motor
+    timing = timing.ticking(found[0].grid.tick)
+    every, (logs, stopped) = logs, _without_stops(logs, found[0])
     if stopped:
-        fit, terms = with_terms(fit_joint(logs, timing))
+        plain = with_terms(*fit_joint(logs, timing))
+        found = with_motor(*plain)
+    if hold_out and found[0] is not plain[0]:
+        held = held_out(logs, timing, plain[0], motor=False), held_out(logs, timing, found[0])
+        if held[0] is not None and held[1] is not None and held[0].rms < held[1].rms:
+            found = plain
+    (fit, terms), motor = found, found[0] is not plain[0]
     fit = with_observed_speed(fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -128,7 +140,7 @@ def identify(
     friction = max(frictions, default=0.0) - fit.parameters.dead_band
     if friction == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
-    held = held_out(logs, timing, fit, faster=refuted is not None) if hold_out else None
+    held = held_out(logs, timing, fit, faster=refuted is not None, motor=motor) if hold_out else None
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
@@ -162,7 +174,7 @@ def identify(
             notes.append(note("log", "jitter", period=1e3 * timing.period))
         if hold_out and held is None:
             notes.append(note("log", "nothing held out"))
-        notes += patterns(model, fits, noise, unmodelled(fit))
+        notes += patterns(model, fits, noise, backlash_of(fit))
     unit = logs[0].unit
     return Identification(
         model=model,
@@ -219,16 +231,16 @@ def _refuted(logs: Sequence[Log], fit: Fit, upper: float) -> Note | None:
 
 def _fitted(
     logs: Sequence[Log], *, tick: float | None, hold: int | None
-) -> tuple[Sequence[Log], Timing, Fit, bool]:
-    """The logs, on even times where these fit better, their ticks and the joint that fits best."""
+) -> tuple[Sequence[Log], Timing, tuple[Fit, ...], bool]:
+    """The logs, on even times where these fit better, their ticks, and the fits to them."""
     choose_tick = tick is None and hold is None
     timing = timing_of(logs, tick=tick, hold=hold)
-    fit = fit_joint(logs, timing, choose_tick=choose_tick)
-    even = with_even_rows(logs, timing, fit)
+    fits = fit_joint(logs, timing, choose_tick=choose_tick)
+    even = with_even_rows(logs, timing, fits[-1])
     if even is not None:
         logs, timing = even, timing_of(even, tick=tick, hold=hold)
-        fit = fit_joint(logs, timing, choose_tick=choose_tick)
-    return logs, timing, fit, even is not None
+        fits = fit_joint(logs, timing, choose_tick=choose_tick)
+    return logs, timing, fits, even is not None
 
 
 def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
@@ -297,7 +309,7 @@ def _log_fits(logs: Sequence[Log], fit: Fit, held: HeldOut | None) -> tuple[LogF
 
 
 def held_out(
-    logs: Sequence[Log], timing: Timing, whole: Fit, *, faster: bool = False
+    logs: Sequence[Log], timing: Timing, whole: Fit, *, faster: bool = False, motor: bool = True
 ) -> HeldOut | None:
     """Fit the first part of every log, predict the rest; None where there is nothing to fit in it.
 
@@ -309,6 +321,7 @@ def held_out(
         timing: Their ticks.
         whole: The fit to all rows that are used in the end.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
+        motor: Whether the terms of a motor are sought together, too.
     """
     grid = whole.grid
     middles = [_middle(log) for log in logs]
@@ -317,7 +330,8 @@ def held_out(
     if not known:
         return None
     try:
-        fit, _ = with_terms(fit_joint(known, timing))
+        fit, terms = with_terms(*fit_joint(known, timing))
+        fit, _ = with_motor(fit, terms) if motor else (fit, terms)
     except InvalidInput:
         return None
     rows = np.concatenate(

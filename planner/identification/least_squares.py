@@ -474,7 +474,10 @@ def _damped(matrix: Array, gradient: Array, radius: float) -> Array:
 def _evaluated(grid: Grid, parameters: Parameters, starts: Array, scale: float, free: Free) -> Fit:
     response = respond(grid, parameters, starts)
     residuals = response.predicted - grid.angles
-    return Fit(grid, parameters, free, starts, response, residuals, scale, huber(residuals, scale))
+    law = servo_of(grid, parameters).law
+    moves = law.share * law.friction < law.acceleration  # else friction holds it whatever acts
+    cost = huber(residuals, scale) if moves else math.inf
+    return Fit(grid, parameters, free, starts, response, residuals, scale, cost)
 
 
 def huber(residuals: Array, scale: float) -> float:

@@ -203,6 +203,7 @@ TERMS = {
     "compliance": "compliance",
     "slowing": "speed_per_torque",
     "time_constant": "time_constant",
+    "max_acceleration": "max_acceleration",
 }
 """Parameters that are 0 unless they reduce the loss, with their names in a JointModel."""
 

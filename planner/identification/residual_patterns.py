@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.identification.result import LogFit, Note, note
-from planner.identification.terms import Departure
+from planner.identification.terms import Backlash
 from planner.model.joint import JointModel
 
 FEW_ROWS = 20
@@ -112,7 +112,7 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
 
 
 def patterns(
-    model: JointModel, fits: Sequence[LogFit], noise: float, departures: Sequence[Departure] = ()
+    model: JointModel, fits: Sequence[LogFit], noise: float, backlash: Backlash | None = None
 ) -> list[Note]:
     """A note for each pattern that shows.
 
@@ -120,9 +120,9 @@ def patterns(
         model: The identified joint.
         fits: What it makes of each log.
         noise: Standard deviation of the noise [rad].
-        departures: What :func:`planner.identification.terms.unmodelled` found.
+        backlash: What :func:`planner.identification.terms.backlash_of` found.
     """
-    found = [_departure(each, fits) for each in departures]
+    found = [] if backlash is None else [_backlash(backlash, fits)]
     if abs(model.v_offset) > 0.05 * model.v_max:
         up, down = (model.v_max + way * model.v_offset for way in (1.0, -1.0))
         found.append(note("pattern", "asymmetry", up=up, down=down))
@@ -162,8 +162,8 @@ def shaken(model: JointModel, fits: Sequence[LogFit]) -> list[Note]:
     return found
 
 
-def _departure(found: Departure, fits: Sequence[LogFit]) -> Note:
-    """A departure, in how many places of the logs it shows, and the clearest of them."""
+def _backlash(found: Backlash, fits: Sequence[LogFit]) -> Note:
+    """The play, in how many places of the logs it shows, and the clearest of them."""
     ends = np.cumsum([np.sum(fit.used) for fit in fits])[:-1]
     pieces = (np.split(each, ends) for each in (found.difference, found.gained))
     places = []
@@ -180,7 +180,7 @@ def _departure(found: Departure, fits: Sequence[LogFit]) -> Note:
     clearest = sorted(places, key=lambda place: -place[0])[:2]
     return note(
         "pattern",
-        found.name,
+        "backlash",
         size=found.size,
         rms=found.rms,
         without=found.without,

@@ -1,14 +1,13 @@
 """What a joint has beside the paper's five numbers: terms that are kept, departures that are named.
 
-A further parameter of the model is 0 unless it reduces the loss: inertia, dry friction, asymmetry,
-load. Backlash and an acceleration limit are no part of an identified model. They are detected by
-fitting a joint that has them to the same rows::
+A further parameter of the model is 0, or infinite, unless it reduces the loss: inertia, dry
+friction, asymmetry, load. Backlash is no part of a model. It is detected by fitting a joint that
+has it to the same rows::
 
     m(t) = m(t-1) + w(t),  M(t) = clip(M(t-1), m(t) - h, m(t) + h)
 
-``w`` is the speed of (1a) of ``docs/math.md`` with a time constant T and an acceleration limit A,
-and 2 h the play between the motor m and the angle M. The limit is named where T and A explain
-the rows much better than T alone, the play where T and h do: T is the inertia of every servo.
+``w`` is the speed of (1a) of ``docs/math.md``, and 2 h the play between the motor m and the angle
+M. It is named where it explains the rows much better than the motor's inertia and friction do.
 """
 
 from __future__ import annotations
@@ -43,12 +42,15 @@ from planner.identification.parameters import TERMS, Parameters, only
 from planner.identification.result import Interval, Term
 from planner.trajectory import Array, Indices, Mask, rms
 
-ORDER = ("time_constant", "compliance", "dead_band", "slowing", "asymmetry")
+ORDER = ("time_constant", "dead_band", "compliance", "slowing", "asymmetry")
 """In which order the terms are tried, each beside those that were kept before it."""
 
+MOTOR = ("max_acceleration", "time_constant", "dead_band")
+"""Terms that may show only together: a slow start hides dry friction, and friction the inertia."""
+
 SAVING = 0.2
-"""Least share of the loss that play, or a limit, has to explain. Of 40 made servos with neither
-none reaches it (``scripts/bench identify``)."""
+"""Least share of the loss that play has to explain (of 40 made servos without none reaches it,
+``scripts/bench identify``), and of the residuals that is no noise where more terms are sought."""
 
 EXPLAINED = 0.25
 """Share of the standard deviation of the motion that the enlarged joint misses at most: what
@@ -77,7 +79,7 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
         The fit with the terms that are kept, and the errors with and without each that was tried.
         The interval of a dead band that cannot be told from a sag has no upper end.
     """
-    terms: list[Term] = []
+    terms: dict[str, Term] = {}
     for name in ORDER:
         if not _shows(name, fit):
             continue
@@ -87,18 +89,79 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
         interval = model_interval(trial, uncertainty, name)
         if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
             interval = Interval(0.0, math.inf)
-        terms.append(
-            Term(
-                name=TERMS[name],
-                kept=kept,
-                rms_without=fit.rms,
-                rms_with=trial.rms,
-                interval=interval,
-            )
-        )
+        terms[name] = _term(name, kept, fit, trial, interval)
         fit = trial if kept else fit
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
-    return fit, tuple(terms)
+    return fit, tuple(terms.values())
+
+
+def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
+    """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
+
+    Args:
+        fit: A fit with terms.
+        terms: What was tried for it.
+    """
+    motor = fit
+    for _ in range(3):
+        last, motor = motor, _motor(motor)
+        if motor is last:
+            break
+    if motor is fit:
+        return fit, terms
+    motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
+    uncertainty = uncertainty_of(motor)
+    known = {term.name: term for term in terms}
+    for name in MOTOR:
+        kept = bool(motor.free[Parameters._fields.index(name)])
+        interval = model_interval(motor, uncertainty, name) if kept else Interval(0.0, math.inf)
+        known[TERMS[name]] = _term(name, kept, fit, motor, interval)
+    return motor, tuple(known.values())
+
+
+def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval) -> Term:
+    return Term(
+        name=TERMS[name],
+        kept=kept,
+        rms_without=without.rms,
+        rms_with=with_it.rms,
+        interval=interval,
+    )
+
+
+def _motor(fit: Fit) -> Fit:
+    """The fit with those of :data:`MOTOR` that reduce the loss, sought together.
+
+    Where the residuals are noise from row to row nothing is sought. The search begins with several
+    joints on an excerpt, and terms without which the loss is no larger are left out again.
+    """
+    if structure_of(fit) < SAVING:
+        return fit
+    excerpt = excerpt_of(fit)
+    if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
+        return fit
+    free = fit.free | only(*MOTOR)
+    at, grid = fit.parameters, fit.grid
+    begins = [_limited(joint, grid) for joint in (at, _divided(at, grid))]
+    begins += [each._replace(time_constant=0.5 * at.whole_delay, lag=0.3*each.lag) for each in begins]
+    begins += [each._replace(dead_band=_some_dead_band(each, fit)) for each in begins]
+    begins += [each._replace(v_max=1.3 * each.v_max) for each in begins]
+    trials = [
+        least_squares(
+            excerpt.grid, each, free=free, starts=excerpt.starts, scale=fit.scale, effort=TRIAL
+        )
+        for each in begins
+    ]
+    best = min(trials, key=lambda trial: trial.cost).parameters
+    search = partial(least_squares, grid, starts=fit.starts, scale=fit.scale, effort=TERM)
+    trial = search(best, free=free)
+    if not _pays(fit, trial):
+        return fit
+    for name in MOTOR:
+        bare = trial.parameters._replace(**{name: Parameters._field_defaults[name]})
+        without = search(bare, free=trial.free & ~only(name))
+        trial = trial if _pays(without, trial) else without
+    return trial
 
 
 def _shows(name: str, fit: Fit) -> bool:
@@ -128,7 +191,7 @@ def _fitted_with(name: str, fit: Fit) -> Fit:
     at = fit.parameters
     begins = [at]
     if name == "dead_band":
-        begins = [at._replace(dead_band=2.0 * fit.scale)]
+        begins = [at._replace(dead_band=_some_dead_band(at, fit))]
     if name == "time_constant":
         begins = [  # it replaces a part of the window, and of the lag
             at._replace(
@@ -179,19 +242,17 @@ def _pays(without: Fit, with_it: Fit) -> bool:
     return independent * math.log(before / max(after, 1e-300)) > math.log(independent)
 
 
-class Departure(NamedTuple):
-    """What a joint has beside the model.
+class Backlash(NamedTuple):
+    """Play between motor and angle, which no model has.
 
     Attributes:
-        name: "backlash" or "acceleration limit".
-        size: The play 2 h [rad], or A [rad/s^2].
-        without: Error of the joint with T alone [rad], rms over the rows that were compared.
-        rms: Error of the joint with both [rad].
+        size: The play 2 h [rad].
+        without: Error of the joint without [rad], rms over the rows that were compared.
+        rms: Error of the joint with it [rad].
         difference: By how much they differ at each used row [rad]; 0 where not compared.
-        gained: By how much the squared error of each used row is less with both [rad^2].
+        gained: By how much the squared error of each used row is less with it [rad^2].
     """
 
-    name: str
     size: float
     without: float
     rms: float
@@ -199,25 +260,23 @@ class Departure(NamedTuple):
     gained: Array
 
 
-def unmodelled(fit: Fit) -> list[Departure]:
-    """What the joint has beside the model of a fit, that which explains most first.
+def backlash_of(fit: Fit) -> Backlash | None:
+    """The play of the joint of a fit, if it explains much; inertia and friction are free beside it.
 
     Where the residuals are noise from row to row nothing is sought.
     """
     if structure_of(fit) < SAVING:
-        return []
+        return None
     excerpt = excerpt_of(fit)
     if np.sum(excerpt.compared) < 2 * np.sum(fit.free):
-        return []
+        return None
+    free, at = fit.free | only("dead_band", "time_constant"), fit.parameters
 
     def fitted(begin: Parameters, effort: Effort) -> Fit:  # what begins without stays without
-        further = {"dead_band", "time_constant"}
-        further |= {"play"} if begin.play > 0.0 else set()
-        further |= {"max_acceleration"} if math.isfinite(begin.max_acceleration) else set()
         return least_squares(
             excerpt.grid,
             begin,
-            free=fit.free | only(*further),
+            free=free | only("play") if begin.play > 0.0 else free,
             starts=excerpt.starts,
             scale=fit.scale,
             effort=effort,
@@ -227,40 +286,20 @@ def unmodelled(fit: Fit) -> list[Departure]:
         trials = (fitted(begin, TRIAL) for begin in begins)
         return fitted(min(trials, key=lambda trial: trial.cost).parameters, ENOUGH)
 
-    at, delay, tick = fit.parameters, fit.parameters.whole_delay, fit.grid.tick
-    divided = at._replace(
-        lag=0.25 * delay,
-        acceleration_time=max(0.1 * delay, tick),
-        gain=min(2.0 / delay, at.gain),
-        time_constant=0.2 * delay,
-    )
-    bare = best([at._replace(time_constant=0.1 * at.acceleration_time), divided])
-    both = bare.parameters, divided
-    found = {
-        "acceleration limit": best(_limited(joint, fit.grid) for joint in both),
-        "backlash": best(
-            joint._replace(play=size * bare.rms) for size in (2.0, 5.0) for joint in both
-        ),
-    }
-    for each in found.values():
-        if _saving(bare, each) >= SAVING:  # or is there a better optimum without it
-            without = each.parameters._replace(max_acceleration=math.inf, play=0.0)
-            bare = min(bare, fitted(without, ENOUGH), key=lambda trial: trial.cost)
-    motion = float(np.std(excerpt.grid.angles))
-    named = []
-    for name, each in found.items():
-        play, limit = each.parameters.play, each.parameters.max_acceleration
-        if (
-            _saving(bare, each) >= SAVING
-            and each.rms <= EXPLAINED * motion
-            and play <= MOST_PLAY * motion
-        ):
-            difference, gained = np.zeros((2, len(excerpt.compared)))
-            difference[excerpt.compared] = np.abs(each.residuals - bare.residuals)
-            gained[excerpt.compared] = bare.residuals**2 - each.residuals**2
-            size = play if name == "backlash" else limit
-            named.append(Departure(name, size, bare.rms, each.rms, difference, gained))
-    return sorted(named, key=lambda departure: departure.rms)
+    divided = _divided(at, fit.grid)
+    bare = best([at._replace(time_constant=0.1 * at.acceleration_time), at, divided])
+    sizes = (2.0 * bare.rms, 5.0 * bare.rms)
+    found = best(each._replace(play=size) for each in (bare.parameters, divided) for size in sizes)
+    if _saving(bare, found) >= SAVING:  # or is there a better optimum without it
+        bare = min(bare, fitted(found.parameters._replace(play=0.0), ENOUGH), key=lambda f: f.cost)
+    motion, play = float(np.std(excerpt.grid.angles)), found.parameters.play
+    named = _saving(bare, found) >= SAVING
+    if not (named and found.rms <= EXPLAINED * motion and play <= MOST_PLAY * motion):
+        return None
+    difference, gained = np.zeros((2, len(excerpt.compared)))
+    difference[excerpt.compared] = np.abs(found.residuals - bare.residuals)
+    gained[excerpt.compared] = bare.residuals**2 - found.residuals**2
+    return Backlash(play, bare.rms, found.rms, difference, gained)
 
 
 def _saving(without: Fit, with_it: Fit) -> float:
@@ -268,17 +307,38 @@ def _saving(without: Fit, with_it: Fit) -> float:
     return 1.0 - with_it.cost / max(without.cost, 1e-300)
 
 
+def _divided(at: Parameters, grid: Grid) -> Parameters:
+    """A joint of the same delay, most of which is inertia and a low gain."""
+    delay = at.whole_delay
+    return at._replace(
+        lag=0.25 * delay,
+        acceleration_time=max(0.1 * delay, grid.tick),
+        gain=min(2.0 / delay, at.gain),
+        time_constant=0.2 * delay,
+    )
+
+
 def _limited(at: Parameters, grid: Grid) -> Parameters:
     """Where the search for an acceleration limit begins: it takes half of the ramp."""
     speed = min(at.v_max, grid.fastest)
-    limit = speed / max(at.acceleration_time + at.time_constant, grid.tick)
-    constant = max(0.5 * at.time_constant, grid.tick)
-    return at._replace(
+    limited = at._replace(
         acceleration_time=max(0.5 * at.acceleration_time, grid.tick),
-        time_constant=constant,
-        max_acceleration=limit,
-        dead_band=min(at.dead_band, 0.5 * limit * constant / at.gain),  # or it never moves
+        time_constant=max(0.5 * at.time_constant, grid.tick),
+        max_acceleration=speed / max(at.acceleration_time + at.time_constant, grid.tick),
     )
+    return limited._replace(dead_band=min(at.dead_band, _most_dead_band(limited, grid)))
+
+
+def _some_dead_band(at: Parameters, fit: Fit) -> float:
+    """Where the search for a dead band begins [rad]."""
+    return min(max(at.dead_band, 2.0 * fit.scale), _most_dead_band(at, fit.grid))
+
+
+def _most_dead_band(at: Parameters, grid: Grid) -> float:
+    """Half the dead band from which on the acceleration limit leaves no motion [rad]."""
+    constant = at.time_constant
+    slowing = at.gain * (-math.expm1(-grid.tick / constant) if constant > 0.0 else 1.0)
+    return 0.5 * at.max_acceleration * grid.tick / slowing
 
 
 class Excerpt(NamedTuple):

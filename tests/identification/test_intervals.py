@@ -236,7 +236,7 @@ def test_a_top_speed_that_nothing_called_for_is_lowered_to_what_was():
 def fitted():
     """The fit to a noisy log, and its uncertainty."""
     log = rich_log(noise=NOISE)
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     return fit, uncertainty_of(fit)
 
 
@@ -303,7 +303,7 @@ def test_a_joint_that_is_always_at_top_speed_may_have_any_gain_beside_a_threshol
 def test_an_interval_ends_where_the_profile_has_risen_as_far_as_it_may(amplitude, rows):
     """That of a top speed that few rows show. Two halvings end beyond it, by less than as much."""
     log = rich_log(amplitude=amplitude, noise=2.0 * NOISE, rows=rows)
-    fit = with_observed_speed(fit_joint([log], timing_of([log], tick=None, hold=None)))
+    fit = with_observed_speed(*fit_joint([log], timing_of([log], tick=None, hold=None)))
     uncertainty = uncertainty_of(fit)
     ends = intervals_of(fit, uncertainty)["v_max"]
     free = fit.free & ~only("v_max")
@@ -337,7 +337,7 @@ def test_where_residuals_are_alike_the_loss_may_rise_by_a_fifth_of_it():
     for residuals in (alike[1:], white):
         log = rich_log()
         log = changed(log, angles=log.angles + np.array(residuals))
-        fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+        (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
         rises.append(uncertainty_of(fit).threshold[fit.free] / fit.cost)
         shares.append(structure_of(fit))
     assert shares[0] > 0.3

@@ -83,7 +83,7 @@ def test_residuals_that_are_noise_show_nothing():
 
 def test_without_anything_more_an_enlarged_joint_is_the_model():
     log = hobby_servo(np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 20), 40), 0.02)
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     excerpt = excerpt_of(fit)
     found = respond(excerpt.grid, fit.parameters, excerpt.starts).predicted
     assert np.max(np.abs(found - fit.predicted[excerpt.compared])) <= 1e-12

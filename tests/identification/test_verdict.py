@@ -123,7 +123,7 @@ def test_of_delays_that_are_exchanged_for_one_another_one_line_says_what_is_know
     if not sudden:
         requests = 0.3 * np.sin(2.0 * np.pi * 1.5 * log.times)
         log = changed(log, requests=requests, angles=planner.simulate(JOINT, requests))
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     wide = {"lag": Interval(0.0, 0.04), "acceleration_time": Interval(0.0, 0.09)}
     notes = undetermined_delays(fit, wide, uncertainty_of(fit))
     said = [sentence(note, "rad") for note in notes]
@@ -379,7 +379,7 @@ def test_columns_in_two_scales_are_said_with_both_factors(factor):
 def fitted():
     """A good fit, with what an identification knows of it beside."""
     log = rich_log(noise=NOISE)
-    fit = fit_joint([log], timing_of([log], tick=None, hold=None))
+    (fit,) = fit_joint([log], timing_of([log], tick=None, hold=None))
     uncertainty = uncertainty_of(fit)
     return fit, intervals_of(fit, uncertainty), uncertainty
 

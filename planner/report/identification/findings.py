@@ -111,10 +111,6 @@ SENTENCES: Mapping[str, str] = {
     "{size:angle.2} (the error is {rms:angle} with it and {without:angle} without, rms); it shows "
     "in {places} places, most in {clearest:places}; friction that gives way late looks alike: move "
     "the joint by hand while the motor holds, where play is free",
-    "acceleration limit": "an acceleration limit: the joint gains speed by at most about "
-    "{size:angle/s^2.2} (the error is {rms:angle} with it and {without:angle} without, rms); it "
-    "shows in {places} places, most in {clearest:places}; plans with gentler changes of speed are "
-    "met better",
     "asymmetry": "asymmetry: the joint reaches {up:angle/s} upwards and {down:angle/s} downwards, "
     "as under a load",
     "contradiction": "the logs contradict each other: against one model the joint is {apart:angle} "

@@ -148,7 +148,7 @@ def unmodelled(seeds: int) -> Table:
         for seed in range(seeds):
             size = float(np.random.default_rng([seed, 1]).uniform(least, most))
             log = random_servo(seed, **({defect: size} if defect else {}), **asked)
-            fit, _ = with_terms(fit_joint([log], timing_of([log], tick=None, hold=None)))
+            fit, _ = with_terms(*fit_joint([log], timing_of([log], tick=None, hold=None)))
             began = time.process_time()
             found = departures_of(with_observed_speed(fit))
             seconds += (time.process_time() - began) / seeds

@@ -176,7 +176,7 @@ def unseen(arm: dict[str, list[planner.Log]]) -> Table:
     for joint, logs in arm.items():
         known = [log for log in logs if log.name in FITTED]
         timing = timing_of(known, tick=None, hold=None)
-        fit = fit_joint(known, timing, choose_tick=True)
+        fit = fit_joint(known, timing, choose_tick=True)[-1]
         timing = timing.ticking(fit.grid.tick)
         four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
         found = planner.identify(known)
