@@ -50,7 +50,8 @@ MOTOR = ("max_acceleration", "time_constant", "dead_band")
 
 SAVING = 0.2
 """Least share of the loss that play has to explain (of 40 made servos without none reaches it,
-``scripts/bench identify``), and of the residuals that is no noise where more terms are sought."""
+``scripts/bench identify``), or the terms of a motor that are sought together; and of the residuals
+that is no noise from row to row where either is sought."""
 
 EXPLAINED = 0.25
 """Share of the standard deviation of the motion that the enlarged joint misses at most: what
@@ -161,7 +162,7 @@ def _motor(fit: Fit) -> Fit:
         bare = trial.parameters._replace(**{name: Parameters._field_defaults[name]})
         without = search(bare, free=trial.free & ~only(name))
         trial = trial if _pays(without, trial) else without
-    return trial
+    return trial if _saving(fit, trial) >= SAVING else fit
 
 
 def _shows(name: str, fit: Fit) -> bool:

@@ -19,7 +19,7 @@ from tests.identification.made import (
     step_logs,
 )
 
-NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "acceleration limit")
+NAMES = ("asymmetry:", "mechanical stop", "ringing:", "slow drift", "backlash:")
 
 
 def named(found):

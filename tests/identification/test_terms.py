@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import planner
+from planner.identification.excitation import excite
 from tests.identification.made import AIBO, identified_rich, identified_steps, measured, rich_log
 
 NOISE, QUANTUM = math.radians(0.1), math.radians(0.09)
@@ -129,3 +130,50 @@ def test_a_term_that_saves_less_than_the_logarithm_of_the_rows_is_not_kept(seed)
     saved = [1.0 - (each.rms_with / each.rms_without) ** 2 for each in found.terms]
     assert 0.01 < max(saved) < np.log(160) / 160.0
     assert not any(each.kept for each in found.terms)
+
+
+def motor_logs(truth, seed):
+    """A slow triangle, sines and steps at 50 Hz, as a good encoder reports them."""
+    random = np.random.default_rng(seed)
+    logs = []
+    for kind in ("slow_triangle", "multisine", "steps"):
+        signal = excite(
+            kind, limits=(-math.radians(50.0), math.radians(50.0)), period=0.02, duration=20.0
+        )
+        angles = planner.simulate(truth, signal.requests, cyclic=False)
+        angles = measured(angles, random, noise=NOISE, quantum=QUANTUM)
+        logs.append(planner.Log(times=signal.times, requests=signal.requests, angles=angles))
+    return logs
+
+
+@pytest.mark.parametrize(
+    ("constant", "limit", "degrees"), [(0.02, 57.0, 0.6), (0.06, 30.0, 1.5), (0.07, 45.0, 3.0)]
+)
+def test_inertia_an_acceleration_limit_and_friction_are_found_together(constant, limit, degrees):
+    """Alone none of them shows: the first is kept beside neither of the others."""
+    truth = planner.JointModel(
+        v_max=5.5,
+        theta_0=0.4,
+        lag=0.015,
+        acceleration_time=0.005,
+        tick=0.005,
+        hold=4,
+        dead_band=math.radians(degrees),
+        time_constant=constant,
+        max_acceleration=limit,
+    )
+    found = planner.identify(motor_logs(truth, seed=1), hold_out=False)
+    for name in ("time_constant", "max_acceleration", "dead_band", "v_max", "theta_0"):
+        assert abs(getattr(found.model, name) / getattr(truth, name) - 1.0) <= 0.05, name
+    assert found.rms <= 1.1 * math.hypot(NOISE, QUANTUM / math.sqrt(12.0))
+
+
+def test_an_acceleration_limit_is_kept_in_the_file_with_its_interval(tmp_path):
+    truth = replace(AIBO, tick=0.005, hold=4, max_acceleration=30.0, theta_0=0.4, v_max=5.0)
+    found = planner.identify(motor_logs(truth, seed=2), hold_out=False)
+    assert abs(found.model.max_acceleration / 30.0 - 1.0) <= 0.05
+    found.model.to_toml(tmp_path / "joint.toml")
+    (read,) = planner.read_models(tmp_path / "joint.toml").values()
+    assert read.max_acceleration == found.model.max_acceleration
+    lower, upper = read.evidence.intervals["max_acceleration"]
+    assert lower <= found.model.max_acceleration <= upper < math.inf

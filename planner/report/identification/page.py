@@ -54,6 +54,7 @@ TITLES = {
     "compliance": "compliance",
     "speed_per_torque": "speed per torque",
     "time_constant": "time constant",
+    "max_acceleration": "largest acceleration",
 }
 """What the columns of the table of several joints are called."""
 

@@ -22,6 +22,7 @@ NAMES = {
     "compliance": "sag per torque",
     "speed_per_torque": "top speed per torque",
     "time_constant": "time constant of the speed",
+    "max_acceleration": "largest acceleration",
 }
 """What the parameters are called in words, in the order of tables."""
 
@@ -37,6 +38,7 @@ SYMBOLS = {
     "compliance": "compliance",
     "speed_per_torque": "speed_per_torque",
     "time_constant": "time constant",
+    "max_acceleration": "max_acceleration",
 }
 """The same on a terminal."""
 
@@ -152,6 +154,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
         "lag": (1e3, "ms"),
         "acceleration_time": (1e3, "ms"),
         "time_constant": (1e3, "ms"),
+        "max_acceleration": (units.factor, f"{units.speed}^2"),
         "v_offset": (units.factor, units.speed),
         "compliance": (units.factor, f"{units.angle}/(N m)"),
         "speed_per_torque": (units.factor, f"{units.speed}/(N m)"),
@@ -168,6 +171,8 @@ def parameters(identification: Identification) -> list[Parameter]:
             continue
         factor, unit = unit_of(identification, name)
         value, interval = estimate(identification, name)
+        if math.isinf(value):  # no limit of the acceleration
+            continue
         scaled = Interval(factor * interval.lower, factor * interval.upper)
         si = ""
         if units.si and name in inside:
