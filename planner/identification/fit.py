@@ -46,9 +46,7 @@ FIRST_ORDER = only("gain", "lag", "offset")
 """The parameters of a first-order lag."""
 
 
-def fit_joint(
-    logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False
-) -> tuple[Fit, ...]:
+def fit_joint(logs: Sequence[Log], timing: Timing, *, choose_tick: bool = False) -> tuple[Fit, ...]:
     """Fit the joint, without the terms of ``terms.py``, to all logs.
 
     Args:
@@ -84,7 +82,9 @@ def fit_joint(
         )
         simple = least_squares(rows, found.parameters, scale=best.scale, effort=SEARCH)
         fits += [simple] if better_tick(best, simple) else []
-    again = (least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits)
+    again = (
+        least_squares(fit.grid, fit.parameters, starts=fit.starts, effort=SEARCH) for fit in fits
+    )
     return tuple(map(_without_saturation, again))
 
 

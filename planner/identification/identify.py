@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,6 +55,7 @@ from planner.identification.result import (
     Interval,
     LogFit,
     Note,
+    Term,
     note,
 )
 from planner.identification.terms import backlash_of, with_motor, with_terms
@@ -107,23 +108,19 @@ def identify(
     _check_alike(logs)
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
-    logs, timing, fits, evenly_timed = _fitted(logs, tick=tick, hold=hold)
-    plain = with_terms(fits[0])
-    found = with_motor(*plain)
-    for fit in fits[1:]:
-        other = with_terms(fit)
-        if better_tick(found[0], (motor := with_motor(*other))[0]):
-            plain, found = other, motor
-    timing = timing.ticking(found[0].grid.tick)
-    every, (logs, stopped) = logs, _without_stops(logs, found[0])
+    logs, timing, candidates, evenly_timed = _fitted(logs, tick=tick, hold=hold)
+    plain, full = _with_terms(candidates)
+    timing = timing.ticking(full.fit.grid.tick)
+    every, (logs, stopped) = logs, _without_stops(logs, full.fit)
     if stopped:
-        plain = with_terms(*fit_joint(logs, timing))
-        found = with_motor(*plain)
-    if hold_out and found[0] is not plain[0]:
-        held = held_out(logs, timing, plain[0], motor=False), held_out(logs, timing, found[0])
-        if held[0] is not None and held[1] is not None and held[0].rms < held[1].rms:
-            found = plain
-    (fit, terms), motor = found, found[0] is not plain[0]
+        plain, full = _with_terms(fit_joint(logs, timing))
+    motor = full.fit is not plain.fit
+    if motor and hold_out:
+        bare, more = (
+            held_out(logs, timing, each.fit, motor=each is full) for each in (plain, full)
+        )
+        motor = bare is None or more is None or more.rms <= bare.rms
+    fit, terms = full if motor else plain
     fit = with_observed_speed(fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -140,7 +137,9 @@ def identify(
     friction = max(frictions, default=0.0) - fit.parameters.dead_band
     if friction == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
-    held = held_out(logs, timing, fit, faster=refuted is not None, motor=motor) if hold_out else None
+    held = (
+        held_out(logs, timing, fit, faster=refuted is not None, motor=motor) if hold_out else None
+    )
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
     signal, noise = _signal(fit), noise_of(fit)
@@ -241,6 +240,21 @@ def _fitted(
         logs, timing = even, timing_of(even, tick=tick, hold=hold)
         fits = fit_joint(logs, timing, choose_tick=choose_tick)
     return logs, timing, fits, even is not None
+
+
+class _Fitted(NamedTuple):
+    """A fit, and the terms that were tried for it."""
+
+    fit: Fit
+    terms: tuple[Term, ...]
+
+
+def _with_terms(fits: Sequence[Fit]) -> tuple[_Fitted, _Fitted]:
+    """The fit with the better ticks, without and with the terms of a motor."""
+    plain = [_Fitted(*with_terms(fit)) for fit in fits]
+    full = [_Fitted(*with_motor(*each)) for each in plain]
+    k = 1 if len(fits) > 1 and better_tick(full[0].fit, full[1].fit) else 0
+    return plain[k], full[k]
 
 
 def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:

@@ -144,7 +144,9 @@ def _motor(fit: Fit) -> Fit:
     free = fit.free | only(*MOTOR)
     at, grid = fit.parameters, fit.grid
     begins = [_limited(joint, grid) for joint in (at, _divided(at, grid))]
-    begins += [each._replace(time_constant=0.5 * at.whole_delay, lag=0.3*each.lag) for each in begins]
+    begins += [
+        each._replace(time_constant=0.5 * at.whole_delay, lag=0.3 * each.lag) for each in begins
+    ]
     begins += [each._replace(dead_band=_some_dead_band(each, fit)) for each in begins]
     begins += [each._replace(v_max=1.3 * each.v_max) for each in begins]
     trials = [

@@ -182,7 +182,9 @@ def known(rig: Rig) -> Known:
     times = PERIOD * np.arange(len(requests))
     log = planner.Log(times=times, requests=requests, angles=sensed)
     timing = timing_of([log], tick=None, hold=None)
-    fit = fit_joint([log], timing, choose_tick=True)[-1]  # planner.identify would find friction, too
+    fit = fit_joint([log], timing, choose_tick=True)[
+        -1
+    ]  # planner.identify would find friction, too
     timing = timing.ticking(fit.grid.tick)
     four = fit.parameters.model(tick=timing.tick, hold=timing.hold)
     unloaded = planner.identify(log)
