@@ -148,8 +148,9 @@ class Table:
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: int = 1) -> str:
     """Columns as wide as their widest cell, two blanks apart, under a header line.
 
-    Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow below,
-    in tables that begin with the same first columns.
+    Where the terminal is not wide enough (:func:`fitted_to`), columns that do not fit follow right
+    below, under a header of theirs that begins with the same first columns. A blank line belongs
+    between two tables.
 
     Args:
         header: The columns' names; the first stands on the left, the others on the right.
@@ -167,7 +168,7 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, about: i
             for row in cells
         ]
         blocks.append("\n".join(lines))
-    return "\n\n".join(blocks)
+    return "\n".join(blocks)
 
 
 def _blocks(widths: Sequence[int], about: int) -> list[list[int]]:

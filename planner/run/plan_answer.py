@@ -102,7 +102,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         )
     robot = ["on the robot"] * known
     text += text_table(["joint", "rms [deg]", "max [deg]", *robot, "lower bound", "gap"], rows)
-    text += "\n" + text_table(
+    text += "\n\n" + text_table(
         [
             "requests",
             "largest step [deg]",
@@ -114,7 +114,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         [_motion_cells(*each) for each in zip(desired.names, plan.motions, strict=True)],
     )
     if over_models := _over_models_table(desired, plan):
-        text += f"\n{over_models}"
+        text += f"\n\n{over_models}"
     if desired.foot is not None:
         rms, largest = _errors(100.0 * plan.distances, "cm").values()
         text += f"\nfoot: {rms:.3f} cm rms from its path, {largest:.3f} cm at most"

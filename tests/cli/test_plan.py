@@ -419,3 +419,15 @@ def test_a_motion_that_a_low_rate_loses_is_said(run, tmp_path, rate, lost):
     said = re.search(r"loses (\d+) % of the motion of knee", result.stderr)
     assert ("errors are those from the path that is left" in result.stderr) == (said is not None)
     assert (said is not None and int(said[1]) >= 99) == lost
+
+
+def test_a_blank_line_stands_between_two_tables_and_not_between_the_parts_of_one(
+    run, desired, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "60")
+    result = run("plan", desired, "-o", "out.csv")
+    joints, requests = result.stderr.split("\n\n")
+    assert "requests  " not in joints
+    assert "reversals/s" in requests
+    assert "beyond [deg]" in requests
+    assert requests.count("requests  ") == 2

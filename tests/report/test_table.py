@@ -66,11 +66,18 @@ WIDE = ["joint", *(f"column{k}" for k in range(12))]
 ROWS = [[f"joint number {j}", *(f"{j}.{k} deg" for k in range(12))] for j in range(3)]
 
 
+def parts_of(text, rows):
+    """The parts of one table, which stand right below one another, each with all rows."""
+    lines = text.splitlines()
+    assert all(lines), "blank lines stand between two tables only"
+    return [lines[k : k + rows] for k in range(0, len(lines), rows)]
+
+
 @pytest.mark.parametrize("width", [40, 80, 120])
 def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(width):
     whole = text_table(WIDE, ROWS)
     with fitted_to(width):
-        blocks = [block.splitlines() for block in text_table(WIDE, ROWS).split("\n\n")]
+        blocks = parts_of(text_table(WIDE, ROWS), 1 + len(ROWS))
     assert max(map(len, whole.splitlines())) > width
     assert len(blocks) > 1
     assert all(len(line) <= width for block in blocks for line in block)
@@ -83,8 +90,8 @@ def test_a_table_that_is_wider_than_the_terminal_goes_on_below_with_every_cell(w
 
 def test_a_column_that_no_terminal_is_wide_enough_for_stands_alone():
     with fitted_to(20):
-        blocks = text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]).split("\n\n")
-    assert [block.splitlines()[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]
+        blocks = parts_of(text_table(["a", "b", "c"], [["x", 30 * "y", "z"]]), 2)
+    assert [block[1] for block in blocks] == [f"x  {30 * 'y'}", "x  z"]
 
 
 def test_the_best_trial_of_learning_is_marked_beside_its_error():
