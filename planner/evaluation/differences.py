@@ -15,12 +15,15 @@ from planner.planning.closed_form import switching_time
 from planner.planning.result import Inversion
 from planner.trajectory import Array, index_of_largest, rms
 
-Reason = Literal["saturated", "limit", "corner", "free", "after_end"]
+Reason = Literal["saturated", "limit", "at_rest", "corner", "averaged", "line", "free", "after_end"]
 
 REASONS: Mapping[Reason, str] = {
     "saturated": "the joint moves at v_max when the request acts: any larger one does the same",
     "limit": "the optimised request lies at a limit, of which the closed form knows nothing",
+    "at_rest": "the joint is at rest under both plans: any request within its dead band holds it",
     "corner": "a knot of the approximation is near, where the closed form changes its line at once",
+    "averaged": "the angles differ by less than a quarter of the requests: the joint averages them",
+    "line": "the closed form follows its straight line, which is not on the desired path",
     "free": "none of the others",
     "after_end": "nothing that the request does happens before the last sample",
 }
@@ -31,6 +34,15 @@ AT_TOP_SPEED = 1e-3
 
 AT_LIMIT = 1e-9
 """A request this close to a limit [rad] is at the limit: rounding of degrees, no more."""
+
+AT_REST = 1e-6
+"""A joint that moves slower than this, relative to v_max, is at rest."""
+
+AVERAGED = 0.25
+"""Angles that differ by a smaller share than this of the requests are about the same."""
+
+FROM_LINE = 2.0
+"""Requests of a line differ from those of the path by at most so many times their distance."""
 
 ALIKE = 1e-2
 """Errors closer than this, relative to the larger, are the same: neither plan tracks better."""
@@ -165,13 +177,49 @@ def classify(closed_form: Inversion, optimal: Inversion) -> list[Reason]:
     holds: dict[Reason, npt.NDArray[np.bool_]] = {
         "saturated": inside & at_top,
         "limit": inside & _at_limit(optimal),
+        "at_rest": inside & (_is_at_rest(closed_form) & _is_at_rest(optimal))[there],
         "corner": inside & near,
         "free": inside,
         "after_end": ~inside,
     }
     names = list(holds)
     first = np.argmax(np.stack(list(holds.values())), axis=0)
-    return [names[number] for number in first]
+    reasons = [names[number] for number in first]
+    for start, samples in runs(reasons, cyclic=optimal.cyclic):
+        if reasons[start] == "free":
+            indices = (start + np.arange(samples)) % len(reasons)
+            reason = _reason_between(closed_form, optimal, indices, acts[indices])
+            for k in indices.tolist():
+                reasons[k] = reason
+    return reasons
+
+
+def _reason_between(
+    closed_form: Inversion,
+    optimal: Inversion,
+    requests: npt.NDArray[np.int_],
+    acts: npt.NDArray[np.int_],
+) -> Reason:
+    """The reason of successive requests that are neither saturated nor near a limit or corner.
+
+    Args:
+        closed_form: A plan with an approximation behind it.
+        optimal: An optimised plan.
+        requests: The requests.
+        acts: The samples at which they act.
+    """
+    apart = rms((closed_form.requests - optimal.requests)[requests])
+    if rms((closed_form.predicted - optimal.predicted)[acts]) < AVERAGED * apart:
+        return "averaged"
+    curve = closed_form.approximation
+    if curve is None or apart == 0.0:
+        return "free"
+    line = curve(acts.astype(np.float64))
+    off_path = rms(line - closed_form.desired[acts])
+    explained = apart <= FROM_LINE * off_path
+    on_line = rms(closed_form.predicted[acts] - line) < off_path
+    gains = rms(optimal.errors[acts]) < rms(closed_form.errors[acts])
+    return "line" if explained and on_line and gains else "free"
 
 
 def runs(reasons: list[Reason], *, cyclic: bool) -> list[tuple[int, int]]:
@@ -200,13 +248,25 @@ def _acts_at(plan: Inversion) -> npt.NDArray[np.int_]:
 
 def _at_top_speed(plan: Inversion) -> npt.NDArray[np.bool_]:
     """Whether the joint moves at its top speed all the way to each sample."""
-    before = np.roll(plan.predicted, 1)
-    if not plan.cyclic:
-        before[0] = plan.predicted[0] if plan.start is None else plan.start
-    speeds = (plan.predicted - before) / plan.model.period
+    speeds = _speeds(plan)
     low, high = plan.model.speed_limits(0.0 if plan.load is None else plan.load)
     near = 1.0 - AT_TOP_SPEED
     return np.asarray((speeds >= near * high) | (speeds <= near * low))
+
+
+def _is_at_rest(plan: Inversion) -> npt.NDArray[np.bool_]:
+    """Whether the joint rests in its dead band all the way to each sample."""
+    if plan.model.dead_band == 0.0:
+        return np.zeros(len(plan.requests), dtype=np.bool_)
+    return np.asarray(np.abs(_speeds(plan)) <= AT_REST * plan.model.v_max)
+
+
+def _speeds(plan: Inversion) -> Array:
+    """Mean speed on the way to each sample [rad/s], shape (n,)."""
+    before = np.roll(plan.predicted, 1)
+    if not plan.cyclic:
+        before[0] = plan.predicted[0] if plan.start is None else plan.start
+    return np.asarray((plan.predicted - before) / plan.model.period)
 
 
 def _at_limit(plan: Inversion) -> npt.NDArray[np.bool_]:

@@ -48,6 +48,7 @@ from planner.report.page import (
     origin_lists,
 )
 from planner.report.style import (
+    APPROXIMATION,
     CLOSED_FORM,
     DESIRED,
     DIRECT,
@@ -56,6 +57,7 @@ from planner.report.style import (
     MUTED,
     OPTIMAL,
     REQUESTED,
+    SHIFT,
     SURFACE,
     Role,
     variable,
@@ -91,7 +93,10 @@ class Tint(NamedTuple):
 TINTS: Mapping[Reason, Tint] = {
     "saturated": Tint(REQUESTED, 0.22),
     "limit": Tint(DIRECT, 0.26, "////"),
+    "at_rest": Tint(MUTED, 0.14, "\\\\\\\\"),
     "corner": Tint(CLOSED_FORM, 0.2, "..."),
+    "averaged": Tint(SHIFT, 0.2, "+++"),
+    "line": Tint(APPROXIMATION, 0.22, "---"),
     "after_end": Tint(MUTED, 0.25, "xxx"),
     "free": Tint(SURFACE, 0.0),
 }

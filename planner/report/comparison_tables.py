@@ -29,9 +29,12 @@ MOST_ROWS = 10
 REASON_WORDS: Mapping[Reason, str] = {
     "saturated": "joint at top speed",
     "limit": "request at a limit",
+    "at_rest": "joint at rest",
     "corner": "corner of the lines",
+    "averaged": "averaged by the joint",
+    "line": "line off the path",
     "after_end": "after the end",
-    "free": "no reason of those known",
+    "free": "no known reason",
 }
 """What the reasons are called, in tables and figures."""
 

@@ -412,6 +412,9 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
         )
     )
     limits = plan.task.limits[j]
+    compared = "without a plan, and with it"
+    if plan.method == "shift":
+        compared = "with the desired angles as requests, and with these the best time early"
     in_degrees = None if limits is None else (math.degrees(limits[0]), math.degrees(limits[1]))
     drawn = near_limits(in_degrees, requests, end=timeline.step * timeline.last)
     return timeline.figure(
@@ -422,8 +425,8 @@ def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
         ],
         (
             heading(name),
-            "Above: the joint's angle as desired, without a plan, and with it. Below: its "
-            "requests; limits are drawn where they are near.",
+            f"Above: the joint's angle as desired, {compared}. Below: its requests; limits are "
+            "drawn where they are near.",
         ),
         clock=plan.task.leg is not None or len(plan.names) > 1,
     )

@@ -105,11 +105,13 @@ def joints_table(plan: Plan) -> Table:
     """Errors, bounds, speeds and limits of every joint."""
     bounded = is_bounded(plan)
     known = any(expected_errors(plan))
+    is_shift = plan.method == "shift"
     columns = [
-        Column("planned [deg]", ("rms", "max")),
+        Column("best time shift [deg]" if is_shift else "planned [deg]", ("rms", "max")),
+        *([Column("early [ms]")] if is_shift else []),
         *([Column("on the robot [deg]")] if known else []),
         Column("without a plan [deg]", ("rms", "max")),
-        Column("best time shift", ("rms [deg]", "early [ms]")),
+        *([] if is_shift else [Column("best time shift", ("rms [deg]", "early [ms]"))]),
         *([Column("lower bound [deg]"), Column("gap")] if bounded else []),
         Column("speed [deg/s]", ("desired", "top")),
         Column("too fast"),
@@ -128,11 +130,13 @@ def joints_table(plan: Plan) -> Table:
         planned, direct = (
             tuple(f"{error:.3f}" for error in errors) for errors in (row.planned, row.direct)
         )
+        early_by = f"{1e3 * lead:.0f}"
         cells: list[str | tuple[str, ...]] = [
             planned,
+            *([early_by] if is_shift else []),
             *([f"{expected:.3f}" if expected else NOTHING] if known else []),
             direct,
-            (f"{error:.3f}", f"{1e3 * lead:.0f}"),
+            *([] if is_shift else [(f"{error:.3f}", early_by)]),
             *(bounds if bounded else []),
             (f"{row.speed:.0f}", f"{row.top_speed:.0f}"),
             percent(row.too_fast, 0),

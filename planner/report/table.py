@@ -196,8 +196,8 @@ def signed(text: str) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share as a percentage; of nothing, such as of a lower bound of zero, there is none."""
-    return "bound 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
+    """A share as a percentage; there is none of a lower bound of zero, which the words say."""
+    return "lower bound is 0" if math.isinf(share) else f"{100.0 * share:.{digits}f} %"
 
 
 def _joined(cell: str | tuple[str, ...], column: Column) -> str:

@@ -68,6 +68,7 @@ CASES = {
     "plan-rest": "plan path.csv --no-cyclic --start-deg 2 --limits-deg knee=0:40 --norm max -v",
     "plan-foot-robust": f"plan stride.csv {CLAMPED} --model uncertain.toml --method foot-optimal "
     "--robust mean --report page.html",
+    "plan-shift": "plan path.csv --method shift --report page.html -o out.csv",
     "plan-robust": "plan path.csv --speed 0.5 --model uncertain.toml --robust mean --report "
     "page.html",
     "refine": "refine path.csv measured.csv --desired path.csv --model joint.toml "

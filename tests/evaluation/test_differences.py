@@ -158,6 +158,57 @@ def test_the_difference_of_the_requests_is_measured_and_shared_out():
     assert found.shares == pytest.approx({"saturated": 0.9, "free": 0.1, "after_end": 0.0})
 
 
+def _servo(dead_band):
+    """A hobby servo that takes 50 requests a second, of three of which it moves by the mean."""
+    return JointModel(v_max=5.0, theta_0=0.3, lag=0.02, acceleration_time=0.06, tick=0.005, hold=4,
+                      dead_band=dead_band)  # fmt: skip
+
+
+ANGLE = np.pi * 0.02 * np.arange(100)
+CURVED = np.radians(20.0 * np.sin(ANGLE) + 5.0 * np.sin(3.0 * ANGLE))
+RESTING = np.radians(np.clip(30.0 * np.sin(ANGLE), -15.0, 15.0))
+
+
+@pytest.mark.parametrize(
+    ("model", "desired", "main"),
+    [
+        (_servo(0.03), RESTING, "at_rest"),
+        (_servo(0.0), RESTING, "averaged"),
+        (_servo(0.0), CURVED, "line"),
+        (_servo(0.01), CURVED, "line"),
+    ],
+)
+def test_the_requests_of_a_hobby_servo_differ_for_known_reasons(model, desired, main):
+    shares = difference(invert_closed_form(model, desired), invert_optimal(model, desired)).shares
+    others = {reason: share for reason, share in shares.items() if reason != "corner"}
+    assert max(others, key=others.get) == main
+    assert shares.get("free", 0.0) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("closed_form", "optimised", "apart", "reason"),
+    [
+        (0.0, 0.2, 0.3, "line"),
+        (-0.3, 0.2, 0.3, "free"),
+        (0.0, 0.5, 0.3, "free"),
+        (0.0, 0.2, 0.6, "free"),
+        (0.0, 0.2, 0.9, "averaged"),
+        (0.0, 0.0, 0.1, "averaged"),
+    ],
+)
+def test_a_line_off_the_path_explains_what_it_causes_and_no_fault(
+    closed_form, optimised, apart, reason
+):
+    """The line is at 0, the path at 0.2; faults are plans that are neither on it nor good."""
+    reasons = classify(
+        _plan(knots=[30.0, 59.0], predicted=np.full(SAMPLES, closed_form),
+              desired=np.full(SAMPLES, 0.2)),
+        _plan(predicted=np.full(SAMPLES, optimised), requests=np.full(SAMPLES, apart),
+              desired=np.full(SAMPLES, 0.2)),
+    )  # fmt: skip
+    assert set(reasons) == {"corner", reason}
+
+
 @pytest.mark.parametrize("cyclic", [True, False])
 @pytest.mark.parametrize("hold", [1, 3])
 def test_the_intervals_of_real_plans_cover_every_request_once(cyclic, hold):

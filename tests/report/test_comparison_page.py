@@ -145,7 +145,7 @@ def test_the_shades_cover_each_reason_and_its_name_is_reported_under_the_pointer
     shaded = np.zeros(len(difference.x))
     for span in apart.spans:
         shaded += (span.start < difference.x) & (difference.x < span.end)
-    free = np.array([note == "no reason of those known" for note in difference.notes])
+    free = np.array([note == "no known reason" for note in difference.notes])
     # At the cycle boundary two shades may meet.
     np.testing.assert_array_equal(shaded[1:-1], ~free[1:-1])
 

@@ -11,6 +11,7 @@ import pytest
 
 import planner
 from kinematics import Limits
+from planner.planning.time_shift import shifted
 from planner.report.plan import cards, jumps_of, plan_page, remarks, verdict
 from planner.report.plan_tables import joint_rows, joints_table
 
@@ -181,8 +182,17 @@ def test_a_clamped_path_tells_the_distance_to_the_path_as_given_too(outcome):
 def test_a_plan_without_an_error_has_no_infinite_gap(outcome):
     exact = asked(outcome, goal="angles")
     cells = joints_table(exact).rows[0].cells
-    assert "bound 0" in cells
+    assert "lower bound is 0" in cells
     assert "inf" not in str(cells)
+
+
+def test_the_page_of_a_time_shift_calls_it_by_this_name_and_shows_it_once(outcome):
+    shift = joints_table(asked(shifted(asked(outcome, goal="angles").task)))
+    titles = [each.title for each in shift.columns]
+    assert titles[:3] == ["best time shift [deg]", "early [ms]", "without a plan [deg]"]
+    assert not any("planned" in title for title in titles)
+    assert sum("shift" in title for title in titles) == 1
+    assert all(len(row.cells) == len(titles) for row in shift.rows)
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

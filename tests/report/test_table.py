@@ -59,7 +59,7 @@ def test_a_page_has_every_part_in_a_cell_and_every_subject_once():
 def test_a_share_of_nothing_is_no_percentage():
     assert percent(0.0125) == "1.25 %"
     assert percent(0.5, 0) == "50 %"
-    assert percent(math.inf) == "bound 0"
+    assert percent(math.inf) == "lower bound is 0"
 
 
 WIDE = ["joint", *(f"column{k}" for k in range(12))]
