@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def one():
 
 @pytest.fixture(scope="module")
 def several():
-    refused = dataclasses.replace(never_saturated(), verdict="refused", held_out_rms=None)
+    refused = replace(never_saturated(), verdict="refused", held_out_rms=None)
     gripper = made_up(made_up_log(unit="1", joint="<gripper> & co", name="<img src=x>.csv"))
     return identification_page({"hip": made_up(), "knee": refused, "<gripper> & co": gripper})
 
@@ -138,10 +138,8 @@ def test_rows_that_were_left_out_are_counted_with_the_reason():
     log, used = found.fits[0].log, found.fits[0].used.copy()
     torque_on = log.torque_on.copy()
     torque_on[500:507] = used[500:507] = False
-    fit = dataclasses.replace(
-        found.fits[0], log=dataclasses.replace(log, torque_on=torque_on), used=used
-    )
-    page = identification_page({"": dataclasses.replace(found, fits=(fit,))})
+    fit = replace(found.fits[0], log=replace(log, torque_on=torque_on), used=used)
+    page = identification_page({"": replace(found, fits=(fit,))})
     assert "rows left out, and why" in page
     assert "7 without torque" in page
 
@@ -205,6 +203,22 @@ def test_every_figure_is_the_same_on_paper_and_on_a_screen(found):
         check_same(figure)
 
 
+@pytest.mark.parametrize("held_out", [True, False])
+def test_bars_and_numbers_of_the_descriptions_are_one_error_which_the_axis_names(held_out):
+    found = made_up()
+    if not held_out:
+        fitted = tuple(replace(each, held_out_rms=None) for each in found.alternatives)
+        found = made_up(held_out_rms=None, alternatives=fitted)
+    figure = alternatives_figure(found)
+    errors = [each.held_out_rms if held_out else each.rms for each in (*found.alternatives, found)]
+    (panel,) = figure.panels
+    assert [curve.x[-1] for curve in panel.curves] == pytest.approx(np.degrees(errors))
+    assert [words.text for words in panel.words] == [f"{each:.3g}" for each in np.degrees(errors)]
+    where = "on rows held out" if held_out else "on all rows"
+    assert figure.x.title == f"rms error {where}"
+    assert where in figure.caption
+
+
 @pytest.mark.parametrize("found", [made_up(), never_saturated()], ids=["saturated", "never"])
 def test_the_cloud_shows_points_about_the_identified_line(found):
     figure, cloud = cloud_figure(found), cloud_of(found)
@@ -244,14 +258,14 @@ def test_the_table_of_joints_has_each_number_under_its_own_title():
 
 def with_dead_band(found):
     """The same identification of a joint with dry friction."""
-    model = dataclasses.replace(found.model, dead_band=0.01)
+    model = replace(found.model, dead_band=0.01)
     intervals = {**found.intervals, "dead_band": Interval(0.009, 0.011)}
-    return dataclasses.replace(found, model=model, intervals=intervals)
+    return replace(found, model=model, intervals=intervals)
 
 
 def test_a_log_without_a_single_interval_has_an_empty_cloud():
     found = made_up()
-    none = [dataclasses.replace(fit, used=np.zeros_like(fit.used)) for fit in found.fits]
-    figure = cloud_figure(dataclasses.replace(found, fits=tuple(none)))
+    none = [replace(fit, used=np.zeros_like(fit.used)) for fit in found.fits]
+    figure = cloud_figure(replace(found, fits=tuple(none)))
     assert [curve.name for curve in figure.panels[0].curves if curve.legend] == ["f, identified"]
     check_same(figure)

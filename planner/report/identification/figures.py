@@ -256,26 +256,23 @@ def _strip(found: Identification, name: str, value: float) -> tuple[float, float
 
 
 def alternatives_figure(found: Identification, prefix: str = "") -> Figure:
-    """How far off each description is, on all rows and on those held out."""
+    """How far off each description is, on rows held out where there are any."""
     units, entries = units_of(found), errors(found)
+    where = "on all rows" if found.held_out_rms is None else "on rows held out"
     curves, words = list[Curve](), list[Words]()
     for k, error in enumerate(entries):
-        y, rms, unseen = float(k), units.factor * error.rms, units.factor * error.telling
+        y, rms = float(k), units.factor * error.telling
         role = MUTED if error.name else CLOSED_FORM
-        curves.append(_stroke(role, (0.0, rms), (y, y), 1.5 * BAR, "all rows"))
-        if error.held_out is not None:
-            curves.append(
-                _stroke(OPTIMAL, (unseen, unseen), (y - 0.34, y + 0.34), 2.6, "rows held out")
-            )
-        words.append(Words(f"{unseen:.3g}", max(rms, unseen), y, "left"))
-    most = max(units.factor * max(error.rms, error.telling) for error in entries)
+        curves.append(_stroke(role, (0.0, rms), (y, y), 1.5 * BAR, error.words, legend=False))
+        words.append(Words(f"{rms:.3g}", rms, y, "left"))
+    most = max(units.factor * error.telling for error in entries)
     return Figure(
         f"{prefix}alternatives",
         "Error of each description",
-        "Rms error of four descriptions of the same rows: that the joint is where the request is, "
-        "that it is there later, that it follows a first-order lag, and the joint model. The "
-        "number is the error on rows held out, where there are any.",
-        Axis("rms error", units.angle, (0.0, 1.15 * most or 1.0)),
+        "Four descriptions of the same rows: that the joint is where the request is, that it is "
+        "there later, that it follows a first-order lag, and the joint model. Each bar and its "
+        f"number is the rms error {where}.",
+        Axis(f"rms error {where}", units.angle, (0.0, 1.15 * most or 1.0)),
         (
             Panel(
                 Axis("", range=(len(entries) - 0.5, -0.5),
