@@ -220,7 +220,9 @@ SETTINGS = {
             type=types.ANGLES,
             multiple=True,
             metavar="[JOINT=]DEG",
-            help="With --no-cyclic: where all joints, or one, rest before the path begins.",
+            help="With --no-cyclic: the angle at which all joints, or one, rest before the path "
+            "begins [degrees, or percent of the range, from the same zero as the path].  "
+            "[default: where the path begins]",
         ),
         _setting("tolerance.cm", "--tolerance-cm", metavar="CM", help=TOLERANCE.format("the foot")),
         _setting(

@@ -221,7 +221,7 @@ SPAN = Parsed(_span, "LOW:HIGH in degrees with LOW below HIGH, such as -27:147")
 SPANS = ByJoint(
     _span, "LOW:HIGH or JOINT=LOW:HIGH in degrees with LOW below HIGH, such as knee=-27:147"
 )
-ANGLES = ByJoint(finite, "DEG or JOINT=DEG, such as knee=30")
+ANGLES = ByJoint(finite, "degrees, as DEG or JOINT=DEG, such as knee=30")
 POSE = ByJoint(finite, "JOINT=DEG, such as wrist=-90", all_joints=False)
 PARAMETER = ByJoint(finite, "NAME=VALUE, such as length=0.04", all_joints=False)
 POSITIONS = ByJoint(_position, "JOINT=DEG, such as wrist=-90", all_joints=False)

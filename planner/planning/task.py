@@ -382,12 +382,15 @@ class Task:
         worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
         sag = float(sags[worst])
         if beyond[worst] > ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG):
-            what = f"desired: sample {worst}" if worst < count else "start: it"
+            least, most = lower + sag - model.dead_band, upper + sag + model.dead_band
+            what, remedy = "start: it", "choose a start there"
+            if worst < count:
+                what, remedy = f"desired: sample {worst}", "clip the trajectory"
             raise Infeasible(
-                f"{what} is {angle_text(angles[worst])}, {angle_text(beyond[worst])} beyond the "
-                f"angles {angle_text(lower + sag - model.dead_band, upper + sag + model.dead_band)}"
-                " where the limits on the requests let the joint rest; clip the trajectory, or "
-                "widen the limits"
+                f"{what} is {angle_text(angles[worst], spelt=True)}, "
+                f"{angle_text(beyond[worst], spelt=True)} beyond the angles "
+                f"{angle_text(least, most, spelt=True)} where the limits on the requests let the "
+                f"joint rest; {remedy}, or widen the limits"
             )
 
 

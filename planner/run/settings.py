@@ -388,7 +388,11 @@ class Start(Settings):
 
     deg: Annotated[
         float | None,
-        About(help="Angle of every joint [deg].", otherwise="where the path begins", example=0.0),
+        About(
+            help="Angle of every joint [deg], from the same zero as the path.",
+            otherwise="where the path begins",
+            example=0.0,
+        ),
     ] = None
     joints: Annotated[
         dict[str, float],

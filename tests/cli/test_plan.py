@@ -431,3 +431,22 @@ def test_a_blank_line_stands_between_two_tables_and_not_between_the_parts_of_one
     assert "reversals/s" in requests
     assert "beyond [deg]" in requests
     assert requests.count("requests  ") == 2
+
+
+@pytest.mark.parametrize("command", ["plan", "simulate"])
+def test_the_help_of_the_start_says_its_unit_and_its_zero(run, command):
+    said = " ".join(run(command, "--help").stdout.split())
+    about = said.partition("--start-deg, --start [JOINT=]DEG ")[2].partition("[default")[0]
+    assert "[degrees, or percent of the range, from the same zero as the path]" in about
+
+
+@pytest.mark.parametrize("start", ["200", "2000"])
+def test_a_start_beyond_the_limits_is_refused_in_degrees(run, desired, start):
+    ask = ("plan", desired, "--no-cyclic", "--limits-deg", "-60:40")
+    result = run(*ask, "--start-deg", start, "-o", "out.csv")
+    assert result.exit_code == 2
+    assert f"--start-deg: it is {start} degrees, {int(start) - 40} degrees beyond the angles" in (
+        result.stderr
+    )
+    assert "-60 to 40 degrees where the limits on the requests let the joint rest" in result.stderr
+    assert "choose a start there, or widen the limits" in result.stderr
