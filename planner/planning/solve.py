@@ -174,12 +174,13 @@ def search(problem: Problem, state: State) -> Array:
     further ones start from the desired angles and from those as early as the joint is late.
     """
     (model,) = problem.models
-    starts = [state]
+    starts, best = [state], minimise(problem, state, NARROW)
+    near = OPTIONS.far * problem.error(state.angles)
     limited = math.isfinite(model.max_acceleration)  # of which the ideal does not know
+    limited = limited and best[1] > near + OPTIONS.negligible * model.theta_0
     if limited or below_top_speed(problem, state.angles) <= OPTIONS.compared:
         starts.append(state._replace(requests=best_closed_form(problem)))
-    best = min((minimise(problem, start, NARROW) for start in starts), key=itemgetter(1))
-    near = OPTIONS.far * problem.error(state.angles)
+        best = min(best, minimise(problem, starts[1], NARROW), key=itemgetter(1))
     if problem.norm == "max" and best[1] > near:
         other = minimise(problem, state, NARROW, through_rms=True)
         best = min(best, other, key=itemgetter(1))
