@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.exceptions import InvalidInput
 from planner.identification.fit import (
+    at_ticks,
     better_tick,
     commanded_speed,
     errors_of,
@@ -25,6 +26,7 @@ from planner.identification.fit import (
 from planner.identification.grid import (
     Grid,
     Timing,
+    fine_hold,
     measured_speed,
     resampled,
     timing_of,
@@ -121,6 +123,12 @@ def identify(
         )
         motor = bare is None or more is None or more.rms <= bare.rms
     fit, terms = full if motor else plain
+    coarse = timing
+    if tick is None and hold is None and timing.hold > 1:
+        finer = fine_hold(timing.period, fit.parameters.acceleration_time)
+        if finer > timing.hold:
+            timing = timing.ticking(timing.period / finer)
+            fit = at_ticks(logs, fit, timing.tick)
     fit = with_observed_speed(fit)
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
@@ -138,7 +146,7 @@ def identify(
     if friction == math.inf:  # or it is a sag
         bounds["offset"] = Interval(-math.inf, math.inf)
     held = (
-        held_out(logs, timing, fit, faster=refuted is not None, motor=motor) if hold_out else None
+        held_out(logs, coarse, fit, faster=refuted is not None, motor=motor) if hold_out else None
     )
     simple = simple_fits(fit.grid)
     errors = {other.name: rms(errors_of(other, fit.grid, fit.starts)) for other in simple}
@@ -332,7 +340,7 @@ def held_out(
 
     Args:
         logs: The logs.
-        timing: Their ticks.
+        timing: Ticks on which the terms of the joint are sought.
         whole: The fit to all rows that are used in the end.
         faster: Whether its top speed is that of rows that are not fitted; then it is taken, too.
         motor: Whether the terms of a motor are sought together, too.
@@ -346,6 +354,7 @@ def held_out(
     try:
         fit, terms = with_terms(*fit_joint(known, timing))
         fit, _ = with_motor(fit, terms) if motor else (fit, terms)
+        fit = at_ticks(known, fit, grid.tick)
     except InvalidInput:
         return None
     rows = np.concatenate(

@@ -28,7 +28,7 @@ MOST_HOLD = 1000
 
 MOST_TERMS = 5000
 """Most terms of Equation 3 between two requests, ``hold`` times the ticks of the acceleration time:
-a simulation's time grows with them. Models identified by default have at most 3200."""
+a simulation's time grows with them. Models identified by default have half as many."""
 
 LEAST, MOST = 1e-15, 1e9
 """Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""

@@ -55,29 +55,57 @@ def assert_found(model, expected):
 # lags with other acceleration times have the same ratio.
 @pytest.mark.parametrize("model", [AIBO, SERVO, replace(AIBO, lag=0.0, acceleration_time=0.0184)])
 def test_a_log_without_noise_gives_the_model_back(model):
-    found = planner.identify(rich_log(model, amplitude=1.0))
+    found = planner.identify(rich_log(model, amplitude=1.0), hold=model.hold)
     assert_close(found.model, model, EXACT)
     assert found.accepted
     assert found.held_out_rms <= EXACT
 
 
-def test_the_model_keeps_the_logs_period_and_its_own_ticks():
-    for model in (AIBO, SERVO):
+def test_the_model_keeps_the_logs_period_in_ticks_of_a_millisecond_or_those_that_are_asked_for():
+    for model, hold in ((AIBO, 1), (SERVO, 20)):
         found = planner.identify(rich_log(model, amplitude=1.0), hold_out=False).model
-        assert found.hold == model.hold
+        assert found.hold == hold
         assert math.isclose(found.period, model.period)
     given = planner.identify(rich_log(SERVO, amplitude=1.0), hold=2, hold_out=False).model
     assert given.hold == 2
     assert math.isclose(given.tick, SERVO.period / 2)
 
 
-@pytest.mark.parametrize("hold", [1, 4])
+@pytest.mark.parametrize("hold", [1, 20])
 def test_which_ticks_a_slow_joint_has_is_decided_by_how_well_they_fit(hold):
     joint = replace(SERVO, tick=SERVO.period / hold, hold=hold, lag=0.02, acceleration_time=0.05)
     found = planner.identify(rich_log(joint, rows=1500, noise=NOISE), hold_out=False)
     assert found.model.hold == hold
     assert math.isclose(found.model.period, SERVO.period)
     assert found.intervals["lag"].lower <= joint.lag <= found.intervals["lag"].upper
+
+
+@pytest.mark.parametrize("constant", [0.0, 0.02])
+def test_what_is_found_belongs_to_the_joint_and_not_to_the_rate_of_its_log(constant):
+    """A joint that runs in half milliseconds, in logs of 100 and 50 rows a second."""
+    for period in (0.01, 0.02):
+        joint = replace(
+            SERVO,
+            v_max=5.2,
+            theta_0=0.26,
+            lag=0.02,
+            acceleration_time=0.03,
+            tick=0.0005,
+            hold=round(period / 0.0005),
+            time_constant=constant,
+        )
+        log = rich_log(joint, rows=1500, noise=NOISE, amplitude=0.6)
+        found = planner.identify(log, hold_out=False).model
+        assert abs(found.v_max / found.theta_0 / 20.0 - 1.0) <= 0.02
+        assert abs(found.lag - joint.lag) <= 0.0015
+        assert abs(found.time_constant - constant) <= 0.001
+
+
+def test_a_long_window_has_fewer_ticks_than_a_model_may_have():
+    joint = replace(SERVO, acceleration_time=0.6, lag=0.02)
+    log = rich_log(joint, rows=1500, noise=NOISE, amplitude=0.6)
+    found = planner.identify(log, hold_out=False).model
+    assert abs(found.acceleration_time / 0.6 - 1.0) <= 0.05
 
 
 def test_milliseconds_taken_for_seconds_are_refused():
