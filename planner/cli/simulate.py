@@ -92,10 +92,12 @@ def simulate(
     expected = () if path is None else _expected(path, given, angles, loads, cyclic=cyclic)
     robot = {
         name: {
-            f"expected_rms_{given.unit(j)}": None if np.isnan(error) else float(np.degrees(error)),
-            "untested": list(untested),
+            f"expected_rms_{given.unit(j)}": None
+            if np.isnan(each.error)
+            else float(np.degrees(each.error)),
+            "untested": list(each.untested),
         }
-        for j, (name, (error, untested)) in enumerate(zip(given.names, expected, strict=False))
+        for j, (name, each) in enumerate(zip(given.names, expected, strict=False))
     }
     document = {
         "cyclic": cyclic,

@@ -34,6 +34,7 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
         "[rad/s^2, rad] accelerations, each with the error of such motion, all rms",
     ),
     "delay_error": ((), "[s] uncertainty of the delay of moving requests, if none were logged"),
+    "error_spread": ((2,), "[-] least and largest error of 90 % of motions over the expected one"),
 }
 """Keys beside the parameters, for the first fields of Evidence: shapes, and what they hold."""
 

@@ -19,7 +19,7 @@ from planner.model.evidence import (
     Evidence,
     Run,
     Verdict,
-    errors_by_acceleration,
+    errors_of_motion,
     under_moving_requests,
 )
 from planner.model.joint import JointModel
@@ -277,6 +277,7 @@ class Identification:
     def tested(self) -> Evidence:
         """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
+        by_motion = errors_of_motion([run for fit in self.fits for run in _runs(fit)])
         return Evidence(
             self.expected_error,
             self.fastest,
@@ -284,8 +285,9 @@ class Identification:
             (float(np.min(angles)), float(np.max(angles)))
             if len(angles)
             else (-math.inf, math.inf),
-            errors_by_acceleration([run for fit in self.fits for run in _runs(fit)]),
+            by_motion.by_acceleration,
             self._delay_error() if _holds_steps_only(self.fits) else 0.0,
+            by_motion.spread,
             {name: (interval.lower, interval.upper) for name, interval in self._known().items()},
             self.correlations,
             self.verdict,

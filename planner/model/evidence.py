@@ -90,6 +90,8 @@ class Evidence(NamedTuple):
             pair is that of the most accelerated part of the logs.
         delay_error: Where the logs hold steps only, half the width of the 95 % interval of the time
             by which the joint trails requests that move [s]; 0 where such requests were tested.
+        spread: Least and largest error of a motion in 90 % of cases, as shares of the one that is
+            expected; from 0 to infinity where that is not known.
         intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
             names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
             stands in the place of theta_0.
@@ -105,6 +107,7 @@ class Evidence(NamedTuple):
     angles: tuple[float, float] = (-math.inf, math.inf)
     by_acceleration: tuple[tuple[float, float], ...] = ()
     delay_error: float = 0.0
+    spread: tuple[float, float] = (0.0, math.inf)
     intervals: Mapping[str, tuple[float, float]] = {}
     correlations: tuple[tuple[float, ...], ...] = ()
     verdict: Verdict | None = None
@@ -144,6 +147,20 @@ class Evidence(NamedTuple):
             0.0038
         """
         return math.hypot(*self._errors_of(_motion(angles, period, cyclic=cyclic)))
+
+    def range_of(self, angles: Array, *, period: float, cyclic: bool) -> tuple[float, float]:
+        """Between which errors that of the model lies in 90 % of motions like this one [rad].
+
+        What the interval of the delay adds to :meth:`error_of` counts in the larger one only.
+
+        Args:
+            angles: Angles by the model [rad], shape (n,).
+            period: Time between them [s].
+            cyclic: Whether the motion repeats.
+        """
+        tested, by_delay = self._errors_of(_motion(angles, period, cyclic=cyclic))
+        least, most = self.spread
+        return least * tested, math.hypot(most * tested, by_delay) if tested else by_delay
 
     def _errors_of(self, motion: _Motion) -> tuple[float, float]:
         """What was tested, and what the interval of the delay adds [rad], rms."""
@@ -281,10 +298,14 @@ class Expectation(NamedTuple):
         error: Root mean square error to expect [rad]; NaN where the model has no evidence.
         untested: In what the motion is outside of what the model was tested on, see
             :meth:`Evidence.exceeded`; the error may then be larger.
+        low: Error that 5 % of such motions stay below [rad]; NaN where that is not known.
+        high: Error that 5 % of such motions exceed [rad]; NaN likewise.
     """
 
     error: float
     untested: tuple[str, ...]
+    low: float = math.nan
+    high: float = math.nan
 
 
 def expectation(
@@ -311,7 +332,12 @@ def expectation(
     torque = 0.0 if load is None else load
     error = evidence.error_of(predicted, period=period, cyclic=cyclic)
     untested = evidence.exceeded(predicted, period=period, cyclic=cyclic, load=torque)
-    return Expectation(math.hypot(rms(predicted - desired), error), untested)
+    own = rms(predicted - desired)
+    low, high = (
+        math.hypot(own, end) if math.isfinite(evidence.spread[1]) else math.nan
+        for end in evidence.range_of(predicted, period=period, cyclic=cyclic)
+    )
+    return Expectation(math.hypot(own, error), untested, low, high)
 
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
@@ -336,8 +362,15 @@ class Run(NamedTuple):
     period: float  # [s]
 
 
-def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ...]:
-    """The two pairs of :class:`Evidence` between which the error lies on a straight line.
+class ErrorsOfMotion(NamedTuple):
+    """How the error of a model depends on the motion: two fields of :class:`Evidence`."""
+
+    by_acceleration: tuple[tuple[float, float], ...]
+    spread: tuple[float, float]
+
+
+def errors_of_motion(runs: Sequence[Run]) -> ErrorsOfMotion:
+    """The pairs between which the error lies on a straight line, and how far parts are beside it.
 
     Each run is cut into parts; (19) of ``docs/math.md``, neither term below 0, is fitted to them by
     least squares of the relative deviations, reweighted.
@@ -346,11 +379,12 @@ def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ..
         runs: Rows that follow one another, without gaps.
 
     Returns:
-        Pairs for no acceleration and for the largest of a part; empty for less than two parts.
+        Pairs for no acceleration and for the largest of a part, and the 5 % and 95 % quantiles of
+        the error of a part over that on the line; nothing is known from less than two parts.
     """
     sizes, errors = np.reshape([part for run in runs for part in _parts(run)], (-1, 2)).T
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
-        return ()
+        return ErrorsOfMotion((), (0.0, math.inf))
     from scipy.optimize import nnls
 
     basis = np.column_stack([np.ones_like(sizes), sizes])
@@ -360,7 +394,9 @@ def errors_by_acceleration(runs: Sequence[Run]) -> tuple[tuple[float, float], ..
         fitted = basis @ line
         weights = 1.0 / np.maximum(fitted, np.max(fitted) * np.sqrt(np.finfo(np.float64).eps))
     largest = float(np.max(sizes))
-    return (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+    ends = (0.0, _rounded(line[0])), (_rounded(largest), _rounded(line[0] + line[1] * largest))
+    low, high = np.quantile(errors * weights, [0.05, 0.95]).tolist()
+    return ErrorsOfMotion(ends, (_rounded(low), _rounded(high)))
 
 
 def under_moving_requests(requests: Array, period: float) -> npt.NDArray[np.bool_]:

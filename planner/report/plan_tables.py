@@ -15,6 +15,7 @@ from planner.report.table import NOTHING, Column, Row, Table, percent, signed
 from planner.trajectory import rms
 
 if TYPE_CHECKING:
+    from planner.model.evidence import Expectation
     from planner.planning.plan import Plan
     from planner.planning.result import ErrorsOfModels
     from planner.trajectory import Array
@@ -38,6 +39,16 @@ def size(errors: Array, factor: float) -> Size:
 def expected_errors(plan: Plan) -> list[float]:
     """Error to expect of each joint on the robot, rms [deg]; 0 where it is not known."""
     return [math.degrees(each.error) if each.error > 0.0 else 0.0 for each in plan.expected]
+
+
+def expected_words(expected: Expectation) -> str:
+    """Error to expect on the robot with its range, rms [deg], as far as they are known."""
+    if math.isnan(expected.error):
+        return NOTHING
+    error = f"{math.degrees(expected.error):.3f}"
+    if math.isnan(expected.high):
+        return error
+    return f"{error} ({math.degrees(expected.low):.2g} to {math.degrees(expected.high):.2g})"
 
 
 def is_bounded(plan: Plan) -> bool:
@@ -120,9 +131,7 @@ def joints_table(plan: Plan) -> Table:
     ]
     rows, shift = [], shifted(plan.task)
     early = zip((np.degrees(rms(errors)) for errors in shift.errors.T), shift.leads, strict=True)
-    for row, expected, (error, lead) in zip(
-        joint_rows(plan), expected_errors(plan), early, strict=True
-    ):
+    for row, expected, (error, lead) in zip(joint_rows(plan), plan.expected, early, strict=True):
         bounds = [
             NOTHING if row.bound is None else f"{row.bound:.3f}",
             NOTHING if row.gap is None else percent(row.gap),
@@ -134,7 +143,7 @@ def joints_table(plan: Plan) -> Table:
         cells: list[str | tuple[str, ...]] = [
             planned,
             *([early_by] if is_shift else []),
-            *([f"{expected:.3f}" if expected else NOTHING] if known else []),
+            *([expected_words(expected)] if known else []),
             direct,
             *([] if is_shift else [(f"{error:.3f}", early_by)]),
             *(bounds if bounded else []),

@@ -11,11 +11,13 @@ from planner.model.evidence import OPEN_TOP_SPEED, untested_words
 from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
+from planner.report.plan_tables import expected_words
 from planner.report.table import NO_BOUND, NOTHING, percent, text_table
 from planner.run.models import model_words, verdict_document
 from planner.trajectory import rms
 
 if TYPE_CHECKING:
+    from planner.model.evidence import Expectation
     from planner.planning.plan import Plan, RequestMotion
     from planner.planning.result import FootInversion, Inversion
     from planner.run.desired import Desired
@@ -34,6 +36,7 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
             "norm": inversion and inversion.norm,
             "solver": inversion and inversion.solver,
             f"expected_rms_{unit}": _degrees_or_null(plan.expected[j].error),
+            f"expected_range_{unit}": _range_in_degrees(plan.expected[j]),
             "untested": list(plan.expected[j].untested),
             f"lower_bound_{unit}": inversion and float(np.degrees(inversion.lower_bound)),
             "gap": inversion and inversion.gap,
@@ -95,8 +98,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         if plan.inversions and not plan.task.load_of_pose:
             inversion = plan.inversions[j]
             bounded = [f"{np.degrees(inversion.lower_bound):.3f}", percent(inversion.gap)]
-        expected = np.degrees(plan.expected[j].error)
-        robot = [NOTHING if np.isnan(expected) else f"{expected:.3f}"] * known
+        robot = [expected_words(plan.expected[j])] * known
         rows.append(
             [_label(desired, j), *(f"{error:.3f}" for error in errors.values()), *robot, *bounded]
         )
@@ -128,6 +130,8 @@ def summary(prepared: Prepared, plan: Plan) -> str:
         text += f"\nearly by: {', '.join(f'{name} {1e3 * lead:.0f} ms' for name, lead in leads)}"
     if known:
         text += "\non the robot: rms error to expect, by what the models were tested on"
+        if any(np.isfinite(each.high) for each in plan.expected):
+            text += ", and the range of 90 % of such motions"
     if words := untested_words(desired.names, plan.expected):
         text += f"\n{words}"
     if unknown := _unknown_top_speeds(plan):
@@ -139,6 +143,12 @@ def summary(prepared: Prepared, plan: Plan) -> str:
     if desired.unreachable:
         text += f"\n{desired.unreachable} samples were out of the leg's reach"
     return text
+
+
+def _range_in_degrees(expected: Expectation) -> list[float] | None:
+    """Least and largest error to expect [deg], None where it is not known."""
+    ends = np.degrees([expected.low, expected.high])
+    return ends.tolist() if np.isfinite(ends).all() else None
 
 
 def _best_shift(desired: Desired, plan: Plan) -> str:

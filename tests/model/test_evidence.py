@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from planner.files.joint_model import models_text
 from planner.model.evidence import (
     Evidence,
     Run,
-    errors_by_acceleration,
+    errors_of_motion,
     expectation,
     under_moving_requests,
     untested_words,
@@ -133,17 +134,51 @@ def test_errors_that_grow_with_the_acceleration_are_found_as_they_are():
         size = 0.3 * (2.0 * np.pi * frequency) ** 2 / ROOT
         errors = (0.001 + 0.002 * size) * np.where(np.arange(500) % 2, 1.0, -1.0)
         runs.append(Run(angles, errors, period))
-    (none, floor), (largest, error) = errors_by_acceleration(runs)
+    ((none, floor), (largest, error)), spread = errors_of_motion(runs)
     assert none == 0.0
     # Parts of 2 s hold no whole number of slow cycles, so that their acceleration varies.
     assert floor == pytest.approx(0.001, rel=0.2)
     assert (error - floor) / largest == pytest.approx(0.002, rel=0.02)
+    assert 0.8 < spread[0] < 1.0 < spread[1] < 1.2
 
 
 def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
-    assert not errors_by_acceleration([Run(np.zeros(500), np.ones(500), 0.02)])
-    assert not errors_by_acceleration([Run(PHASE[:10], PHASE[:10], 0.02)])
-    assert not errors_by_acceleration([])
+    unknown = ((), (0.0, math.inf))
+    assert errors_of_motion([Run(np.zeros(500), np.ones(500), 0.02)]) == unknown
+    assert errors_of_motion([Run(PHASE[:10], PHASE[:10], 0.02)]) == unknown
+    assert errors_of_motion([]) == unknown
+
+
+def test_nine_parts_of_ten_are_within_the_range_of_errors_that_differ_from_part_to_part():
+    random, period = np.random.default_rng(0), 0.02
+    angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * period * np.arange(100))
+    sizes = 0.01 * np.exp(0.5 * random.standard_normal(400))
+    runs = [Run(angles, np.full(100, size), period) for size in sizes]
+    by_acceleration, spread = errors_of_motion(runs)
+    seen = Evidence(0.01, by_acceleration=by_acceleration, spread=spread)
+    low, high = seen.range_of(angles, period=period, cyclic=True)
+    assert np.mean((low <= sizes) & (sizes <= high)) == pytest.approx(0.9, abs=0.03)
+    own = expectation(seen, angles + 0.02, angles, period=period, cyclic=True)
+    assert own.low == pytest.approx(np.hypot(0.02, low))
+    assert own.high == pytest.approx(np.hypot(0.02, high))
+    assert own.low < own.error < own.high
+
+
+def test_the_interval_of_the_delay_counts_at_the_upper_end_of_the_range_only():
+    angles, period = sine(0.2)
+    seen = SEEN._replace(spread=(0.5, 2.0))
+    low, high = seen.range_of(angles, period=period, cyclic=True)
+    least, most = seen._replace(delay_error=0.05).range_of(angles, period=period, cyclic=True)
+    speed = 0.2 * 2.0 * np.pi / ROOT
+    assert least == low
+    assert most == pytest.approx(np.hypot(high, 0.05 * speed), rel=1e-3)
+
+
+def test_without_a_spread_no_range_is_told():
+    angles, period = sine(0.2)
+    told = expectation(SEEN, angles, angles, period=period, cyclic=True)
+    assert math.isnan(told.low)
+    assert math.isnan(told.high)
 
 
 def test_a_model_carries_its_evidence_until_a_parameter_changes():

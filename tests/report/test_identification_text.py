@@ -220,7 +220,7 @@ def test_no_name_of_a_log_can_break_the_model_file():
 def test_a_model_file_says_how_far_off_the_model_was_and_in_which_motion(tmp_path):
     found = made_up()
     file = tmp_path / "joint.toml"
-    seen = Evidence(0.01, 2.0, 0.5, (-0.5, 0.25), ((0.0, 0.008), (1.5, 0.0125)), 0.02)
+    seen = Evidence(0.01, 2.0, 0.5, (-0.5, 0.25), ((0.0, 0.008), (1.5, 0.0125)), 0.02, (0.6, 1.7))
     file.write_text(models_text({"": found.model.with_evidence(seen)}))
     read = read_model_file(file)
     assert read.one() == found.model
@@ -230,6 +230,7 @@ def test_a_model_file_says_how_far_off_the_model_was_and_in_which_motion(tmp_pat
         ("tested_load = 0.5", 'tested_load = "heavy"', "tested_load: got 'heavy', expected a num"),
         ("[-0.5, 0.25]", "[-0.5]", r"tested_angles: got \[-0.5\], expected two numbers"),
         ("delay_error = 0.02", "delay_error = -1", "delay_error: got -1, expected a number, 0 or"),
+        ("[0.6, 1.7]", "[0.6]", r"error_spread: got \[0.6\], expected two numbers"),
         ("[1.5, 0.0125]", "[1.5]", "error_by_acceleration: got .*, expected pairs of numbers"),
     ):
         assert written in text
