@@ -46,9 +46,8 @@ def expected_words(expected: Expectation) -> str:
     if math.isnan(expected.error):
         return NOTHING
     error = f"{math.degrees(expected.error):.3f}"
-    if math.isnan(expected.high):
-        return error
-    return f"{error} ({math.degrees(expected.low):.2g} to {math.degrees(expected.high):.2g})"
+    low, high = (f"{math.degrees(end):.3g}" for end in (expected.low, expected.high))
+    return error if low == high else f"{error} ({low} to {high})"
 
 
 def is_bounded(plan: Plan) -> bool:
