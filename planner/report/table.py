@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -216,7 +217,8 @@ def _with_note(words: str) -> str:
 
 def _html_cell(cell: str | tuple[str, ...], column: Column) -> str:
     if isinstance(cell, str):
-        return f"<td{' class=words' if column.words else ''}>{_noted(cell)}</td>"
+        breaks = " class=breaks" if " " in cell and not re.search(r"\d", cell) else ""
+        return f"<td{' class=words' if column.words else breaks}>{_noted(cell)}</td>"
     first, *others = map(_noted, cell)
     return f"<td class=part>{first}</td>" + "".join(f"<td>{each}</td>" for each in others)
 

@@ -250,10 +250,10 @@ def test_the_table_of_joints_has_each_number_under_its_own_title():
     table = joints_table(joints)
     titles = [column.title for column in table.columns]
     hip, knee = (dict(zip(titles, row.cells, strict=True)) for row in table.rows)
-    assert (hip["dead band"], knee["dead band"]) == ("–", "0.573 deg")
+    assert (hip["dead band [deg]"], knee["dead band [deg]"]) == ("–", "0.573")
     for joint in hip, knee:
-        assert joint["rms error"] == "0.219 deg"
-        assert joint["best delay"] == hip["best delay"] != "–"
+        assert joint["rms error [deg]"] == "0.219"
+        assert joint["best delay [deg]"] == hip["best delay [deg]"] != "–"
 
 
 def with_dead_band(found):
@@ -269,3 +269,34 @@ def test_a_log_without_a_single_interval_has_an_empty_cloud():
     figure = cloud_figure(replace(found, fits=tuple(none)))
     assert [curve.name for curve in figure.panels[0].curves if curve.legend] == ["f, identified"]
     check_same(figure)
+
+
+def test_units_stand_beside_the_titles_where_all_joints_have_the_same():
+    joints = [
+        Joint("hip", "hip", made_up(), "joint1_"),
+        Joint("gripper", "gripper", made_up(made_up_log(unit="1")), "joint2_"),
+        Joint("knee", "knee", never_saturated(), "joint3_"),
+    ]
+    table = joints_table(joints)
+    columns = {title.title: k for k, title in enumerate(table.columns)}
+    hip, gripper, knee = (row.cells for row in table.rows)
+    assert hip[columns["lag [ms]"]] == "32.00"
+    assert gripper[columns["rms error"]].endswith(" % of range")
+    assert hip[columns["rms error"]].endswith(" deg")
+    assert knee[columns["top speed"]].startswith("≥ ")
+
+
+@pytest.mark.usefixtures("undrawn_pages")
+def test_the_table_of_six_joints_is_as_wide_as_the_page(browser, tmp_path):
+    names = ("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "Elbow", "WristRoll", "WristPitch")
+    joints = {
+        f"kRight{name}": with_dead_band(never_saturated() if k % 2 else made_up())
+        for k, name in enumerate(names)
+    }
+    joints["kRightElbow"] = replace(joints["kRightElbow"], verdict="worse than a delay")
+    page = tmp_path / "page.html"
+    page.write_text(identification_page(joints), encoding="utf-8")
+    browser.open(page, width=1280)
+    frame = "document.querySelector('[aria-label=Joints]')"
+    assert browser.ask(f"{frame}.scrollWidth") <= browser.ask(f"{frame}.clientWidth")
+    assert browser.ask("document.documentElement.scrollWidth") <= 1280

@@ -288,18 +288,32 @@ def joints_table(joints: Sequence[Joint]) -> Table:
     """Every joint in a row; a column for each parameter that some joint has, except the sag."""
     found = [{row.name: row.short for row in parameters(joint.found)} for joint in joints]
     names = _names(joints)
-    rows = []
+    cells = []
     for joint, values in zip(joints, found, strict=True):
         delay = [error.telling for error in errors(joint.found) if error.name == "delay"]
-        shown = (telling_error(joint.found)[0], delay[0] if delay else None)
+        rms = (telling_error(joint.found)[0], delay[0] if delay else None)
         refused = joint.found.verdict == "refused"
-        cells = ("does not fit" if refused else joint.found.verdict,
-                 *(_angle(joint.found, error) for error in shown),
-                 *(values.get(name, NOTHING) for name in names))  # fmt: skip
-        kind = "" if joint.found.accepted else "broken"
-        rows.append(Row(joint.name or "unnamed", cells, kind=kind))
+        cells.append(("does not fit" if refused else joint.found.verdict,
+                      *(_angle(joint.found, error) for error in rms),
+                      *(values.get(name, NOTHING) for name in names)))  # fmt: skip
     titles = ("model", "rms error", "best delay", *(TITLES[name] for name in names))
-    return Table("joint", tuple(map(Column, titles)), tuple(rows), label="Joints")
+    columns = list(map(_unit_above, titles, zip(*cells, strict=True)))
+    shown = zip(*(column for _, column in columns), strict=True)
+    rows = tuple(
+        Row(joint.name or "unnamed", of_joint, kind="" if joint.found.accepted else "broken")
+        for joint, of_joint in zip(joints, shown, strict=True)
+    )
+    return Table("joint", tuple(Column(title) for title, _ in columns), rows, label="Joints")
+
+
+def _unit_above(title: str, cells: Sequence[str]) -> tuple[str, list[str]]:
+    """A column, with the unit beside its title if all cells that have one have the same."""
+    numbers = [cell.removeprefix("≥ ").removeprefix("≤ ").partition(" ") for cell in cells]
+    units = {unit for number, _, unit in numbers if unit and re.match(r"−?\d", number)}
+    if len(units) != 1:
+        return title, list(cells)
+    unit = units.pop()
+    return f"{title} [{unit}]", [cell.removesuffix(f" {unit}") for cell in cells]
 
 
 def _names(joints: Sequence[Joint]) -> list[str]:
