@@ -35,6 +35,7 @@ TESTED: dict[str, tuple[tuple[int, ...], str]] = {
     ),
     "delay_error": ((), "[s] uncertainty of the delay of moving requests, if none were logged"),
     "error_spread": ((2,), "[-] least and largest error of 90 % of motions over the expected one"),
+    "error_over_delay": ((), "[-] error on rows that were not fitted over a pure delay's"),
 }
 """Keys beside the parameters, for the first fields of Evidence: shapes, and what they hold."""
 

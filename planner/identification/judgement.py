@@ -15,7 +15,7 @@ from planner.identification.least_squares import Fit, sound_rms
 from planner.identification.log import Log
 from planner.identification.parameters import Parameters
 from planner.identification.result import HeldOut, Interval, Note, Topic, note
-from planner.model.evidence import Verdict
+from planner.model.evidence import PROVEN, Verdict
 from planner.trajectory import Array, rms
 
 SAME_LIKENESS = 1e-9
@@ -142,6 +142,7 @@ def verdict_on(
     doubts = {
         "misses": missed > OPTIONS.suspect,
         "simpler predicts better": beaten,
+        "hardly better than a delay": PROVEN * others["delay"] < ours <= others["delay"],
         "friction open": hidden,
         "shaken": bool(shaken),
         "not tested": not tested,

@@ -288,11 +288,19 @@ class Identification:
             by_motion.by_acceleration,
             self._delay_error() if _holds_steps_only(self.fits) else 0.0,
             by_motion.spread,
+            self._over_delay(),
             {name: (interval.lower, interval.upper) for name, interval in self._known().items()},
             self.correlations,
             self.verdict,
             self.reason,
         )
+
+    def _over_delay(self) -> float:
+        """Error on rows held out over that of the best pure delay [-]."""
+        (delay,) = [each.held_out_rms for each in self.alternatives if each.name == "delay"]
+        if self.held_out_rms is None or not delay:
+            return math.nan
+        return float(f"{self.held_out_rms / delay:.4g}")
 
     def _known(self) -> dict[str, Interval]:
         """The intervals, that of v_max / theta_0 instead of theta_0's."""

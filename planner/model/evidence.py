@@ -66,6 +66,10 @@ OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower boun
 TRACKING = "tracking"
 """In :meth:`Evidence.exceeded`: what logs of steps do not show."""
 
+PROVEN = 0.8
+"""Share of the error of a pure delay up to which a model is clearly better than that: what plans on
+other models gain over a time shift, a robot need not show."""
+
 Verdict = Literal["holds", "usable", "worse than a delay", "refused"]
 """Whether a model may be planned with, see section 8 of ``docs/math.md``."""
 
@@ -92,6 +96,8 @@ class Evidence(NamedTuple):
             by which the joint trails requests that move [s]; 0 where such requests were tested.
         spread: Least and largest error of a motion in 90 % of cases, as shares of the one that is
             expected; from 0 to infinity where that is not known.
+        over_delay: Error on rows that were not fitted over that of the best pure delay [-]; NaN
+            where that is not known.
         intervals: Least and largest value of parameters with 95 % confidence, SI units, by their
             names in a JointModel; infinite where it is not known. "gain", v_max / theta_0 [1/s],
             stands in the place of theta_0.
@@ -108,6 +114,7 @@ class Evidence(NamedTuple):
     by_acceleration: tuple[tuple[float, float], ...] = ()
     delay_error: float = 0.0
     spread: tuple[float, float] = (0.0, math.inf)
+    over_delay: float = math.nan
     intervals: Mapping[str, tuple[float, float]] = {}
     correlations: tuple[tuple[float, ...], ...] = ()
     verdict: Verdict | None = None
@@ -244,6 +251,31 @@ def refusal(known: Mapping[str, Evidence | None]) -> str:
         return f"do not plan with the model ({' '.join(refused[''].split())}): identify it anew"
     which, them = ("model", "it") if len(refused) == 1 else ("models", "them")
     return f"do not plan with the {which} of {with_reasons(refused)}: identify {them} anew"
+
+
+def unproven_gains(names: Sequence[str], known: Sequence[Evidence | None]) -> str:
+    """Joints whose models are hardly better than a pure delay, in a line; empty for none.
+
+    Args:
+        names: Of the joints.
+        known: What is known of the model of each.
+
+    Example:
+        >>> unproven_gains(["hip", "knee"], [Evidence(over_delay=0.93), Evidence(over_delay=0.2)])
+        'on rows held out the error of the model is 93% of a pure delay's: hip'
+    """
+    shares = {
+        name: f"{each.over_delay:.0%}"
+        for name, each in zip(names, known, strict=True)
+        if each is not None and each.over_delay > PROVEN
+    }
+    if not shares:
+        return ""
+    if len(shares) == 1:
+        ((name, share),) = shares.items()
+        return f"on rows held out the error of the model is {share} of a pure delay's: {name}"
+    listed = ", ".join(f"{name} ({share})" for name, share in shares.items())
+    return f"on rows held out the errors of models are near those of pure delays: {listed}"
 
 
 def with_reasons(reasons: Mapping[str, str]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner._version import __version__
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
 from planner.report.figure import (
     POSES,
     Axis,
@@ -227,6 +227,10 @@ def remarks(
     said = [f"{each}." for each in missed]
     if words := untested_words(plan.names, plan.expected):
         said.append(f"{words[0].upper()}{words[1:]}.")
+    if plan.method != "shift" and (
+        why := unproven_gains(plan.names, [each.evidence for each in plan.models])
+    ):
+        said.append(f"The best time shift is recommended instead (--method shift): {why}.")
     if unreachable:
         said.append(_out_of_reach(plan, foot_given, unreachable))
     if jumps := jumps_of(plan):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner.model.evidence import OPEN_TOP_SPEED, untested_words
+from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
 from planner.planning.error_norm import error_norm
 from planner.planning.result import ErrorsOfModels
 from planner.planning.time_shift import shifted
@@ -72,6 +72,9 @@ def document(prepared: Prepared, plan: Plan, missed: list[str]) -> dict[str, Any
     asked = run.tolerance.deg is not None or run.tolerance.cm is not None
     return {
         "method": run.plan.method,
+        "recommended_method": "shift"
+        if unproven_gains(desired.names, [each.evidence for each in desired.models])
+        else run.plan.method,
         "cyclic": desired.cyclic,
         "period_s": desired.period,
         "robust": run.plan.robust,
@@ -163,7 +166,9 @@ def _best_shift(desired: Desired, plan: Plan) -> str:
     if desired.foot is not None:
         text += f"; foot {100.0 * rms(shift.distances):.3f} cm"
     pairs = zip(plan.expected, shift.expected, strict=True)
-    if any(early.error < planned.error for planned, early in pairs):
+    if why := unproven_gains(desired.names, [each.evidence for each in desired.models]):
+        text += f"\nrecommended: --method shift, as {why}"
+    elif any(early.error < planned.error for planned, early in pairs):
         text += "; on the robot that is better for some joints: see --method shift"
     return text
 

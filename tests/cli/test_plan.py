@@ -450,3 +450,22 @@ def test_a_start_beyond_the_limits_is_refused_in_degrees(run, desired, start):
     )
     assert "-60 to 40 degrees where the limits on the requests let the joint rest" in result.stderr
     assert "choose a start there, or widen the limits" in result.stderr
+
+
+@pytest.mark.parametrize(("share", "recommended"), [(0.93, "shift"), (0.3, "optimal")])
+def test_the_shift_is_recommended_where_the_model_is_hardly_better_than_a_delay(
+    share, recommended, run, brief, tmp_path
+):
+    seen = Evidence(0.02, over_delay=share, verdict="usable", reason="a delay does nearly as well")
+    planner.JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
+    asked = ("plan", brief, "--model", "joint.toml", "--method", "optimal")
+    result = run(*asked, "--report", "page.html", "-o", "requests.csv")
+    assert result.exit_code == 0, result.output
+    said = recommended == "shift"
+    assert ("recommended: --method shift" in result.stderr) is said
+    assert ("(93%)" in result.stderr) is said
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ("The best time shift is recommended instead" in page) is said
+    assert json.loads(run(*asked, "--json").stdout)["recommended_method"] == recommended
+    chosen = run("plan", brief, "--model", "joint.toml", "--method", "shift", "-o", "shift.csv")
+    assert "recommended" not in chosen.stderr

@@ -462,7 +462,9 @@ def test_the_larger_error_of_all_rows_and_of_those_held_out_decides(fitted):
 @pytest.mark.parametrize(
     ("missed", "delay", "verdict"),
     [
-        (0.09, 1.05, "holds"),
+        (0.09, 1.3, "holds"),
+        (0.09, 1.2, "usable"),  # a pure delay predicts nearly as well
+        (0.09, 1.05, "usable"),
         (0.11, 1.05, "usable"),
         (0.19, 1.05, "usable"),
         (0.21, 1.05, "refused"),
@@ -476,6 +478,9 @@ def test_shares_of_the_motion_that_a_model_misses_decide(missed, delay, verdict,
     signal = float(np.sqrt(np.mean(fit.residuals**2))) / missed
     found = judged(fitted, signal=signal, simple={"delay": delay, "first_order": 2.0})
     assert found.verdict == verdict
+    assert ("a pure delay predicts nearly as well" in found.reason) is (
+        verdict == "usable" and delay < 1.25
+    )
 
 
 def test_dry_friction_that_may_be_a_tenth_of_the_motion_is_hidden(fitted):

@@ -289,3 +289,9 @@ def test_a_verdict_that_is_none_is_refused(tmp_path, line, message):
     (tmp_path / "joint.toml").write_text((tmp_path / "joint.toml").read_text() + line)
     with pytest.raises(InvalidFile, match=message):
         planner.read_models(tmp_path / "joint.toml")
+
+
+def test_what_a_model_is_worth_beside_a_pure_delay_is_kept_in_its_file(tmp_path):
+    seen = SEEN._replace(over_delay=0.4, spread=(0.5, 1.5))
+    JointModel.ers210a().with_evidence(seen).to_toml(tmp_path / "joint.toml")
+    assert planner.read_models(tmp_path / "joint.toml")[""].evidence == seen

@@ -29,6 +29,7 @@ SENTENCES: Mapping[str, str] = {
     "misses": "it misses {missed:.0%} of the motion{of_held_out:? in the part that was held out}",
     "misses, as a delay does": "it misses {missed:.0%} of the motion"
     "{of_held_out:? in the part that was held out}, and a mere delay hardly more",
+    "hardly better than a delay": "a pure delay predicts nearly as well",
     "simpler predicts better": "{simpler:simpler} predicts better",
     "friction open": "the log leaves dry friction open",
     "shaken": "the joint is shaken",
