@@ -12,9 +12,9 @@ import numpy as np
 
 from planner.evaluation.independent import independent_angles, last_speed, next_cycle
 from planner.exceptions import NoSteadyCycle
-from planner.model.joint import JointModel
 from planner.planning.arguments import SMOOTHNESS
 from planner.planning.bounds.reachable_set import Level
+from planner.planning.plan import Plan
 from planner.planning.result import Inversion
 from planner.trajectory import Array
 
@@ -143,24 +143,18 @@ class Answer(NamedTuple):
     elsewhere: float
 
 
-def second_answer(
-    model: JointModel,
-    requests: Array,
-    predicted: Array,
-    *,
-    cyclic: bool,
-    start: float | None,
-    load: Array | None = None,
-) -> Answer:
-    """Simulate a plan independently and hold the predicted angles against it.
+def second_answer(plan: Plan, column: int = 0) -> Answer:
+    """Simulate a joint of a plan independently and hold the predicted angles against it.
 
     Requests that saturate the joint throughout a cycle leave it where it is, and so do those that
     its dry friction holds, so that several cycles are steady. Then the predicted one agrees if it
     is among them.
     """
-    settled = independent_angles(model, requests, cyclic=cyclic, start=start, load=load)
+    model, start, load = plan.models[column], plan.task.starts[column], plan.task.loads[column]
+    requests, predicted = plan.requests[:, column], plan.predicted[:, column]
+    settled = independent_angles(model, requests, cyclic=plan.cyclic, start=start, load=load)
     apart = float(np.max(np.abs(predicted - settled)))
-    if not cyclic:
+    if not plan.cyclic:
         sag = float(model.sag(0.0 if load is None else load[0]))
         rest = float(requests[0]) + sag if start is None else start
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)

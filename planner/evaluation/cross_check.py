@@ -12,11 +12,18 @@ import numpy.typing as npt
 
 from kinematics.leg import Leg
 from planner.evaluation.checks import Check
+from planner.evaluation.comparison import (
+    SECOND,
+    FootComparison,
+    JointComparison,
+    compare_joint,
+    judge_foot,
+    planned_methods,
+)
 from planner.evaluation.differences import REASONS
-from planner.evaluation.foot_comparison import FootComparison, compare_foot
-from planner.evaluation.joint_comparison import JointComparison, compare_joint, planned_methods
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory, SolverFailed
 from planner.model.joint import JointModel
+from planner.model.load import load_columns
 from planner.planning.arguments import (
     COLUMNS,
     Norm,
@@ -30,7 +37,7 @@ from planner.planning.arguments import (
 )
 from planner.planning.bounds.reachable_set import LEVELS, Level, check_level
 from planner.planning.closed_form import closed_forms
-from planner.planning.inversion import planned
+from planner.planning.inversion import invert_foot, planned
 from planner.planning.line_inverse import RULES, check_rule
 from planner.planning.result import Inversion
 from planner.planning.task import Task
@@ -38,9 +45,6 @@ from planner.trajectory import Array
 from planner.validation import as_flag, shown
 
 Limits = tuple[npt.ArrayLike, npt.ArrayLike]
-
-SECOND = "optimal_ipopt"
-"""The plan of CasADi's solver, a second opinion on the optimised one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +54,20 @@ class CrossCheck:
     Attributes:
         joints: Every joint.
         foot: The foot, where a leg was given.
-        cyclic: Whether the trajectory repeats for ever.
-        norm: The error that was minimised.
     """
 
     joints: tuple[JointComparison, ...]
     foot: FootComparison | None
-    cyclic: bool
-    norm: Norm
+
+    @property
+    def cyclic(self) -> bool:
+        """Whether the trajectory repeats for ever."""
+        return self.joints[0].plans["optimal"].cyclic
+
+    @property
+    def norm(self) -> Norm:
+        """The error that was minimised."""
+        return self.joints[0].plans["optimal"].norm
 
     @property
     def methods(self) -> list[str]:
@@ -161,7 +171,8 @@ def cross_check(
     cyclic = as_flag("cyclic", cyclic)
     if not callable(progress):
         raise InvalidInput(f"progress: got {shown(progress)}, expected a function")
-    levels = _levels_up_to(level)
+    check_level(level)
+    levels = LEVELS[: LEVELS.index(level) + 1]
     columns = _columns_of(desired)
     count = len(columns)
     if leg is not None:
@@ -191,8 +202,18 @@ def cross_check(
     foot = None
     if leg is not None:
         progress("foot")
-        foot = compare_foot(leg, joints, cyclic=cyclic, norm=norm, limits=(lower, upper))
-    return CrossCheck(joints=tuple(joints), foot=foot, cyclic=cyclic, norm=norm)
+        best = [joint.plans["optimal"] for joint in joints]
+        together = invert_foot(
+            models,
+            leg,
+            leg.foot_positions(np.column_stack([plan.desired for plan in best])),
+            cyclic=cyclic,
+            limits=(lower, upper),
+            norm=norm,
+            load=load_columns([plan.load for plan in best], len(columns[0])),
+        )
+        foot = judge_foot(joints, together)
+    return CrossCheck(joints=tuple(joints), foot=foot)
 
 
 def _columns_of(desired: npt.ArrayLike) -> list[Array]:
@@ -252,9 +273,3 @@ def _plans(task: Task, segments: int | None) -> dict[str, Inversion]:
     with suppress(SolverFailed):
         plans[SECOND] = planned(task, solver="ipopt")
     return {method: Inversion(plan) for method, plan in plans.items()}
-
-
-def _levels_up_to(level: Level) -> tuple[Level, ...]:
-    """The bounds to compute, from the coarsest on."""
-    check_level(level)
-    return LEVELS[: LEVELS.index(level) + 1]

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner._version import __version__
 from planner.evaluation.checks import AGREES
-from planner.evaluation.cross_check import SECOND
+from planner.evaluation.comparison import SECOND
 from planner.evaluation.differences import REASONS, Reason
 from planner.planning.error_norm import error_norm
 from planner.report.comparison_tables import (
@@ -68,9 +68,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Picture
 
     from kinematics.leg import Leg
+    from planner.evaluation.comparison import FootComparison, JointComparison
     from planner.evaluation.cross_check import CrossCheck
-    from planner.evaluation.foot_comparison import FootComparison
-    from planner.evaluation.joint_comparison import JointComparison
 
 OUTSIDE = 1e-9
 """A request farther than this beyond a limit is outside [rad]: rounding of degrees, no more."""

@@ -9,10 +9,9 @@ from operator import attrgetter
 import numpy as np
 
 from planner.evaluation.checks import Check
+from planner.evaluation.comparison import METHODS, FootComparison, JointComparison
 from planner.evaluation.cross_check import CrossCheck
 from planner.evaluation.differences import Reason
-from planner.evaluation.foot_comparison import FootComparison
-from planner.evaluation.joint_comparison import METHODS, JointComparison
 from planner.model.evidence import untested_words
 from planner.report.table import NOTHING, Column, Row, Table, number, percent
 from planner.trajectory import index_of_largest

@@ -12,7 +12,7 @@ import pytest
 
 import planner
 from planner.evaluation import cross_check as cross_check_module
-from planner.evaluation.joint_comparison import METHODS
+from planner.evaluation.comparison import METHODS
 from planner.files.paths import read_joint_path
 from planner.model.joint import JointModel
 

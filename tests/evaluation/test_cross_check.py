@@ -12,9 +12,8 @@ import pytest
 
 import planner
 from planner.evaluation.checks import ABOVE, AGREES, CLOSES, INSIDE, RESTS, SOLVED, bound_checks
-from planner.evaluation.cross_check import SECOND, cross_check
-from planner.evaluation.foot_comparison import judge_foot
-from planner.evaluation.joint_comparison import METHODS, compare_joint
+from planner.evaluation.comparison import METHODS, SECOND, compare_joint, judge_foot
+from planner.evaluation.cross_check import cross_check
 from planner.exceptions import Infeasible, InvalidInput, InvalidTrajectory
 from planner.model.evidence import Evidence
 from planner.model.joint import JointModel

@@ -1,0 +1,385 @@
+"""Plans side by side: those for one joint, and those for a leg by where they bring its foot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from planner.evaluation.checks import (
+    ABOVE,
+    AGREEMENT,
+    AS_GOOD,
+    FOLLOWED,
+    FOOT_ABOVE_BOUND,
+    FOOT_NO_WORSE,
+    INSIDE,
+    NO_WORSE,
+    SOLVED,
+    SOLVES,
+    STATED,
+    WITHIN_LIMITS,
+    Answer,
+    Check,
+    answer_checks,
+    beyond_limits,
+    bound_checks,
+    check,
+    kept_within,
+    no_worse_checks,
+    second_answer,
+)
+from planner.evaluation.differences import Difference, difference
+from planner.evaluation.metrics import Distance, angle_distance
+from planner.model.joint import JointModel
+from planner.planning.arguments import Norm
+from planner.planning.bounds.certify import Certificate, certify
+from planner.planning.bounds.cvxpy_statement import stated_bound
+from planner.planning.bounds.reachable_set import LEVELS, BoundProblem, Level
+from planner.planning.error_norm import error_norm, relative_gap
+from planner.planning.inversion import planned
+from planner.planning.plan import Plan, joined
+from planner.planning.result import FootInversion, Inversion
+from planner.planning.search import ENCODER_STEP, known_errors
+from planner.planning.task import axis_scales
+from planner.trajectory import Array
+
+METHODS: Mapping[str, str] = {
+    "closed_form_paper": "closed form, paper's rule",
+    "closed_form_exact": "closed form, exact rule",
+    "optimal": "optimised",
+    "optimal_ipopt": "optimised by IPOPT",
+    "foot_optimal": "optimised for the foot",
+}
+"""The plans that are compared, by key, and what to call them."""
+
+CLOSED_FORMS = ("closed_form_paper", "closed_form_exact")
+"""Those of them that know no limits, and that the optimised requests are held against."""
+
+SECOND = "optimal_ipopt"
+"""The plan of CasADi's solver, a second opinion on the optimised one."""
+
+FOOT = "foot"
+"""What checks are about that are about no single joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointComparison:
+    """The plans for one joint, side by side.
+
+    Attributes:
+        name: The joint.
+        plans: Plan by method; all share the model and the desired angles.
+        certificates: Bounds on the error of any plan in the plans' norm, by level proved.
+        answers: What an independent simulation says, by method.
+        differences: How the requests of each closed form differ from the optimised ones.
+        checks: Every claim about these plans, held against its tolerance.
+    """
+
+    name: str
+    plans: Mapping[str, Inversion]
+    certificates: Mapping[Level, Certificate]
+    answers: Mapping[str, Answer]
+    differences: Mapping[str, Difference]
+    checks: tuple[Check, ...]
+
+    @property
+    def model(self) -> JointModel:
+        """The joint's model."""
+        return self.plans["optimal"].model
+
+    @property
+    def desired(self) -> Array:
+        """The desired angles [rad], shape (n,)."""
+        return self.plans["optimal"].desired
+
+    @property
+    def bounds(self) -> dict[Level, float]:
+        """Lower bounds on the error in the plans' norm, by level [rad]."""
+        return {level: proof.bound for level, proof in self.certificates.items()}
+
+    @property
+    def bound(self) -> float:
+        """The sharpest bound [rad]."""
+        return max(self.bounds.values())
+
+    def gap(self, method: str) -> float:
+        """Relative distance of a plan from the sharpest bound; inf where only that is zero."""
+        return relative_gap(self.plans[method].error, self.bound)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, angles in degrees."""
+        limits = self.plans["optimal"].limits
+        return {
+            "model": self.model.parameters(),
+            "limits_deg": limits and [_finite(math.degrees(limit)) for limit in limits],
+            "desired_deg": np.degrees(self.desired).tolist(),
+            "lower_bound_deg": math.degrees(self.bound),
+            "bounds_deg": {level: math.degrees(each) for level, each in self.bounds.items()},
+            "solver_gaps": {
+                level: _finite(proof.solver_gap) for level, proof in self.certificates.items()
+            },
+            "methods": {method: self._plan(method) for method in self.plans},
+            "differences": {method: each.to_dict() for method, each in self.differences.items()},
+        }
+
+    def _plan(self, method: str) -> dict[str, Any]:
+        plan, answer = self.plans[method], self.answers[method]
+        apart = np.abs(plan.requests - self.plans["optimal"].requests)
+        return {
+            "rms_deg": math.degrees(plan.rms),
+            "max_deg": math.degrees(plan.max_error),
+            "expected_rms_deg": _finite(math.degrees(plan.expected.error)),
+            "untested": list(plan.expected.untested),
+            "gap": _finite(self.gap(method)),
+            "largest_request_difference_deg": math.degrees(float(np.max(apart))),
+            "largest_step_deg": math.degrees(plan.largest_step),
+            "beyond_desired_deg": math.degrees(plan.excess),
+            "agreement_rad": answer.agreement,
+            "other_cycle_deg": math.degrees(answer.elsewhere),
+            "requests_deg": np.degrees(plan.requests).tolist(),
+            "predicted_deg": np.degrees(plan.predicted).tolist(),
+        }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def compare_joint(
+    name: str,
+    plans: Mapping[str, Inversion],
+    *,
+    levels: Sequence[Level] = LEVELS[:2],
+    failed: Sequence[str] = (),
+) -> JointComparison:
+    """Compare plans for one joint, from any method, and check them.
+
+    Args:
+        name: The joint.
+        plans: A plan for each method of one joint, all for the same desired angles.
+        levels: The bounds to compute; of a joint with friction or inertia those that hold.
+        failed: Methods that found no plan.
+    """
+    optimal = plans["optimal"]
+    problem = BoundProblem(
+        optimal.model, optimal.desired, optimal.cyclic, optimal.norm, optimal.start, optimal.load
+    )
+    proved = (
+        certify(
+            problem.model,
+            problem.desired,
+            cyclic=problem.cyclic,
+            norm=problem.norm,
+            level=level,
+            start=problem.start,
+            load=problem.load,
+        )
+        for level in levels
+    )
+    certificates = {proof.level: proof for proof in proved}
+    bounds = {level: proof.bound for level, proof in certificates.items()}
+    answers = {method: second_answer(plan.plan, plan.column) for method, plan in plans.items()}
+    closed_forms = {method: plan for method, plan in plans.items() if method in CLOSED_FORMS}
+    checks: list[Check] = []
+    for method, answer in answers.items():
+        checks += answer_checks(name, METHODS[method], answer, cyclic=optimal.cyclic)
+    others, known = {}, _known(_unsmoothed(optimal.plan))
+    for method, plan in closed_forms.items():
+        kept = kept_within(plan, optimal.limits)
+        if kept is not None:
+            others[METHODS[method]] = math.hypot(kept.error, known)
+    shown = _shown(optimal.plan, optimal.error)
+    checks += no_worse_checks(name, METHODS["optimal"], shown, others, NO_WORSE)
+    errors = {METHODS[method]: plan.error for method, plan in plans.items()}
+    checks += bound_checks(name, bounds, errors)
+    for level in bounds:
+        if level != "exact":
+            apart = abs(bounds[level] - stated_bound(problem, level))
+            checks.append(check(name, "", f"{level} bound agrees with CVXPY's", apart, STATED))
+    checks += [check(name, METHODS[method], SOLVED, 1.0, SOLVES) for method in failed]
+    if SECOND in plans:
+        excess = shown - math.hypot(plans[SECOND].error, known)
+        relative = 0.0 if excess <= FOLLOWED else excess / shown
+        checks += [
+            check(name, METHODS[SECOND], SOLVED, 0.0, SOLVES),
+            check(name, METHODS["optimal"], "as good as IPOPT's", relative, AS_GOOD),
+        ]
+    if optimal.limits is not None:
+        for method, plan in plans.items():
+            if method not in CLOSED_FORMS:
+                excess = beyond_limits(plan.requests, optimal.limits)
+                checks.append(check(name, METHODS[method], INSIDE, excess, WITHIN_LIMITS))
+    return JointComparison(
+        name=name,
+        plans=plans,
+        certificates=certificates,
+        answers=answers,
+        differences={method: difference(plan, optimal) for method, plan in closed_forms.items()},
+        checks=tuple(checks),
+    )
+
+
+def planned_methods(joints: Sequence[JointComparison]) -> list[str]:
+    """The methods by which every joint is planned."""
+    return [method for method in METHODS if all(method in joint.plans for joint in joints)]
+
+
+@dataclass(frozen=True, eq=False)
+class FootComparison:
+    """The plans for a leg, by where they bring its foot.
+
+    Attributes:
+        plans: Plan by method, one more than for a joint; all judged by the foot.
+        checks: Every claim about the foot, held against its tolerance.
+    """
+
+    plans: Mapping[str, Plan]
+    checks: tuple[Check, ...]
+
+    @property
+    def best(self) -> Plan:
+        """The plan for all joints at once."""
+        return self.plans["foot_optimal"]
+
+    @property
+    def desired(self) -> Array:
+        """Where the desired angles bring the foot [m], shape (n, 3)."""
+        return self.best.task.desired_foot
+
+    @property
+    def norm(self) -> Norm:
+        """The error that the plan for the foot minimises, and that the bound is about."""
+        return self.best.task.norm
+
+    @property
+    def bound(self) -> float | None:
+        """What no requests within the limits bring the foot's error below [m].
+
+        None where a path is too long for it.
+        """
+        return self.best.foot_bound
+
+    @property
+    def differences(self) -> dict[str, Distance]:
+        """How far each method's requests are from those for the foot, all joints [rad]."""
+        best = self.best.requests.ravel()
+        return {
+            method: angle_distance(plan.requests.ravel(), best)
+            for method, plan in self.plans.items()
+        }
+
+    def gap(self, method: str) -> float | None:
+        """Relative distance of a plan from the bound; None without a bound that applies to it.
+
+        It is about requests within the limits that, from rest, set out from the same pose.
+        """
+        plan, task = self.plans[method], self.best.task
+        beyond = beyond_limits(plan.requests, (task.lower, task.upper))
+        if not self.bound or beyond > WITHIN_LIMITS.value:
+            return None
+        began = self.best.requests[0]
+        if not task.cyclic and np.any(np.abs(plan.requests[0] - began) > AGREEMENT.value):
+            return None
+        return relative_gap(error_norm(plan.distances, self.norm), self.bound)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, lengths in centimetres and angles in degrees."""
+        differences = self.differences
+        return {
+            "desired_cm": (100.0 * self.desired).tolist(),
+            "requests_deg": np.degrees(self.best.requests).tolist(),
+            "norm": self.norm,
+            "lower_bound_cm": None if self.bound is None else 100.0 * self.bound,
+            "methods": {
+                method: {
+                    "gap": self.gap(method),
+                    "rms_cm": 100.0 * float(plan.rms[0]),
+                    "max_cm": 100.0 * float(plan.max_error[0]),
+                    "request_difference_rms_deg": math.degrees(differences[method].rms),
+                    "largest_request_difference_deg": math.degrees(differences[method].max),
+                    "positions_cm": (100.0 * plan.foot).tolist(),
+                }
+                for method, plan in self.plans.items()
+            },
+        }
+
+
+def judge_foot(joints: Sequence[JointComparison], together: FootInversion) -> FootComparison:
+    """Compare a plan for the foot with plans for its joints, from any method."""
+    best, norm, label = together.plan, together.norm, METHODS["foot_optimal"]
+    plans, checks = {}, []
+    for column, joint in enumerate(joints):
+        answer = second_answer(best, column)
+        checks += answer_checks(joint.name, label, answer, cyclic=best.cyclic)
+    excess = beyond_limits(best.requests, together.limits)
+    checks.append(check(FOOT, label, INSIDE, excess, WITHIN_LIMITS))
+    error = error_norm(best.distances, norm)
+    if best.foot_bound is not None:
+        checks.append(check(FOOT, label, ABOVE, best.foot_bound - error, FOOT_ABOVE_BOUND))
+    others, known = {}, _known(_unsmoothed(best))
+    for method in planned_methods(joints):
+        single = [joint.plans[method] for joint in joints]
+        plans[method] = _foot_plan(best, single)
+        kept = [
+            kept_within(plan, (low, high))
+            for plan, low, high in zip(single, *together.limits, strict=True)
+        ]
+        usable = [plan for plan in kept if plan is not None]
+        if len(usable) == len(joints):
+            other = error_norm(_foot_plan(best, usable).distances, norm)
+            others[METHODS[method]] = math.hypot(other, known)
+    checks += no_worse_checks(FOOT, label, _shown(best, error), others, FOOT_NO_WORSE)
+    return FootComparison({**plans, "foot_optimal": best}, tuple(checks))
+
+
+def _foot_plan(together: Plan, plans: Sequence[Inversion]) -> Plan:
+    """Plans of the joints, one by one, judged by where they bring the foot, all axes alike."""
+    one_by_one = joined([plan.plan.joint(plan.column) for plan in plans])
+    task = replace(
+        one_by_one.task,
+        goal="foot",
+        leg=together.task.leg,
+        foot=together.task.desired_foot,
+        weights=np.ones(3),
+    )
+    return replace(one_by_one, task=task)
+
+
+def _unsmoothed(plan: Plan) -> Plan:
+    """The best plan, whose known error counts in (12b) of ``docs/math.md``, or one with the same.
+
+    Other plans are judged with that error too: the search minimises the plan's own.
+    """
+    best = plan.task.unsmoothed
+    evidence = [model.evidence for model in plan.models]
+    if best is plan.task or not any(each and each.depends_on_motion for each in evidence):
+        return plan
+    return planned(best)
+
+
+def _known(plan: Plan) -> float:
+    """What the models' known errors for a motion make of the plan's error [unit], (12b)."""
+    return _made_by(plan, known_errors(plan.models, plan.predicted, cyclic=plan.cyclic))
+
+
+def _shown(plan: Plan, error: float) -> float:
+    """The error that a robot may show, (12b); 0 for one that no encoder sees, if many plans do."""
+    many = plan.task.goal == "foot" or any(model.dead_band for model in plan.models)
+    if many and error <= _made_by(plan, np.full(len(plan.models), ENCODER_STEP)):
+        return 0.0
+    return math.hypot(error, _known(plan))
+
+
+def _made_by(plan: Plan, errors: Array) -> float:
+    """What errors of the joints [rad], (k,), make of a plan's: of one joint, or of the foot [m]."""
+    task, angles = plan.task, plan.predicted
+    if task.goal == "angles":
+        return float(errors[0])
+    assert task.leg is not None, "a foot belongs to a leg"
+    assert task.weights is not None, "the axes of a foot have weights"
+    moved = task.leg.jacobians(angles) * axis_scales(task.weights)[:, np.newaxis] * errors
+    return math.sqrt(float(np.vdot(moved, moved)) / len(angles))
