@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import sys
 from types import SimpleNamespace
 
@@ -58,9 +59,12 @@ def test_compiled_code_goes_where_numba_is_told_or_to_the_user_or_nowhere(
 
 
 @pytest.fixture
-def announced(tmp_path, monkeypatch):
+def announced(tmp_path, monkeypatch, caplog):
     """What is announced of two compiled functions by a process of its own, after others."""
     monkeypatch.setattr(compilation, "PACKAGE", tmp_path)
+    monkeypatch.setattr(compilation.LOG, "disabled", False)  # whatever this process did before
+    for name in ("planner", "planner.compilation"):
+        caplog.set_level(logging.WARNING, logger=name)
     monkeypatch.setattr(compilation, "_cache_folder", lambda _: tmp_path / "__pycache__" / "kept")
 
     def announced():

@@ -297,7 +297,8 @@ class Identification:
 
     def _over_delay(self) -> float:
         """Error on rows held out over that of the best pure delay [-]."""
-        (delay,) = [each.held_out_rms for each in self.alternatives if each.name == "delay"]
+        found = {each.name: each.held_out_rms for each in self.alternatives}
+        delay = found.get("delay")
         if self.held_out_rms is None or not delay:
             return math.nan
         return float(f"{self.held_out_rms / delay:.4g}")
