@@ -155,8 +155,8 @@ def second_answer(plan: Plan, column: int = 0) -> Answer:
     settled = independent_angles(model, requests, cyclic=plan.cyclic, start=start, load=load)
     apart = float(np.max(np.abs(predicted - settled)))
     if not plan.cyclic:
-        sag = float(model.sag(0.0 if load is None else load[0]))
-        rest = float(requests[0]) + sag if start is None else start
+        torque = 0.0 if load is None else load[0]
+        rest = float(model.rest(requests[0], torque)) if start is None else start
         return Answer(apart, abs(float(predicted[0]) - rest), 0.0)
     speed = last_speed(model, predicted)
     following = next_cycle(model, requests, float(predicted[-1]), load, speed=speed)

@@ -49,7 +49,7 @@ def independent_angles(
     torques = [0.0] * len(requests) if load is None else load.tolist()
     if not cyclic:
         held = float(requests[0]) + model.offset + model.compliance * torques[0]
-        before = held if start is None else start
+        before = _at_rest(model, held) if start is None else start
         given = requests.tolist()
         every = _equation_3(
             model,
@@ -125,8 +125,9 @@ def _steady_end(model: JointModel, requests: Array, load: Array | None) -> _Moti
     twice = end(once)
     # A joint moves by 2 v_max a tick at most, so it does not pass a request by more than that.
     sag = model.offset + model.compliance * (np.zeros(1) if load is None else load)
-    low = float(np.min(requests) + np.min(sag)) - 2.0 * model.v_max * model.tick
-    high = float(np.max(requests) + np.max(sag)) + 2.0 * model.v_max * model.tick
+    beyond = 2.0 * model.v_max * model.tick + abs(model.sag_sin) + abs(model.sag_cos)
+    low = float(np.min(requests) + np.min(sag)) - beyond
+    high = float(np.max(requests) + np.max(sag)) + beyond
     tolerance = SETTLED * max(1.0, abs(low), abs(high))
     if abs(twice - once) <= tolerance:
         return _Motion(twice, 0.0)
@@ -146,13 +147,26 @@ def _equation_3(
     (angle, speed), motions = before, []
     for tick in range(ticks):
         torque, total = torque_at(tick), 0.0
-        sag = model.offset + model.compliance * torque
+        sag = model.offset + model.compliance * torque + _by_angle(model, angle)
         for age, length in window:
             total += length * _equation_2(model, request_at(tick - age) + sag - angle, torque)
         speed = _motor(model, total / duration, speed)
         angle += speed
         motions.append(_Motion(angle, speed))
     return motions
+
+
+def _by_angle(model: JointModel, angle: float) -> float:
+    """The sag by the angle [rad]."""
+    return model.sag_sin * math.sin(angle) + model.sag_cos * math.cos(angle)
+
+
+def _at_rest(model: JointModel, held: float) -> float:
+    """The angle at rest, by fixed-point iteration: each halves the distance at least [rad]."""
+    angle = held
+    for _ in range(60):
+        angle = held + _by_angle(model, angle)
+    return angle
 
 
 def _equation_2(model: JointModel, error: float, torque: float) -> float:

@@ -370,7 +370,7 @@ def _plan_joint(
     )
     clock.start("optimal", f"the optimised requests for the {name}")
     # A joint that sags cannot rest at a limit of its requests: clip to the angles where it can.
-    resting = np.clip(desired, limits[0] + model.offset, limits[1] + model.offset)
+    resting = np.clip(desired, *model.rest(limits))
     optimal = invert_optimal(model, resting, limits=limits)
     clock.start("bounds", f"the lower bound for the {name}")
     _ = plain.lower_bound, refined.lower_bound, optimal.lower_bound

@@ -198,6 +198,8 @@ class Grid:
         firsts: For each run the first of its used rows in its log.
         places: For each log, which of its rows are used, in the same order, shape (n,) each.
         loads: Torque on the joint at every tick [N m], shape (t,); 0 where none is known.
+        unloaded: Whether no log has a torque, and all have angles: gravity may then be a sag by
+            the angle.
         burn_in: How much of a piece is left out at its start [s].
         settled: Pieces of which nothing is left out.
     """
@@ -216,6 +218,7 @@ class Grid:
     firsts: tuple[Place, ...]
     places: tuple[Mask, ...]
     loads: Array
+    unloaded: bool
     burn_in: float
     settled: frozenset[Place]
 
@@ -417,6 +420,7 @@ def resampled(
         firsts=tuple(firsts),
         places=used,
         loads=_joined([run[1] for run in runs]),
+        unloaded=all(log.load is None and log.unit == "rad" for log in logs),
         burn_in=burn_in,
         settled=frozenset(settled),
     )

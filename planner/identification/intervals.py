@@ -48,7 +48,6 @@ down to 0.6, in 1.1 times the time)."""
 
 GAIN = Parameters._fields.index("gain")
 V_MAX = Parameters._fields.index("v_max")
-ASYMMETRY = Parameters._fields.index("asymmetry")
 ROWS = tuple(COORDINATES.values())
 
 
@@ -79,7 +78,7 @@ def intervals_of(fit: Fit, uncertainty: Uncertainty) -> dict[str, Interval]:
 def model_interval(fit: Fit, uncertainty: Uncertainty, name: str) -> Interval:
     """95 % interval of a term, by the covariance, in the unit of :class:`planner.JointModel`."""
     index = Parameters._fields.index(name)
-    open_end = -math.inf if name == "asymmetry" else 0.0
+    open_end = COORDINATES[name].open_end
     value = float(getattr(fit.parameters.model(tick=fit.grid.tick, hold=1), TERMS[name]))
     known = np.isfinite(np.diag(uncertainty.covariance))
     way = model_derivatives(fit.grid, fit.parameters)[index, known]
@@ -195,7 +194,9 @@ def at_edge(fit: Fit, index: int) -> bool:
     """Whether a parameter ended at a bound that is the search's, not the joint's."""
     lower, upper = bounds_of(fit.grid)
     value = fit.parameters[index]
-    low = lower[index] if ROWS[index].unit is None or index == ASYMMETRY else -math.inf
+    low = -math.inf
+    if ROWS[index].unit is None or ROWS[index].open_end < 0.0:
+        low = lower[index]
     near = EDGE * max(abs(value), 1e-300)
     return math.isfinite(value) and (value <= low + near or value >= upper[index] - near)
 

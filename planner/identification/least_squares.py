@@ -124,6 +124,8 @@ def servo_of(grid: Grid, at: Parameters) -> Servo:
         dead_band=at.dead_band,
         time_constant=at.time_constant,
         max_acceleration=at.max_acceleration,
+        sag_sin=float(at.sag_sin),
+        sag_cos=float(at.sag_cos),
     )
     return Servo(
         law,
@@ -232,6 +234,8 @@ def _by_coordinates(grid: Grid, at: Parameters) -> Array:
         (kernel.FASTER_LOAD, "slowing", tick * v_max),
         (kernel.SHARE, "time_constant", inertia),
         (kernel.ACCELERATION, "max_acceleration", tick**2),
+        (kernel.SAG_SIN, "sag_sin", 1.0),
+        (kernel.SAG_COS, "sag_cos", 1.0),
         (kernel.PLAY, "play", 1.0),
     )
     change = np.zeros((kernel.START, len(Parameters._fields)))

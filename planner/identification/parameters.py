@@ -27,6 +27,9 @@ MOST_SLOWING = 0.45
 """Share of v_max by which the largest load changes them at most: both directions stay possible."""
 
 
+MOST_SAG = 0.3
+"""Largest sag by sine and cosine of the angle [rad]: 17 degrees are a motor that is far too weak."""
+
 SEEN = 0.3
 """Share of the highest speed of a log below which no top speed is looked for: what explains the
 rest of a log better then is no joint."""
@@ -48,6 +51,8 @@ class Parameters(NamedTuple):
     asymmetry: float = 0.0  # v_offset / v_max [-]
     compliance: float = 0.0  # [rad/(N m)]
     slowing: float = 0.0  # speed_per_torque / v_max [1/(N m)]
+    sag_sin: float = 0.0  # by the sine of the angle [rad]
+    sag_cos: float = 0.0  # by its cosine [rad]
     time_constant: float = 0.0  # [s]
     max_acceleration: float = math.inf  # [rad/s^2]: see ``terms.py``
     play: float = 0.0  # backlash between motor and angle [rad], which no model has
@@ -67,6 +72,8 @@ class Parameters(NamedTuple):
             slowing=model.speed_per_torque / model.v_max,
             time_constant=model.time_constant,
             max_acceleration=model.max_acceleration,
+            sag_sin=model.sag_sin,
+            sag_cos=model.sag_cos,
         )
 
     def faster(self, load: npt.ArrayLike = 0.0) -> Array:
@@ -101,6 +108,8 @@ class Parameters(NamedTuple):
             speed_per_torque=self.slowing * self.v_max,
             time_constant=self.time_constant,
             max_acceleration=self.max_acceleration,
+            sag_sin=self.sag_sin,
+            sag_cos=self.sag_cos,
         )
 
 
@@ -178,6 +187,20 @@ COORDINATES: dict[str, Coordinate] = {
         upper=lambda grid: MOST_SLOWING / grid.heaviest,
         scale=lambda grid, _: 1.0 / grid.heaviest,
     ),
+    "sag_sin": Coordinate(
+        unit=lambda grid: grid.span,
+        lower=lambda _: -MOST_SAG,
+        upper=lambda _: MOST_SAG,
+        scale=lambda grid, _: grid.span,
+        open_end=-math.inf,
+    ),
+    "sag_cos": Coordinate(
+        unit=lambda grid: grid.span,
+        lower=lambda _: -MOST_SAG,
+        upper=lambda _: MOST_SAG,
+        scale=lambda grid, _: grid.span,
+        open_end=-math.inf,
+    ),
     "time_constant": Coordinate(
         unit=lambda grid: grid.tick,
         lower=lambda _: 0.0,
@@ -202,6 +225,8 @@ TERMS = {
     "asymmetry": "v_offset",
     "compliance": "compliance",
     "slowing": "speed_per_torque",
+    "sag_sin": "sag_sin",
+    "sag_cos": "sag_cos",
     "time_constant": "time_constant",
     "max_acceleration": "max_acceleration",
 }

@@ -30,6 +30,16 @@ MOST_TERMS = 5000
 """Most terms of Equation 3 between two requests, ``hold`` times the ticks of the acceleration time:
 a simulation's time grows with them. Models identified by default have half as many."""
 
+MOST_POSE_SAG = 0.5
+"""Largest sag by the angle [rad]; from 1 on a joint may rest at several angles."""
+
+REST_STEPS = 8
+"""Steps of Newton's method to the angle at rest: with a sag of at most 0.5 each step squares half
+the distance, or less."""
+
+LEFT_OUT = ("time_constant", "max_acceleration", "sag_sin", "sag_cos")
+"""Parameters that files leave out where a joint has none."""
+
 LEAST, MOST = 1e-15, 1e9
 """Least positive and largest parameter, in its SI unit: products and ratios of them stay finite."""
 
@@ -63,6 +73,8 @@ class Law(NamedTuple):
         share: Of the difference between the speed that is called for and the speed, what a motor
             makes up for in a tick: k = 1 - exp(-tick / time constant) [-].
         acceleration: Most by which the speed changes in a tick [rad/tick^2].
+        sag_sin: Sag by the sine of the angle [rad].
+        sag_cos: Sag by its cosine [rad].
     """
 
     gain: float
@@ -70,6 +82,8 @@ class Law(NamedTuple):
     friction: float
     share: float = 1.0
     acceleration: float = math.inf
+    sag_sin: float = 0.0
+    sag_cos: float = 0.0
 
     @classmethod
     def of(
@@ -81,6 +95,8 @@ class Law(NamedTuple):
         dead_band: float,
         time_constant: float,
         max_acceleration: float,
+        sag_sin: float,
+        sag_cos: float,
     ) -> Self:
         """The law for ticks of this time, from numbers in SI."""
         friction = gain * dead_band
@@ -91,6 +107,8 @@ class Law(NamedTuple):
             friction * tick,
             share,
             max_acceleration * tick**2,
+            sag_sin,
+            sag_cos,
         )
 
 
@@ -116,6 +134,9 @@ class JointModel:
         time_constant: Time constant with which its speed follows the speed that is called for,
             a motor's inertia [s]; 0 for the paper's joint.
         max_acceleration: Largest change of its speed [rad/s^2]; infinite for the paper's joint.
+        sag_sin: Sag by gravity where no torque is known [rad]: at the angle q the joint rests
+            sag_sin sin(q) + sag_cos cos(q) beside its request, and by ``offset``.
+        sag_cos: The same by the cosine [rad].
 
     Raises:
         InvalidModel: A parameter is not a finite number or out of its range, or the joint could not
@@ -135,6 +156,8 @@ class JointModel:
     speed_per_torque: float = field(default=0.0, metadata={"unit": "rad/(s N m)"})
     time_constant: float = field(default=0.0, metadata={"unit": "s"})
     max_acceleration: float = field(default=math.inf, metadata={"unit": "rad/s^2"})
+    sag_sin: float = field(default=0.0, metadata={"unit": "rad"})
+    sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
 
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model can be trusted."""
@@ -162,6 +185,12 @@ class JointModel:
             raise InvalidModel(
                 f"v_offset: got {self.v_offset:g} rad/s, expected within ±v_max = "
                 f"±{self.v_max:g} rad/s; beyond it the joint could move in one direction only"
+            )
+        if self.most_pose_sag > MOST_POSE_SAG:
+            raise InvalidModel(
+                f"sag_sin, sag_cos: got {self.sag_sin:g} and {self.sag_cos:g} rad, expected a root "
+                f"of the sum of their squares of at most {MOST_POSE_SAG:g} rad; beyond 1 rad "
+                "gravity would pull the joint away from its request: are they in radians?"
             )
         if self.lag + self.acceleration_time > LONGEST_WINDOW * self.tick:
             raise InvalidModel(
@@ -300,7 +329,7 @@ class JointModel:
         return {
             name: value
             for name, value in every.items()
-            if name not in ("time_constant", "max_acceleration")
+            if name not in LEFT_OUT
             or value != self.__dataclass_fields__[name].default
         }
 
@@ -341,12 +370,37 @@ class JointModel:
         return self.theta_0 > reached
 
     @property
+    def most_pose_sag(self) -> float:
+        """The largest sag by gravity at any angle, and its largest slope by the angle [rad]."""
+        return math.hypot(self.sag_sin, self.sag_cos)
+
+    def pose_sag(self, angle: npt.ArrayLike) -> Array:
+        """The sag by gravity at an angle [rad], beside :meth:`sag`: g(q) of (2)."""
+        if self.most_pose_sag == 0.0:
+            return np.zeros(np.shape(angle))
+        return np.asarray(self.sag_sin * np.sin(angle) + self.sag_cos * np.cos(angle))
+
+    def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
+        """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q)."""
+        held = np.asarray(request + self.sag(load))
+        angle = np.array(held)
+        for _ in range(REST_STEPS if self.most_pose_sag > 0.0 else 0):  # Newton's method
+            finite = np.where(np.isfinite(angle), angle, 0.0)
+            slope = 1.0 - self.sag_sin * np.cos(finite) + self.sag_cos * np.sin(finite)
+            angle -= np.where(
+                np.isfinite(held), (finite - self.pose_sag(finite) - held) / slope, 0.0
+            )
+        return angle
+
+    @property
     def feels_load(self) -> bool:
         """Whether a torque on the joint changes its answer."""
         return self.compliance != 0.0 or self.speed_per_torque != 0.0
 
     def sag(self, load: npt.ArrayLike = 0.0) -> Array:
         """Where the joint rests under a load beside its request [rad]: c + kappa tau of (2).
+
+        The sag by the angle is :meth:`pose_sag`.
 
         Args:
             load: Torque on the joint in the direction of positive angles [N m].
@@ -371,7 +425,7 @@ class JointModel:
         """Speed [rad/s] that errors call for: f of Equation 2 and of (1a).
 
         Args:
-            error: Request plus :meth:`sag` minus angle [rad].
+            error: Request plus :meth:`sag` and :meth:`pose_sag` minus angle [rad].
             load: Torque on the joint in the direction of positive angles [N m].
         """
         beyond = np.asarray(error, dtype=np.float64)
@@ -389,6 +443,8 @@ class JointModel:
             dead_band=self.dead_band,
             time_constant=self.time_constant,
             max_acceleration=self.max_acceleration,
+            sag_sin=self.sag_sin,
+            sag_cos=self.sag_cos,
         )
 
     @property

@@ -61,6 +61,22 @@ def moved(law: Law, called: float, speed: float) -> float:
 
 
 @compiled
+def pose_sag(law: Law, angle: float) -> float:
+    """How far gravity holds the joint beside its request at an angle, s sin q + c cos q [rad]."""
+    if law.sag_sin == 0.0 and law.sag_cos == 0.0:
+        return 0.0
+    return float(law.sag_sin * np.sin(angle) + law.sag_cos * np.cos(angle))
+
+
+@compiled
+def pose_sag_slope(law: Law, angle: float) -> float:
+    """The derivative of :func:`pose_sag` by the angle [-]."""
+    if law.sag_sin == 0.0 and law.sag_cos == 0.0:
+        return 0.0
+    return float(law.sag_sin * np.cos(angle) - law.sag_cos * np.sin(angle))
+
+
+@compiled
 def run_period(
     law: Law,
     weights: Array,
@@ -79,7 +95,7 @@ def run_period(
         weights: Weight of each request at each tick of the period, youngest first, (hold, width).
         history: Requests, oldest first [rad].
         first: Number of the oldest one that acts.
-        sag: Angle at rest less request [rad].
+        sag: Angle at rest less request, beside that of the pose [rad].
         faster: How much faster the joint is in the positive direction [rad/tick].
         angle: Angle before the period [rad].
         speed: Speed in the tick before it [rad/tick].
@@ -91,11 +107,11 @@ def run_period(
     hold, width = weights.shape
     youngest = first + width - 1
     for tick in range(skipped, hold):
-        called = 0.0
+        called, here = 0.0, sag + pose_sag(law, angle)
         for j in range(width):
             weight = weights[tick, j]
             if weight != 0.0:
-                called += weight * drive(law, history[youngest - j] + sag - angle, faster)[0]
+                called += weight * drive(law, history[youngest - j] + here - angle, faster)[0]
         speed = moved(law, called, speed)
         angle += speed
     return angle, speed
@@ -121,7 +137,7 @@ def run(
         weights: Weight of each request at each tick of a period, youngest first, (hold, width).
         history: Requests, oldest first: those acting before sample k are
             ``history[k : k + width]`` [rad], (n + width - 1,).
-        sags: Angle at rest less request in each period [rad], (n,).
+        sags: Angle at rest less request in each period, beside that of the pose [rad], (n,).
         faster: How much faster the joint is in the positive direction [rad/tick], (n,).
         angle: Angle before the first tick [rad].
         speed: Speed in the tick before it [rad/tick].
@@ -235,7 +251,7 @@ def period(
         law: The joint.
         weights: Weight of each request at each tick, youngest first, (hold, width).
         window: Requests that act, youngest first [rad], (width,).
-        sag: Angle at rest less request [rad].
+        sag: Angle at rest less request, beside that of the pose [rad].
         faster: How much faster the joint is in the positive direction [rad/tick].
         rounded: Square of the radius of the corners [rad^2/tick^2].
         angle: Angle before the period [rad].
@@ -256,9 +272,10 @@ def period(
     low, high = faster - law.top, faster + law.top
     values, own, bent = np.empty(width), np.empty(width), np.empty(width)
     for tick in range(hold):
+        here, kept = sag + pose_sag(law, angle), 1.0 - pose_sag_slope(law, angle)
         for j in range(width):  # a loop without sums, which processors do several turns of at once
             value, slope, bend = rounded_clip(
-                law.gain * (window[j] + sag - angle), low, high, rounded
+                law.gain * (window[j] + here - angle), low, high, rounded
             )
             values[j] = weights[tick, j] * value
             own[j] = weights[tick, j] * law.gain * slope
@@ -269,14 +286,14 @@ def period(
             total += own[j]
         speed, by_called, by_speed, bend = rounded_moved(law, called, speed, rounded)
         angle += speed
-        by_angle = -by_called * total
+        by_angle = -by_called * total * kept
         for c in range(2 + width):
             slopes[1, c] = by_speed * slopes[1, c] + by_angle * slopes[0, c]
         for j in range(width):
             slopes[1, 2 + j] += by_called * own[j]
         for j in range(bends.shape[1]):
             bends[1, j] = by_speed * bends[1, j] + by_angle * bends[0, j]
-            bends[1, j] += by_called * bent[j] + bend * own[j] * total
+            bends[1, j] += by_called * bent[j] + bend * own[j] * total * kept
             bends[0, j] += bends[1, j]
         for c in range(2 + width):
             slopes[0, c] += slopes[1, c]
@@ -368,12 +385,11 @@ class Track(NamedTuple):
 ROUNDING = 1e-15
 """A speed below this, relative to what the angles call for, is rounding: the joint is at rest."""
 
-GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD, SHARE, ACCELERATION, PLAY = (
-    range(12)
-)
+GAIN, V_MAX, LAG, WINDOW, SAG, BAND, FASTER, SAG_LOAD, FASTER_LOAD = range(9)
+SHARE, ACCELERATION, PLAY, SAG_SIN, SAG_COS = range(9, 14)
 """By what :func:`along` takes derivatives, in its order."""
 
-START = 12
+START = 14
 """The derivative by the angle at which the run of a row starts."""
 
 
@@ -425,8 +441,9 @@ def along(
         predicted: Filled with the angle at each row [rad], (rows,).
         slopes: Filled with the derivatives of these by gain [1/tick], v_max [rad/tick], lag and
             acceleration time [ticks], sag [rad], dead band [rad], ``faster`` [rad/tick], both by
-            load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], and by
-            the first angle of the row's run, (rows, c).
+            load, the motor's share [-], the acceleration limit [rad/tick^2], the play [rad], the
+            sag by sine and cosine of the angle [rad], and by the first angle of the row's run,
+            (rows, c).
     """
     law, edges, requests, states = servo.law, track.edges, track.requests, track.states
     before, share = track.before, track.share
@@ -448,7 +465,7 @@ def along(
             for p in range(count):
                 fast[p] = 0.0
                 now[p] = motion[p] = 1.0 if columns[p] == START else 0.0
-        sag = servo.sag + servo.sag_by_load * track.loads[t]
+        sag = servo.sag + servo.sag_by_load * track.loads[t] + pose_sag(law, angle)
         faster = servo.faster + servo.faster_by_load * track.loads[t]
         young = track.ticks[t] - servo.lag
         old = young - servo.window
@@ -501,6 +518,8 @@ def along(
             drives[BAND] = law.gain * limited
             drives[FASTER] = saturated
             drives[SAG_LOAD] = drives[SAG] * track.loads[t]
+            drives[SAG_SIN] = drives[SAG] * np.sin(angle)
+            drives[SAG_COS] = drives[SAG] * np.cos(angle)
             drives[FASTER_LOAD] = saturated * track.loads[t]
             # By the speed that is called for, and what is left of the speed before
             accelerated = 1.0
@@ -515,7 +534,7 @@ def along(
             kinks[BAND] = -way * law.share * law.gain
             kinks[SHARE] = accelerated * (called - slid) - way * law.friction
             by_called = law.share * accelerated
-            by_angle = law.gain * inside
+            by_angle = law.gain * inside * (1.0 - pose_sag_slope(law, angle))
             for p in range(count):
                 column = columns[p]
                 past[p] = now[p]

@@ -17,7 +17,10 @@ Loads = Sequence[Array | None]
 
 
 def sags(models: Sequence[JointModel], loads: Loads | None = None) -> Array:
-    """Angle at rest less request, c + kappa tau of (2) [rad], (joints,) or (n, joints)."""
+    """Angle at rest less request beside that by the pose, c + kappa tau of (2) [rad].
+
+    Shape (joints,) or (n, joints).
+    """
     torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
     each = [model.sag(load) for model, load in zip(models, torques, strict=True)]
     return np.stack(np.broadcast_arrays(*each), axis=-1)
@@ -28,14 +31,17 @@ def rest_requests(models: Sequence[JointModel], angles: Array, loads: Loads | No
 
     There Equation 2 vanishes; shape (..., joints), or (n, joints) under loads.
     """
-    held: Array = angles - sags(models, loads)
+    by_pose = [model.pose_sag(angles[..., j]) for j, model in enumerate(models)]
+    held: Array = angles - sags(models, loads) - np.stack(by_pose, axis=-1)
     return held
 
 
 def rest_angles(models: Sequence[JointModel], requests: Array, loads: Loads | None = None) -> Array:
     """Angles at which joints rest under these requests, as :func:`rest_requests` [rad]."""
-    resting: Array = requests + sags(models, loads)
-    return resting
+    torques = [0.0 if load is None else load for load in loads or [None] * len(models)]
+    columns = zip(models, np.moveaxis(requests, -1, 0), torques, strict=True)
+    each = [model.rest(column, load) for model, column, load in columns]
+    return np.stack(np.broadcast_arrays(*each), axis=-1)
 
 
 def load_columns(loads: Loads, samples: int) -> Array | None:

@@ -113,7 +113,7 @@ def motion_under(
     history = requests_acting(requests, request_ages(model), cyclic=cyclic)
     sags, faster = model.sag(load), model.faster_per_tick(load)
     joint = Cycle(model.law, weights_by_tick(model), history, sags, faster, *motion)
-    angle = float(requests[0] + sags[0]) if start is None else start
+    angle = float(model.rest(requests[0], load[0])) if start is None else start
     if not cyclic:
         run(*joint[:5], angle, 0.0, model.hold - 1, *motion)
     elif apart := run_steady_cycle(joint, angle, MOST_CYCLES):

@@ -96,10 +96,11 @@ def sensitivities(
         rows = _recursion(kept, driven, begin)[:, 0]
     else:
         first = np.zeros((size, n))
-        first[0, 0] = 1.0
+        first[0, 0] = 1.0 / (1.0 - kernel.pose_sag_slope(model.law, motion.angles[0]))
         if start is not None:
             torque = 0.0 if torques is None else float(torques[0])
-            first[:, 0] = _slope(model, requests[0] - start, torque)
+            error = requests[0] + model.pose_sag(start) - start
+            first[:, 0] = _slope(model, error, torque)
         later = _recursion(kept[1:], driven[1:], first)[:, 0]
         rows = np.vstack([first[:1], later])
     rows = np.ascontiguousarray(rows)
@@ -112,7 +113,7 @@ def _slope(model: JointModel, error: float, load: float) -> float:
 
     Args:
         model: The joint.
-        error: First request minus angle [rad].
+        error: First request and the sag by the pose minus angle [rad].
         load: Torque on the joint [N m].
     """
     error = float(error + model.sag(load))

@@ -77,6 +77,7 @@ def run_steady_cycle(cycle: Cycle, near: float, most: int) -> float:
     inert = law.share < 1.0 or law.acceleration < np.inf
     if inert:
         beyond += 2.0 * top / law.share + top**2 / law.acceleration
+    beyond += np.hypot(law.sag_sin, law.sag_cos)
     low = np.min(cycle.history) + np.min(cycle.sags) - beyond
     high = np.max(cycle.history) + np.max(cycle.sags) + beyond
     tolerance = CYCLE_TOLERANCE * max(1.0, abs(low), abs(high))

@@ -26,6 +26,7 @@ def period(
     speed: Any = 0.0,
     load: Any = 0.0,
     radius: Any = None,
+    unit: float = 1.0,
 ) -> State:
     """The joint after one request period: (1a) of ``docs/math.md`` at each of its ``hold`` ticks.
 
@@ -37,14 +38,16 @@ def period(
         speed: Speed at the sample before [rad/tick]; it counts where the joint has inertia.
         load: Torque on the joint in this period [N m], a number or a CasADi expression.
         radius: Radius of the rounded corners of the law [rad]; None for the exact one.
+        unit: Unit of all angles and of the model's parameters [rad], but for its sag by the angle.
 
     Returns:
         Angle and speed at the next sample, CasADi expressions.
     """
-    law, sag = model.law, model.offset + model.compliance * load
+    law, level = model.law, model.offset + model.compliance * load
     faster = (model.v_offset + model.speed_per_torque * load) * model.tick
     corner = None if radius is None else law.gain * radius
     for weights in weights_by_tick(model).tolist():
+        sag = level + _pose_sag(law, unit * angle) / unit
         called = sum(
             weight
             * _clip(
@@ -56,6 +59,15 @@ def period(
         speed = _moved(law, called, speed, corner)
         angle = angle + speed
     return State(angle, speed)
+
+
+def _pose_sag(law: Law, angle: Any) -> Any:
+    """The sag by the angle [rad]."""
+    import casadi
+
+    if law.sag_sin == 0.0 and law.sag_cos == 0.0:
+        return 0.0
+    return law.sag_sin * casadi.sin(angle) + law.sag_cos * casadi.cos(angle)
 
 
 def _moved(law: Law, called: Any, speed: Any, corner: Any) -> Any:

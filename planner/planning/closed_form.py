@@ -342,6 +342,10 @@ def requests_of(
         each = np.broadcast_to(torques, line.shape)
         in_force = np.take_along_axis(slopes, line, axis=1)
         requests += offsets_of(model, in_force, rule=rule, load=each)
+    if model.most_pose_sag > 0.0:
+        acting = np.take_along_axis(values + per_sample * (first - knots), line, axis=1)
+        acting += np.take_along_axis(per_sample, line, axis=1) * (since + ahead)
+        requests -= model.pose_sag(acting)
     return np.asarray(requests)
 
 

@@ -131,6 +131,7 @@ class _Scaled(NamedTuple):
     norm: Norm
     weight: float
     loads: Array  # (n,)
+    unit: float  # theta_0 [rad]
 
     @classmethod
     def of(cls, problem: Problem, state: State, weight: float) -> Self:
@@ -158,6 +159,7 @@ class _Scaled(NamedTuple):
             problem.norm,
             weight,
             np.zeros(len(problem.desired)) if problem.loads[0] is None else problem.loads[0],
+            unit,
         )
 
 
@@ -185,7 +187,7 @@ def _transcribed(problem: _Scaled) -> _Programme:
     cost += problem.weight * casadi.sumsqr(requests - problem.resting)
 
     # Dynamics, and the boundary: a cycle, or from rest
-    period_of = _step(problem.model)
+    period_of = _step(problem.model, problem.unit)
     speeds = casadi.SX.sym("w", samples if problem.model.has_inertia else 0)
     states = casadi.horzcat(angles, speeds).T if speeds.numel() else angles.T
     rest = [] if problem.start is None else [problem.start, *[0.0] * (states.shape[0] - 1)]
@@ -236,7 +238,7 @@ def _transcribed(problem: _Scaled) -> _Programme:
     )
 
 
-def _step(model: JointModel) -> Any:
+def _step(model: JointModel, unit: float) -> Any:
     """F as a CasADi function of the state before, the requests that act, the radius, the load.
 
     The state is the angle, and with inertia the speed, too.
@@ -254,6 +256,7 @@ def _step(model: JointModel) -> Any:
         speed=speed[0] if speed else 0.0,
         radius=radius,
         load=load if model.feels_load else 0.0,
+        unit=unit,
     )
     reached = casadi.vertcat(*after) if speed else after.angle
     return casadi.Function("step", [state, requests, radius, load], [reached])

@@ -41,10 +41,10 @@ class Spec(NamedTuple):
         ridge: Curvature added to the goal's, where it does not see every angle.
         drives: Of each drive the numbers of its law, then ticks of its request period, unit of the
             radius of the corners [rad], time in which a speed counts as an angle [ticks], and from
-            rest the angle before the first sample [rad], (A, 9).
+            rest the angle before the first sample [rad], (A, 11).
         weights: Weight of each request at each tick of a period, youngest first, (A, ticks, width).
-        periods: In each period angle at rest less request [rad], and how much faster the drive is
-            in the positive direction [rad/tick], (2, A, n).
+        periods: In each period angle at rest less request, beside that by the angle [rad], and how
+            much faster the drive is in the positive direction [rad/tick], (2, A, n).
         bounds: First requests from rest, lower and upper limits, largest changes [rad], (4, J).
         resting: Requests that would hold the desired angles [rad], (n, J).
         goal: Desired angle [rad], (n, 1); or desired position of the foot [m], and what is added to
@@ -357,8 +357,9 @@ def evaluate(spec: Spec, stage: Stage, unit: float, point: Point) -> None:
     slopes, bends, window = np.empty((2, 2 + width)), np.empty((2, width)), np.empty(width)
     for a in range(drives):
         row = spec.drives[a]
-        law, weights = Law(row[0], row[1], row[2], row[3], row[4]), spec.weights[a, : int(row[5])]
-        rounded, unit_of_speed, start = (law.gain * stage.radius * row[6]) ** 2, row[7], row[8]
+        law = Law(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        weights = spec.weights[a, : int(row[7])]
+        rounded, unit_of_speed, start = (law.gain * stage.radius * row[8]) ** 2, row[9], row[10]
         for k in range(samples):
             for j in range(width):
                 number = acting_request(k - youngest - j, samples, cyclic)

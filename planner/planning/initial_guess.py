@@ -38,7 +38,7 @@ def initial_guess(problem: Problem) -> State:
     at = knots % count
     slopes = steps[at] / model.period
     offsets = interpolated_offset(model, slopes, rule="exact", load=torques[at])
-    requests = ideal[at] + steps[at] * (samples - knots) + offsets
+    requests = ideal[at] + steps[at] * (samples - knots) + offsets - model.pose_sag(ideal[at])
     return State(problem.admissible(requests[:, np.newaxis]), ideal[:, np.newaxis])
 
 

@@ -103,6 +103,9 @@ class TrackingError:
             in_force = slopes[segment]
             offsets = interpolated_offset(self.model, in_force, rule=self.rule, load=self.load)
         requests = heights[segment] + slopes[segment] * past + offsets
+        if self.model.most_pose_sag > 0.0:
+            acting = heights[segment] + slopes[segment] * (past + self.ahead * curve.tick)
+            requests -= self.model.pose_sag(acting)
         self.work += curve.samples
         angles = self.problem.exact_angles(self.problem.admissible(requests[:, np.newaxis]))
         if angles is None:

@@ -19,7 +19,7 @@ from planner.model.joint import (
     request_ages_of_all,
     weights_by_tick,
 )
-from planner.model.load import Loads, rest_angles, rest_requests, sags
+from planner.model.load import Loads, rest_angles, rest_requests
 from planner.model.response import motion_under
 from planner.planning.arguments import Limits, Norm
 from planner.planning.error_norm import error_norm
@@ -86,16 +86,12 @@ class Problem:
         return self.models[: self.joints]
 
     @cached_property
-    def sags(self) -> Array:
-        """Where the nominal joints rest beside their requests [rad], (J,), or (n, J) by loads."""
-        return sags(self.nominal, self.loads[: self.joints])
-
-    @cached_property
     def first_requests(self) -> Array | None:
         """From rest: the requests that hold the joints, not yet within the limits [rad], (J,)."""
         if self.start is None or self.first is not None:
             return self.first
-        return np.asarray(self.start - (self.sags if self.sags.ndim == 1 else self.sags[0]))
+        held = rest_requests(self.nominal, self.start, self.loads[: self.joints])
+        return np.asarray(held if held.ndim == 1 else held[0])
 
     @cached_property
     def resting(self) -> Array:

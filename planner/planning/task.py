@@ -377,7 +377,7 @@ class Task:
         count = len(angles)
         if self.start is not None:
             angles, torques = np.append(angles, self.start[j]), np.append(torques, torques[0])
-        sags = model.sag(torques)
+        sags = model.sag(torques) + model.pose_sag(angles)
         beyond = np.maximum(lower - (angles - sags), (angles - sags) - upper) - model.dead_band
         worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
         sag = float(sags[worst])

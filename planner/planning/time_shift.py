@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.model.joint import JointModel, checked_model
+from planner.model.load import rest_requests
 from planner.planning.arguments import Norm, one_path
 from planner.planning.closed_form import switching_time
 from planner.planning.plan import Plan
@@ -119,8 +120,7 @@ def early(joint: Task, lead: float) -> Array:
     requests: Array = np.interp(samples + lead, samples, desired, period=cycle)
     if joint.start is None:
         return requests
-    (load,) = joint.loads
-    requests[0] = joint.start[0] - joint.nominal[0].sag(0.0 if load is None else load[0])
+    requests[0] = np.atleast_2d(rest_requests(joint.nominal, joint.start, joint.loads))[0, 0]
     return requests
 
 

@@ -59,6 +59,8 @@ PARAMETERS = {
     "speed_per_torque": "loss of top speed per torque [rad/(s N m)]",
     "time_constant": "time constant of the speed [s]",
     "max_acceleration": "largest acceleration [rad/s^2]",
+    "sag_sin": "sag by the sine of the angle [rad]",
+    "sag_cos": "sag by the cosine of the angle [rad]",
 }
 """What the parameters of a joint are called in words."""
 
@@ -69,6 +71,8 @@ OPTIONAL = (
     "speed_per_torque",
     "time_constant",
     "max_acceleration",
+    "sag_sin",
+    "sag_cos",
 )
 """Parameters that are shown only where a joint has them."""
 

@@ -135,6 +135,17 @@ MaxAcceleration = Annotated[
     float, About(help="Largest acceleration [rad/s^2]; inf where there is no limit.", example=300.0)
 ]
 
+SagBySine = Annotated[
+    float,
+    About(
+        help="Sag by the sine of the joint's angle [rad]: gravity where no torque is known.",
+        example=0.0,
+    ),
+]
+SagByCosine = Annotated[
+    float, About(help="Sag by the cosine of the joint's angle [rad].", example=0.0)
+]
+
 
 class Parameters(Settings):
     """In place of model.file: the parameters of all joints."""
@@ -152,6 +163,8 @@ class Parameters(Settings):
     speed_per_torque: SpeedPerTorque = 0.0
     time_constant: TimeConstant = 0.0
     max_acceleration: MaxAcceleration = math.inf
+    sag_sin: SagBySine = 0.0
+    sag_cos: SagByCosine = 0.0
 
 
 class OfJoint(Settings):
@@ -176,6 +189,8 @@ class OfJoint(Settings):
     speed_per_torque: SpeedPerTorque | None = None
     time_constant: TimeConstant | None = None
     max_acceleration: MaxAcceleration | None = None
+    sag_sin: SagBySine | None = None
+    sag_cos: SagByCosine | None = None
 
 
 class Model(Settings):

@@ -32,7 +32,7 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     # The torque at tick t is that of the sample that is next.
     torque = np.array([by_sample[math.ceil(t / hold) % len(desired)] for t in range(ticks)])
     b = (model.v_offset + model.speed_per_torque * torque) * model.tick
-    sag = model.compliance * torque
+    sag, pose = model.compliance * torque, math.hypot(model.sag_sin, model.sag_cos)
     x = cp.Variable(ticks)
     w = cp.hstack([x[:1] - x[-1:], x[1:] - x[:-1]]) if cyclic else x[1:] - x[:-1]
     moving = slice(0 if cyclic else 1, None)
@@ -44,9 +44,12 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
         later, now = (cp.hstack([w[1:], w[:1]]), w) if cyclic else (w[1:], w[:-1])
         at = np.arange(ticks)[moving][: now.shape[0]]
         db, ds, b = b[(at + 1) % ticks] - b[at], sag[(at + 1) % ticks] - sag[at], b[at]
-        slowest, fastest = np.maximum(ds - b + v, 0.0), np.maximum(ds - b - v, 0.0)
+        more_slowest, more_fastest = pose * np.abs(b - v), pose * np.abs(b + v)
+        slowest = np.maximum(ds - b + v + more_slowest, 0.0)
+        fastest = np.maximum(ds - b - v + more_fastest, 0.0)
         up = slowest + cp.multiply((fastest - slowest) / (2.0 * v), now - b + v)
-        slowest, fastest = np.maximum(b - v - ds, 0.0), np.maximum(b + v - ds, 0.0)
+        slowest = np.maximum(b - v - ds + more_slowest, 0.0)
+        fastest = np.maximum(b + v - ds + more_fastest, 0.0)
         down = slowest + cp.multiply((fastest - slowest) / (2.0 * v), now - b + v)
         rise, fall = np.maximum(db, 0.0), np.maximum(-db, 0.0)
         conditions += [

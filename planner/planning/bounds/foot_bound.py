@@ -21,7 +21,7 @@ import numpy as np
 
 from kinematics.leg import Leg
 from planner.model.joint import JointModel
-from planner.model.load import Loads, sags
+from planner.model.load import Loads, rest_angles
 from planner.planning.arguments import Norm
 from planner.planning.bounds.bundle_method import (
     Column,
@@ -258,7 +258,8 @@ def attainable_angles(
 ) -> tuple[Array, Array]:
     """Angles between which every joint stays under requests within limits [rad], (n, k) both.
 
-    A joint overshoots a request by v - theta_0 a tick at most, by more in the direction of a higher
+    A joint overshoots a request by v - theta_0 a tick at most, with a sag by its angle of at most s
+    by v - theta_0 / (1 + s), by more in the direction of a higher
     top speed, and by nothing where that is negative; friction holds it within its dead band. With
     inertia it may overshoot by any amount. A turn
     by 2 pi changes nothing for the foot, so that a cycle may be thought to have its least angle
@@ -273,13 +274,14 @@ def attainable_angles(
     """
     loads = [None] * len(models) if loads is None else loads
     farthest = _farthest(models, loads)
-    beyond = np.array([max(model.v_max_per_tick - model.theta_0, 0.0) for model in models])
+    thresholds = [model.theta_0 / (1.0 + model.most_pose_sag) for model in models]
+    beyond = np.array([model.v_max_per_tick for model in models])
+    beyond = np.maximum(beyond - thresholds, 0.0)
     beyond *= farthest / np.array([model.v_max_per_period for model in models])
     beyond = np.maximum(beyond, [model.dead_band for model in models])
     beyond[[model.has_inertia for model in models]] = math.inf
-    sagging = np.atleast_2d(sags(models, loads))
-    lower = limits[0] + np.min(sagging, axis=0) - beyond
-    upper = limits[1] + np.max(sagging, axis=0) + beyond
+    lowest, highest = (np.atleast_2d(rest_angles(models, end, loads)) for end in limits)
+    lower, upper = np.min(lowest, axis=0) - beyond, np.max(highest, axis=0) + beyond
     if start is not None:
         away = np.arange(samples)[:, np.newaxis] * farthest
         return np.maximum(lower, start - away), np.minimum(upper, start + away)

@@ -97,11 +97,12 @@ def proved_level(model: JointModel, level: Level) -> Level:
 
     With inertia the speed changes by what the motor allows and not by what the window does, so that
     "slope" is left; "exact" follows requests through the window to a speed that is their sum, which
-    friction makes another one.
+    friction makes another one, and a sag by the angle another one at every angle.
     """
     if model.has_inertia:
         return "slope"
-    return "envelope" if model.dead_band and level == "exact" else level
+    follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0
+    return level if follows or level != "exact" else "envelope"
 
 
 def ticks_of(problem: BoundProblem) -> int:
@@ -128,8 +129,9 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
 def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Array]:
     """Condition 2 with its convex majorant, ``w(t+1) - kept * w(t) <= gain``, and its mirror image.
 
-    The majorant of ``max(0, s - w)``, with s the change of the sag, is the chord between the least
-    and the greatest speed w, which are 2 v_max apart.
+    The majorant of ``max(0, s - w + p |w|)``, with s the change of the sag and p the largest slope
+    of the sag by the angle, is the chord between the least and the greatest speed w, which are
+    2 v_max apart.
 
     Args:
         model: The joint.
@@ -146,11 +148,11 @@ def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Ar
     following, count = np.roll(np.arange(len(load)), -1), len(load) - (not cyclic)
     sagging = model.compliance * (load[following] - load)
     faster = high[following] - high
-    kept, gain = [], []
+    by_pose, kept, gain = model.most_pose_sag, [], []
     for sign, slowest, fastest in ((1.0, low, high), (-1.0, -high, -low)):
         # Upwards the least w leaves most to be gained; the mirror image turns all signs.
-        most = np.maximum(sign * sagging - slowest, 0.0)
-        least = np.maximum(sign * sagging - fastest, 0.0)
+        most = np.maximum(sign * sagging - slowest + by_pose * np.abs(slowest), 0.0)
+        least = np.maximum(sign * sagging - fastest + by_pose * np.abs(fastest), 0.0)
         slope = model.gain_per_tick * common * ((most - least) / (2.0 * v_max))
         beyond = slope * (fastest - v_max) + model.gain_per_tick * common * least
         changed = common * np.maximum(sign * faster, 0.0) + replaced * sign * faster / 2.0

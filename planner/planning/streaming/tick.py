@@ -32,7 +32,7 @@ import numpy as np
 
 from planner.compilation import compiled
 from planner.model.joint import Law
-from planner.model.kernel import period, run_period
+from planner.model.kernel import period, pose_sag, run_period
 from planner.planning.arguments import NEGLIGIBLE_SAG, ON_THE_LIMIT
 from planner.planning.streaming.repeating_path import Repeating, continue_path
 from planner.trajectory import LARGEST, TURN, Array
@@ -81,7 +81,7 @@ def _fields(numbers: str, counts: str) -> np.dtype[np.void]:
 
 
 JOINT = _fields(
-    "gain top friction share acceleration "  # of its law
+    "gain top friction share acceleration sag_sin sag_cos "  # of its law
     "offset compliance "  # its sag [rad], and the change of that by a load [rad/(N m)]
     "faster faster_by_load "  # how much faster it is in the positive direction, likewise [/tick]
     "v_max travel theta_0 dead_band "  # [rad/tick], [rad/period], [rad], [rad]
@@ -103,9 +103,10 @@ STATE = _fields(
 )
 """What of a joint changes from tick to tick, with a tick's arguments and answer."""
 
-SAMPLE = _fields("sag faster goal count rounded", "")
-"""What one joint's plan is to do in a period: its sag [rad], how much faster it is [rad/tick], the
-desired angle D [rad], the weight w, and the squared radius of the corners [rad^2/tick^2]."""
+SAMPLE = _fields("sag pose_sag faster goal count rounded", "")
+"""What one joint's plan is to do in a period: its sag, and beside that the sag by the desired angle
+[rad], how much faster it is [rad/tick], the desired angle D [rad], the weight w, and the squared
+radius of the corners [rad^2/tick^2]."""
 
 
 class Data(NamedTuple):
@@ -174,12 +175,12 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
     period_samples = np.empty(samples, dtype=SAMPLE)
     for j in range(count):
         joint, state, its_plan, its_sent = joints[j], states[j], plan[j], sent[j]
-        law = Law(joint.gain, joint.top, joint.friction, joint.share, joint.acceleration)
+        law = law_of(joint)
         own = weights[j, : joint.hold]
         if begins:
             state.angle = desired[0, j] if np.isnan(state.measured) else state.measured
             state.speed, state.read, state.believed = 0.0, state.measured, state.measured
-            sag = joint.offset + joint.compliance * load[0, j]
+            sag = joint.offset + joint.compliance * load[0, j] + pose_sag(law, state.angle)
             for i in range(len(its_sent)):
                 its_sent[i] = min(max(state.angle - sag, joint.lower), joint.upper)
         else:
@@ -196,6 +197,7 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
                 sample, k = min(row, rows.shape[1] - 1), row - youngest
                 asked = period_samples[k]
                 asked.sag, asked.faster, asked.goal = sag, faster, rows[j, sample]
+                asked.pose_sag = pose_sag(law, asked.goal)
                 asked.count = 1.0 if sample < preview else shares[j]
                 asked.rounded = (joint.gain * joint.theta_0 * radii[k]) ** 2
         problem = Problem(joint, law, own, period_samples, angle, speed, begins)
@@ -205,6 +207,20 @@ def tick(data: Data, path: Repeating, missed: int, strict: bool) -> bool:
         state.request = its_plan[0]
         append(its_sent, state.request)
     return True
+
+
+@compiled
+def law_of(joint: Record) -> Law:
+    """The law of a joint."""
+    return Law(
+        joint.gain,
+        joint.top,
+        joint.friction,
+        joint.share,
+        joint.acceleration,
+        joint.sag_sin,
+        joint.sag_cos,
+    )
 
 
 @compiled
@@ -221,6 +237,7 @@ def check(joint: Record, state: Record, desired: Array, load: Array, j: int) -> 
         if blocked:
             load[row, j] = 0.0
         sag = joint.offset + joint.compliance * load[row, j]
+        sag += pose_sag(law_of(joint), desired[row, j])
         room = joint.dead_band + ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG)
         held = desired[row, j] - sag
         far = max(far, max(held - joint.upper, joint.lower - held) - room)
@@ -312,7 +329,8 @@ def improve(problem: Problem, state: Record, sent: Array, plan: Array) -> None:
     for i in range(past):
         now[i] = lines[i] = trial[i] = best[i] = sent[len(sent) - past + i]
     for k in range(count):
-        now[past + k] = samples[k].goal - samples[k].sag if begins else plan[k]
+        resting = samples[k].goal - samples[k].sag - samples[k].pose_sag
+        now[past + k] = resting if begins else plan[k]
         lines[past + k] = inverse_of_line(joint, samples, k)
     if begins:
         now[past] = lines[past] = sent[-1]
@@ -357,7 +375,8 @@ def inverse_of_line(joint: Record, samples: Any, k: int) -> float:
     slope = samples[min(number + 1, last)].goal - samples[number].goal
     slope = min(max(slope, -joint.travel), joint.travel)
     raised = slope * (joint.theta_0 / joint.travel) + np.sign(slope) * joint.dead_band
-    return float(samples[number].goal + (at - number) * slope + raised - samples[k].sag)
+    sag = samples[k].sag + samples[number].pose_sag
+    return float(samples[number].goal + (at - number) * slope + raised - sag)
 
 
 @compiled
@@ -378,7 +397,8 @@ def cost(problem: Problem, requests: Array, enough: float) -> float:
         angle, speed = run_period(
             law, weights, requests, first + k, asked.sag, asked.faster, angle, speed, 0
         )
-        away, change = request - (asked.goal - asked.sag), request - requests[past + k - 1]
+        away = request - (asked.goal - asked.sag - asked.pose_sag)
+        change = request - requests[past + k - 1]
         of_errors += asked.count * (angle - asked.goal) ** 2
         of_requests += cost_of_request(joint, change, away)
         if of_errors + of_requests > enough:
@@ -425,7 +445,8 @@ def gauss_newton_step(problem: Problem, requests: Array, damping: float, step: A
         angle, speed = run_period(law, weights, requests, first, sag, faster, angle, speed, 0)
         errors[k] = angle - asked.goal
         of_errors += asked.count * errors[k] ** 2
-        away, change = request - (asked.goal - sag), request - requests[past + k - 1]
+        away = request - (asked.goal - sag - asked.pose_sag)
+        change = request - requests[past + k - 1]
         of_requests += cost_of_request(joint, change, away)
         excess = change - min(max(change, -joint.max_step), joint.max_step)
         per_change[k] = joint.smoothing + (EXCEEDING if excess != 0.0 else 0.0)

@@ -55,6 +55,8 @@ TITLES = {
     "speed_per_torque": "speed per torque",
     "time_constant": "time constant",
     "max_acceleration": "largest acceleration",
+    "sag_sin": "sag by sin(angle)",
+    "sag_cos": "sag by cos(angle)",
 }
 """What the columns of the table of several joints are called."""
 

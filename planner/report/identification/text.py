@@ -42,6 +42,8 @@ SI = {
     "speed_per_torque": "rad/(s N m)",
     "time_constant": "s",
     "max_acceleration": "rad/s^2",
+    "sag_sin": "rad",
+    "sag_cos": "rad",
     "tick": "s",
     "hold": "ticks",
 }

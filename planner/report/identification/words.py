@@ -23,6 +23,8 @@ NAMES = {
     "speed_per_torque": "top speed per torque",
     "time_constant": "time constant of the speed",
     "max_acceleration": "largest acceleration",
+    "sag_sin": "sag by the sine of the angle (gravity)",
+    "sag_cos": "sag by the cosine of the angle (gravity)",
 }
 """What the parameters are called in words, in the order of tables."""
 
@@ -39,6 +41,8 @@ SYMBOLS = {
     "speed_per_torque": "speed_per_torque",
     "time_constant": "time constant",
     "max_acceleration": "max_acceleration",
+    "sag_sin": "sag_sin",
+    "sag_cos": "sag_cos",
 }
 """The same on a terminal."""
 
