@@ -31,16 +31,18 @@ def models(
     friction=False,
     overshoots=True,
     inertia=False,
+    poses=False,
 ):
     """Joints of every kind: Equation 13 kept or broken, corners of the parameters included.
 
-    Those with friction can move against any load within ±1 N m.
+    Those with friction can move against any load within ±1 N m; with poses they sag by their angle.
     """
     lag = draw(whole_ticks if whole else ticks(0.0, 7.0))
     acceleration = draw(st.integers(1, 9).map(float) if whole else ticks(0.25, 9.0))
     theta_0 = draw(st.floats(0.02, 0.3))
     # v_max per tick over theta_0; 2 is impossible
-    ratio = draw(st.floats(0.02, 1.95 if overshoots else 1.0))
+    sag = draw(st.floats(0.0, 0.4)) if poses else 0.0
+    ratio = draw(st.floats(0.02, (1.95 if overshoots else 1.0) / (1.0 + sag)))
     v_max = ratio * theta_0 / TICK
     dry = {}
     if friction:
@@ -58,6 +60,9 @@ def models(
         limit = st.floats(0.05, 2.0).map(lambda a: slowed + a * v_max / TICK)
         dry["time_constant"] = constant * TICK
         dry["max_acceleration"] = draw(st.one_of(st.just(np.inf), limit))
+    if poses:
+        phase = draw(st.floats(-np.pi, np.pi))
+        dry |= {"sag_sin": sag * np.cos(phase), "sag_cos": sag * np.sin(phase)}
     return JointModel(
         v_max=v_max,
         theta_0=theta_0,

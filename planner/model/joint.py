@@ -329,8 +329,7 @@ class JointModel:
         return {
             name: value
             for name, value in every.items()
-            if name not in LEFT_OUT
-            or value != self.__dataclass_fields__[name].default
+            if name not in LEFT_OUT or value != self.__dataclass_fields__[name].default
         }
 
     @property
@@ -382,7 +381,7 @@ class JointModel:
 
     def rest(self, request: npt.ArrayLike, load: npt.ArrayLike = 0.0) -> Array:
         """Angle q at which a request holds the joint [rad]: q = R + c + kappa tau + g(q)."""
-        held = np.asarray(request + self.sag(load))
+        held = np.asarray(request, dtype=np.float64) + self.sag(load)
         angle = np.array(held)
         for _ in range(REST_STEPS if self.most_pose_sag > 0.0 else 0):  # Newton's method
             finite = np.where(np.isfinite(angle), angle, 0.0)

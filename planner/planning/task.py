@@ -382,7 +382,8 @@ class Task:
         worst = int(np.argmax(beyond - np.minimum(np.abs(sags), NEGLIGIBLE_SAG)))
         sag = float(sags[worst])
         if beyond[worst] > ON_THE_LIMIT + min(abs(sag), NEGLIGIBLE_SAG):
-            least, most = lower + sag - model.dead_band, upper + sag + model.dead_band
+            ends = np.array([lower - model.dead_band, upper + model.dead_band])
+            least, most = model.rest(ends, torques[worst]).tolist()
             what, remedy = "start: it", "choose a start there"
             if worst < count:
                 what, remedy = f"desired: sample {worst}", "clip the trajectory"

@@ -10,7 +10,14 @@ import pytest
 
 import planner
 from planner.identification.excitation import excite
-from tests.identification.made import AIBO, identified_rich, identified_steps, measured, rich_log
+from tests.identification.made import (
+    AIBO,
+    identified_rich,
+    identified_steps,
+    measured,
+    rich_log,
+    step_logs,
+)
 
 NOISE, QUANTUM = math.radians(0.1), math.radians(0.09)
 """Of a servo with a good encoder [rad]."""
@@ -77,6 +84,46 @@ def test_one_load_tells_neither_compliance_nor_slowing():
     assert {each.name for each in found.terms} <= {"time_constant", "dead_band", "v_offset"}
     assert not found.model.feels_load
     assert abs(found.model.offset - 0.025) <= 0.001  # rad: it is in the static sag
+
+
+def swung(model, *, seed=0, reach=0.9):
+    """A log of slow and quick sines over most of a servo's range."""
+    signal = excite("multisine", limits=(-reach, reach), period=model.period, duration=30.0)
+    angles = planner.simulate(model, signal.requests, cyclic=False)
+    angles = measured(angles, np.random.default_rng(seed), noise=NOISE, quantum=QUANTUM)
+    return planner.Log(times=signal.times, requests=signal.requests, angles=angles)
+
+
+@pytest.mark.parametrize("phase", [0.0, 2.0])
+def test_a_sag_by_the_angle_is_found_within_its_intervals(phase):
+    size = math.radians(2.0)
+    truth = replace(STICKY, sag_sin=-size * math.cos(phase), sag_cos=size * math.sin(phase))
+    found = planner.identify(swung(truth), hold_out=False)
+    for name in ("sag_sin", "sag_cos"):
+        assert term(found, name).kept
+        assert abs(getattr(found.model, name) - getattr(truth, name)) <= 0.1 * size
+        lower, upper = found.intervals[name]
+        assert lower <= getattr(truth, name) <= upper
+
+
+@pytest.mark.parametrize("model", [AIBO, STICKY, replace(AIBO, v_offset=0.5, offset=0.05)])
+def test_a_joint_without_a_sag_by_the_angle_has_none_to_the_last_bit(model):
+    for reach in (0.3, 0.9):
+        found = planner.identify(swung(model, reach=reach), hold_out=False)
+        assert found.model.sag_sin == found.model.sag_cos == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_steps_between_two_angles_tell_no_sag_by_the_angle(seed):
+    log = step_logs(seed=seed, amplitudes=(math.radians(30.0),))
+    assert not term(planner.identify(log, hold_out=False), "sag_sin").kept
+
+
+def test_a_sag_by_the_angle_is_sought_where_no_torque_is_known_and_angles_are_angles():
+    log = swung(AIBO)
+    for other in (replace(log, load=np.zeros(len(log.times))), replace(log, unit="1")):
+        names = {each.name for each in planner.identify(other, hold_out=False).terms}
+        assert not names & {"sag_sin", "sag_cos"}
 
 
 def test_a_joint_that_saturates_in_one_direction_only_tells_no_asymmetry():

@@ -38,6 +38,14 @@ ROUNDING = 1e-9
 LINEAR_LEVELS = ("slope", "envelope")
 """The levels that are proved by multipliers."""
 
+ANY_MODEL = st.one_of(
+    models(),
+    models(friction=True),
+    models(friction=True, inertia=True),
+    models(friction=True, poses=True),
+)
+"""Joints without and with every term."""
+
 OPTIMAL = 1e-6
 """How close the solver's multipliers come to the best ones [relative to the range]."""
 
@@ -109,7 +117,7 @@ def at_every_tick(model, requests, load, *, cyclic, start=None):
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=60)
 @given(
-    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    model=ANY_MODEL,
     requests=trajectories(least=4),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -129,15 +137,15 @@ def test_every_response_meets_the_conditions_of_every_level(cyclic, model, reque
 
 @settings(max_examples=60)
 @given(
-    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    model=ANY_MODEL,
     requests=trajectories(least=4),
     seed=st.integers(0, 2**32 - 1),
     share=st.floats(-1.0, 1.0),
 )
 def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed, share):
     load = loads_of(model, len(requests), seed)
-    held = float(requests[0] + model.sag(0.0 if load is None else load[0]))
-    start = held + share * model.dead_band  # anywhere in it, it rests
+    torque = 0.0 if load is None else load[0]
+    start = float(model.rest(requests[0] + share * model.dead_band, torque))  # anywhere in it
     every_tick = at_every_tick(model, requests, load, cyclic=False, start=start)
     for level in LINEAR_LEVELS:
         reachable = set_of(model, len(requests), cyclic=False, level=level, start=start, load=load)
@@ -149,7 +157,7 @@ def test_a_joint_at_rest_meets_the_conditions_of_its_start(model, requests, seed
 @pytest.mark.parametrize("cyclic", [True, False])
 @settings(max_examples=40)
 @given(
-    model=st.one_of(models(), models(friction=True), models(friction=True, inertia=True)),
+    model=ANY_MODEL,
     desired=trajectories(least=3, most=14),
     seed=st.integers(0, 2**32 - 1),
 )
@@ -364,6 +372,7 @@ def test_the_bound_is_the_optimum_of_the_statement_in_cvxpy(loaded, hold, kind, 
         load = rng.uniform(-1.0, 1.0, 25)
         v_max = model.v_max
         model = replace(model, v_offset=0.3 * v_max, speed_per_torque=0.5 * v_max, compliance=0.02)
+        model = replace(model, sag_sin=0.1, sag_cos=-0.2)
     stated = stated_bound(BoundProblem(model, desired, kind == "cyclic", norm, start, load), level)
     bound = lower_bound(
         model, desired, cyclic=kind == "cyclic", norm=norm, level=level, start=start, load=load

@@ -1,0 +1,143 @@
+"""A sag by the joint's own angle: in the law, in every plan, and in what is identified."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import planner
+from planner.evaluation.checks import AGREEMENT
+from planner.evaluation.independent import independent_angles, next_cycle
+from planner.exceptions import InvalidModel
+from planner.model.joint import MOST_POSE_SAG, JointModel
+from planner.model.load import rest_angles, rest_requests
+from planner.model.response import simulate
+from planner.model.sensitivity import sensitivities
+from planner.planning.line_inverse import line_offset
+from planner.trajectory import rms
+from tests.model.test_symbolic import SAME, chained
+from tests.strategies import models, trajectories
+
+PAPER = JointModel.ers210a()
+
+HANGING = replace(PAPER, sag_sin=-0.15, sag_cos=0.05)
+"""A joint with a link that hangs down near the angle 0."""
+
+PATH = np.radians(25.0) * np.cos(2.0 * np.pi * np.arange(250) / 250)
+"""Slow enough to be followed, from rest, too [rad]."""
+
+
+@given(models(friction=True, poses=True), trajectories(), st.none() | st.floats(-2.0, 2.0))
+def test_from_rest_an_independent_simulation_agrees(model, requests, start):
+    angles = simulate(model, requests, cyclic=False, start=start)
+    second = independent_angles(model, requests, cyclic=False, start=start)
+    assert np.max(np.abs(angles - second)) <= AGREEMENT.value
+
+
+@given(models(friction=True, poses=True), trajectories())
+def test_the_cycle_is_followed_by_itself(model, requests):
+    angles = simulate(model, requests)
+    assert np.max(np.abs(next_cycle(model, requests, angles[-1]) - angles)) <= AGREEMENT.value
+
+
+@given(models(poses=True), trajectories(least=2, most=12))
+def test_periods_in_symbols_in_a_row_are_the_simulation(model, requests):
+    angles = simulate(model, requests, cyclic=False)
+    begin = float(model.rest(requests[0]))
+    run = chained(model, requests, begin, cyclic=False)
+    np.testing.assert_allclose(run, angles, rtol=0.0, atol=10.0 * SAME)
+
+
+@given(models(friction=True, poses=True), st.floats(-7.0, 7.0), st.floats(-1.0, 1.0))
+def test_a_request_holds_the_angle_at_rest(model, request_, load):
+    angle, torque = float(model.rest(request_, load)), [np.array([load])]
+    assert abs(request_ + float(model.sag(load) + model.pose_sag(angle)) - angle) <= 1e-12
+    held = rest_requests([model], np.array([[angle]]), torque)
+    assert held.item() == pytest.approx(request_, abs=1e-12)
+    assert rest_angles([model], held, torque).item() == pytest.approx(angle, abs=1e-12)
+    still = simulate(model, np.full(5, request_), cyclic=False, load=load)
+    np.testing.assert_allclose(still, angle, rtol=0.0, atol=1e-12)
+
+
+def test_unlimited_requests_have_unlimited_angles_at_rest():
+    ends = np.array([[-math.inf], [math.inf]])
+    np.testing.assert_array_equal(rest_angles([HANGING], ends), ends)
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"dead_band": 0.02}, {"time_constant": 0.02, "max_acceleration": 300.0}]
+)
+@pytest.mark.parametrize("options", [{}, {"cyclic": False}, {"cyclic": False, "start": 0.05}])
+def test_sensitivities_are_the_slopes_of_the_simulation(changes, options):
+    model, step = replace(HANGING, hold=2, **changes), 1e-6
+    rng = np.random.default_rng(3)
+    requests, way = rng.uniform(-0.5, 0.5, 24), rng.normal(size=24)
+    ahead, behind = (simulate(model, requests + s * step * way, **options) for s in (1, -1))
+    found = sensitivities(model, requests, **options) @ way
+    np.testing.assert_allclose(found, (ahead - behind) / (2.0 * step), rtol=0.0, atol=2e-5)
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("inertia", [{}, {"time_constant": 0.03, "dead_band": 0.01}])
+def test_plans_compensate_for_the_sag(inertia, cyclic):
+    model = replace(HANGING, **inertia)
+    bare = replace(model, sag_sin=0.0, sag_cos=0.0)
+    for invert in (planner.invert_optimal, planner.invert_closed_form):
+        made = invert(model, PATH, cyclic=cyclic)
+        unaware = simulate(model, invert(bare, PATH, cyclic=cyclic).requests, cyclic=cyclic)
+        assert made.rms <= invert(bare, PATH, cyclic=cyclic).rms + math.radians(0.1)
+        assert made.rms <= 0.1 * rms(unaware - PATH)
+
+
+def test_a_bound_is_below_the_plan_and_within_three_percent_of_it_at_top_speed():
+    desired = 1.2 * np.sin(2.0 * np.pi * np.arange(88) / 88) ** 3
+    made = planner.invert_optimal(HANGING, desired)
+    assert 0.97 * made.rms <= made.lower_bound <= made.rms
+
+
+def test_direct_transcription_finds_the_same_plan():
+    desired = 1.2 * np.sin(2.0 * np.pi * np.arange(60) / 60) ** 3
+    own = planner.invert_optimal(HANGING, desired)
+    other = planner.invert_optimal(HANGING, desired, solver="ipopt")
+    assert own.rms == pytest.approx(other.rms, rel=0.01)
+
+
+def test_limits_of_the_requests_hold_what_the_sag_leaves_of_the_angles():
+    made = planner.invert_optimal(HANGING, 0.8 * PATH, limits=(-0.46, 0.46))
+    assert np.max(np.abs(made.requests)) <= 0.46
+    with pytest.raises(planner.Infeasible):
+        planner.invert_optimal(HANGING, PATH, limits=(-0.46, 0.46))
+
+
+def test_a_stream_compensates_for_the_sag():
+    desired = np.tile(PATH, 2)
+    stream = planner.Stream(HANGING, preview=40)
+    rows = [desired[k : k + 40, np.newaxis] for k in range(len(desired) - 40)]
+    requests = np.array([stream.step(row)[0] for row in rows])
+    angles = simulate(HANGING, requests, cyclic=False)
+    assert rms(angles - desired[: len(angles)]) <= math.radians(0.2)
+
+
+def test_a_model_file_holds_it(tmp_path):
+    HANGING.to_toml(tmp_path / "joint.toml")
+    assert JointModel.from_toml(tmp_path / "joint.toml") == HANGING
+    PAPER.to_toml(tmp_path / "paper.toml")
+    assert "sag" not in (tmp_path / "paper.toml").read_text()
+
+
+def test_a_sag_that_leaves_several_angles_at_rest_is_refused():
+    with pytest.raises(InvalidModel, match="sag_sin, sag_cos"):
+        replace(PAPER, sag_sin=0.8 * MOST_POSE_SAG, sag_cos=0.8 * MOST_POSE_SAG)
+
+
+def test_an_exact_bound_is_not_claimed_for_it():
+    assert planner.certify(HANGING, PATH[::5], level="exact").level == "envelope"
+
+
+def test_lines_are_inverted_without_it():
+    assert line_offset(HANGING, 1.0) == line_offset(PAPER, 1.0)
