@@ -90,25 +90,32 @@ def with_terms(fit: Fit) -> tuple[Fit, tuple[Term, ...]]:
     """
     terms: dict[str, Term] = {}
     for name in ORDER:
-        if not _shows(name, fit):
-            continue
-        trial = _fitted_with(name, fit)
-        kept = _pays(fit, trial)
-        uncertainty = uncertainty_of(trial)
-        if name == "sag_sin":
-            kept = kept and _sag_is_determined(trial, uncertainty)
-        for each in (name, *PARTNERS.get(name, ())):
-            interval = model_interval(trial, uncertainty, each)
-            if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
-                interval = Interval(0.0, math.inf)
-            terms[each] = _term(each, kept, fit, trial, interval)
-        fit = trial if kept else fit
+        if _shows(name, fit):
+            fit, tried = _with_term(name, fit)
+            terms |= tried
     fit = least_squares(fit.grid, fit.parameters, free=fit.free, starts=fit.starts)
     return fit, tuple(terms.values())
 
 
+def _with_term(name: str, fit: Fit) -> tuple[Fit, dict[str, Term]]:
+    """The fit with a term that is kept, or the same fit; and the term, and its partners."""
+    trial = _fitted_with(name, fit)
+    kept, uncertainty = _pays(fit, trial), uncertainty_of(trial)
+    if name == "sag_sin":
+        kept = kept and _sag_is_determined(trial, uncertainty)
+    terms = {}
+    for each in (name, *PARTNERS.get(name, ())):
+        interval = model_interval(trial, uncertainty, each)
+        if name == "dead_band" and not kept and _any_dead_band_does(fit, trial, uncertainty):
+            interval = Interval(0.0, math.inf)
+        terms[TERMS[each]] = _term(each, kept, fit, trial, interval)
+    return trial if kept else fit, terms
+
+
 def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]]:
     """The fit with those of :data:`MOTOR` that reduce the loss, sought together; or the same fit.
+
+    A sag by the angle that was not kept is tried again beside them: it may show only there.
 
     Args:
         fit: A fit with terms.
@@ -121,9 +128,12 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
             break
     if motor is fit:
         return fit, terms
+    known = {term.name: term for term in terms}
+    if "sag_sin" in known and not known["sag_sin"].kept:
+        motor, tried = _with_term("sag_sin", motor)
+        known |= tried
     motor = least_squares(motor.grid, motor.parameters, free=motor.free, starts=motor.starts)
     uncertainty = uncertainty_of(motor)
-    known = {term.name: term for term in terms}
     for name in MOTOR:
         kept = bool(motor.free[Parameters._fields.index(name)])
         interval = model_interval(motor, uncertainty, name) if kept else Interval(0.0, math.inf)
