@@ -58,7 +58,7 @@ class SpeedPoints(NamedTuple):
     """One point per interval between two rows.
 
     Attributes:
-        errors: Mean request over the window of the model, plus its offset, minus the angle [rad].
+        errors: Mean request over the window of the model, plus its sags, minus the angle [rad].
         speeds: Change of the angle over the interval [rad/s].
         saturated: Points whose whole window calls for the top speed.
         apart: Points whose window lies on both sides of a corner of f: there the mean of f is not
@@ -112,7 +112,8 @@ def speed_against_error(model: JointModel, fit: LogFit) -> SpeedPoints:
     mean, least, most = _windows(
         log, middle - model.lag - model.acceleration_time, middle - model.lag
     )
-    errors, low, high = (values + model.offset - here for values in (mean, least, most))
+    held = here - model.offset - model.pose_sag(here)
+    errors, low, high = (values - held for values in (mean, least, most))
     down, *band, up = model.corners().tolist()
     saturated = (low >= up) | (high <= down)
     edges = [down, *(band if model.dead_band else ()), up]

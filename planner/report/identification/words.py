@@ -46,6 +46,12 @@ SYMBOLS = {
 }
 """The same on a terminal."""
 
+IN_RADIANS = ("theta_0", "offset", "dead_band", "sag_sin", "sag_cos")
+"""Parameters that are angles."""
+
+MAY_VANISH = ("lag", "offset", "v_offset", "sag_sin", "sag_cos")
+"""Parameters that may be 0, which no percentage is of."""
+
 ALTERNATIVES = {
     "raw": "the request itself",
     "delay": "best pure delay",
@@ -168,7 +174,7 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
 def parameters(identification: Identification) -> list[Parameter]:
     """Every parameter with its interval, in the order of :data:`NAMES`."""
     units = units_of(identification)
-    inside = {"v_max": "rad/s", "theta_0": "rad", "offset": "rad", "dead_band": "rad"}
+    inside = {"v_max": "rad/s"} | dict.fromkeys(IN_RADIANS, "rad")
     rows = []
     for name, words in NAMES.items():
         if name != "gain" and name not in identification.intervals:
@@ -237,7 +243,7 @@ def judgement(identification: Identification, name: str, factor: float, unit: st
         return f"only bounded from {'below' if lower else 'above'}"
     half = 0.5 * (interval.upper - interval.lower)
     only = "only " if is_rough(identification, name) else ""
-    if name in ("lag", "offset", "v_offset"):  # may be 0, which no percentage is of
+    if name in MAY_VANISH:
         return f"{only}± {two_figures(factor * half)} {unit}"
     if half > HARDLY * abs(value):
         return "hardly at all"
@@ -252,6 +258,8 @@ def is_rough(identification: Identification, name: str) -> bool:
         "lag": model.lag + model.acceleration_time,
         "offset": model.theta_0,
         "v_offset": model.v_max,
+        "sag_sin": model.most_pose_sag,
+        "sag_cos": model.most_pose_sag,
     }
     scale = beside.get(name, value)
     return not 0.5 * (interval.upper - interval.lower) <= ROUGH * abs(scale)
