@@ -46,9 +46,16 @@ from planner.identification.judgement import (
     opposite_sign,
     verdict_on,
 )
-from planner.identification.least_squares import Fit, respond, sound_rms
+from planner.identification.least_squares import Fit, least_squares, respond, sound_rms
 from planner.identification.log import Log, as_logs, check_periods, unwrapped
-from planner.identification.residual_patterns import patterns, shaken, stops
+from planner.identification.residual_patterns import (
+    Contact,
+    contacts,
+    joined,
+    patterns,
+    shaken,
+    stops,
+)
 from planner.identification.result import (
     Alternative,
     Finding,
@@ -60,7 +67,7 @@ from planner.identification.result import (
     Term,
     note,
 )
-from planner.identification.terms import backlash_of, with_motor, with_terms
+from planner.identification.terms import backlash_of, with_calm_friction, with_motor, with_terms
 from planner.report.identification.findings import sentence
 from planner.trajectory import Array, rms
 from planner.validation import as_flag
@@ -69,7 +76,10 @@ SPEED_NOISE = 4.0 * math.sqrt(2.0) / 0.1
 """Standard deviations of the noise that the angles at both ends of 0.1 s may be off [1/s]."""
 
 MOSTLY_FREE = 0.5
-"""Share of the rows of a log that have to remain beside those at a mechanical stop."""
+"""Share of the rows of a log that have to remain where something holds the joint in others."""
+
+CONTACT_ROUNDS = 3
+"""How often contact is looked for, each time without the rows that are known to have it."""
 
 
 @np.errstate(under="ignore")  # too small to matter, whatever the caller has set
@@ -111,11 +121,17 @@ def identify(
     check_periods(logs)
     logs, jumps = zip(*map(unwrapped, logs), strict=True)
     logs, timing, candidates, evenly_timed = _fitted(logs, tick=tick, hold=hold)
-    plain, full = _with_terms(candidates)
+    joints, every = _with_terms(candidates), logs
+    logs, held_rows = _without_contact(logs, joints[0].fit)
+    if held_rows:
+        choose_tick = tick is None and hold is None
+        joints = _with_terms(fit_joint(logs, timing, choose_tick=choose_tick))
+    plain, full = _with_motor(joints)
     timing = timing.ticking(full.fit.grid.tick)
-    every, (logs, stopped) = logs, _without_stops(logs, full.fit)
+    logs, stopped = _without_stops(logs, full.fit)
     if stopped:
-        plain, full = _with_terms(fit_joint(logs, timing))
+        held_rows += stopped
+        plain, full = _with_motor(_with_terms(fit_joint(logs, timing)))
     motor = full.fit is not plain.fit
     if motor and hold_out:
         bare, more = (
@@ -129,7 +145,7 @@ def identify(
         if finer > timing.hold:
             timing = timing.ticking(timing.period / finer)
             fit = at_ticks(logs, fit, timing.tick)
-    fit = with_observed_speed(fit)
+    fit = with_observed_speed(with_calm_friction(logs, fit))
     uncertainty = uncertainty_of(fit)
     bounds = intervals_of(fit, uncertainty)
     seen = max(map(measured_speed, every))
@@ -168,7 +184,7 @@ def identify(
     )
     intervals = all_intervals(fit, bounds, uncertainty)
     if reason.topic != "motion":  # else nothing in the log is of the joint
-        notes += [*notes_on(every, timing, jumps), *stopped]
+        notes += [*notes_on(every, timing, jumps), *held_rows]
         if refuted:
             notes.append(refuted)
         elif faster:  # in logs whose rows are not all fitted
@@ -257,12 +273,42 @@ class _Fitted(NamedTuple):
     terms: tuple[Term, ...]
 
 
-def _with_terms(fits: Sequence[Fit]) -> tuple[_Fitted, _Fitted]:
+def _with_terms(fits: Sequence[Fit]) -> list[_Fitted]:
+    return [_Fitted(*with_terms(fit)) for fit in fits]
+
+
+def _with_motor(plain: Sequence[_Fitted]) -> tuple[_Fitted, _Fitted]:
     """The fit with the better ticks, without and with the terms of a motor."""
-    plain = [_Fitted(*with_terms(fit)) for fit in fits]
     full = [_Fitted(*with_motor(*each)) for each in plain]
-    k = 1 if len(fits) > 1 and better_tick(full[0].fit, full[1].fit) else 0
+    k = 1 if len(full) > 1 and better_tick(full[0].fit, full[1].fit) else 0
     return plain[k], full[k]
+
+
+def _without_contact(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:
+    """The logs, rows in which something touches the joint as if without torque; and notes.
+
+    With these rows the fit is between what touches the joint and what does not, so that without
+    them more may be found.
+    """
+    grid, free = fit.grid, list(logs)
+    touched: dict[int, list[Contact]] = {}
+    for _ in range(CONTACT_ROUNDS):
+        found = contacts(_log_fits(free, fit, None), noise_of(fit))
+        for k, contact in found.items():
+            on = free[k].torque_on.copy()
+            on[contact.rows] = False
+            if np.sum(on) < MOSTLY_FREE * np.sum(logs[k].torque_on):
+                continue
+            free[k] = replace(free[k], torque_on=on)
+            touched.setdefault(k, []).append(contact)
+        if not found:
+            break
+        finer = resampled(
+            free, tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in, settled=grid.settled
+        )
+        fit = least_squares(finer, fit.parameters, free=fit.free)
+    notes = [joined(touched[k]).note(logs[k].name, "left out") for k in sorted(touched)]
+    return tuple(free), notes
 
 
 def _without_stops(logs: Sequence[Log], fit: Fit) -> tuple[Sequence[Log], list[Note]]:

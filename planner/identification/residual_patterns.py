@@ -35,6 +35,11 @@ class PatternOptions:
         shown: Share of the largest difference that play, or a limit, makes to the angles from which
             on a row shows it.
         apart: Rows that show it and are fewer than so many apart are one place.
+        touching: A joint rests against something where it is beside its model by so many standard
+            deviations of what it is beside it in other places of rest. (Of an arm that pushed on
+            its table 4.4 to 10; of joints that touched nothing, within their friction, up to 3.)
+        places: Fewer places of rest do not tell how far a joint rests beside its model.
+        some: Largest share of the places of rest at which something is touched.
     """
 
     clear: float = 5.0
@@ -45,6 +50,9 @@ class PatternOptions:
     shaken_alike: float = 0.5
     shown: float = 0.3
     apart: int = 5
+    touching: float = 4.0
+    places: int = 10
+    some: float = 0.25
 
 
 OPTIONS = PatternOptions()
@@ -109,6 +117,99 @@ def stops(fit: LogFit, noise: float) -> list[Stop]:
         if np.ptp(log.requests[held]) > clear:
             found.append(Stop(held, way > 0.0, way * extreme))
     return found
+
+
+class Contact(NamedTuple):
+    """Rows of a log in which something other than its servo holds a joint, or pushes it.
+
+    Attributes:
+        rows: The rows, increasing.
+        places: In how many places of rest.
+        most: How far the joint rests beside its model there at most [rad].
+    """
+
+    rows: npt.NDArray[np.int_]
+    places: int
+    most: float
+
+    def note(self, log: str, code: str) -> Note:
+        """The contact, in a log of this name, and what becomes of its rows."""
+        numbers = {
+            "one": self.places == 1,
+            "rows": len(self.rows),
+            "first": self.rows[0],
+            "last": self.rows[-1],
+        }
+        return note("log", "contact", code, log=log, places=self.places, most=self.most, **numbers)
+
+
+def joined(contacts: Sequence[Contact]) -> Contact:
+    """Contact of the same log in different rows."""
+    rows = np.unique(np.concatenate([contact.rows for contact in contacts]))
+    places = sum(contact.places for contact in contacts)
+    return Contact(rows, places, max(contact.most for contact in contacts))
+
+
+def contacts(fits: Sequence[LogFit], noise: float) -> dict[int, Contact]:
+    """Where a joint rests much farther beside its model than in other places, by number of the log.
+
+    An arm that stands on a table, or on itself, stays there however far the request is beyond, and
+    its other joints are pushed back. Friction holds a joint to both sides of the model, by the same
+    amount everywhere: what is far from the median of all places of rest is none. Where many places
+    are, it is the model that errs.
+
+    Args:
+        fits: What a model makes of each log.
+        noise: Standard deviation of the noise [rad].
+    """
+    places = [(k, rows) for k, fit in enumerate(fits) for rows in _rests(fit, noise)]
+    if len(places) < OPTIONS.places:
+        return {}
+    beside = np.array([np.median(fits[k].residuals[rows]) for k, rows in places])
+    middle = float(np.median(beside))
+    usual = float(np.median(np.abs(beside - middle))) / 0.6745
+    motion = max(float(np.ptp(fit.log.angles[fit.used])) for fit in fits if fit.used.any())
+    clear = max(OPTIONS.touching * usual, OPTIONS.clear * noise, 0.01 * motion)
+    touching = np.flatnonzero(np.abs(beside - middle) > clear)
+    if len(touching) > OPTIONS.some * len(places):
+        return {}
+    found: dict[int, list[int]] = {}
+    for place in touching.tolist():
+        found.setdefault(places[place][0], []).append(place)
+    contacts = {}
+    for k, held in found.items():
+        rows = np.zeros(len(fits[k].used), dtype=bool)
+        for place in held:
+            way = math.copysign(1.0, beside[place] - middle)
+            off = way * (fits[k].residuals - middle) > 0.5 * clear
+            inside = _around(off, places[place][1])
+            rows[inside] = True
+        most = float(np.max(np.abs(beside[held] - middle)))
+        contacts[k] = Contact(np.flatnonzero(rows), len(held), most)
+    return contacts
+
+
+def _rests(fit: LogFit, noise: float) -> list[npt.NDArray[np.int_]]:
+    """Rows before which the request, the joint and its model have rested, by place."""
+    length = max(5, round(OPTIONS.rest / fit.log.period))
+    if len(fit.used) < length:
+        return []
+    rests = fit.used.copy()
+    for series in (fit.log.requests, fit.log.angles, fit.predicted):
+        windows = np.lib.stride_tricks.sliding_window_view(series, length)
+        rests[: length - 1] = False
+        rests[length - 1 :] &= np.ptp(windows, axis=1) <= OPTIONS.clear * noise
+    rows = np.flatnonzero(rests)
+    turns = np.flatnonzero(np.diff(rows) > OPTIONS.apart) + 1
+    return [place for place in np.split(rows, turns) if len(place)]
+
+
+def _around(off: npt.NDArray[np.bool_], rows: npt.NDArray[np.int_]) -> slice:
+    """The rows without a gap that are off around these."""
+    before = np.flatnonzero(~off[: rows[0]])
+    after = np.flatnonzero(~off[rows[-1] :])
+    first = int(before[-1]) + 1 if len(before) else 0
+    return slice(first, int(rows[-1] + after[0]) if len(after) else len(off))
 
 
 def patterns(

@@ -163,7 +163,10 @@ class LogFit:
             ("without torque", ~log.torque_on),
             ("not measured, or that no joint takes", ~sound_rows(log)),
             ("on which requests before the log act", _first_rows(self)),
-            ("at a stop, or too few between others", np.ones(len(rest), dtype=np.bool_)),
+            (
+                "held by something else, or too few between others",
+                np.ones(len(rest), dtype=np.bool_),
+            ),
         ):
             if count := int(np.sum(rest & rows)):
                 found[reason] = count
@@ -277,7 +280,9 @@ class Identification:
     def tested(self) -> Evidence:
         """The validation record of the model file: error by motion, intervals, verdict."""
         angles = np.concatenate([fit.log.angles[fit.used] for fit in self.fits])
-        by_motion = errors_of_motion([run for fit in self.fits for run in _runs(fit)])
+        by_motion = errors_of_motion(
+            [run for fit in self.fits for run in _runs(fit)], noise=self.noise
+        )
         return Evidence(
             self.expected_error,
             self.fastest,

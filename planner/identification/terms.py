@@ -13,7 +13,7 @@ M. It is named where it explains the rows much better than the motor's inertia a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.identification.fit import ROUNDED, peak_command
-from planner.identification.grid import Grid
+from planner.identification.grid import Grid, resampled
 from planner.identification.intervals import (
     Uncertainty,
     at_edge,
@@ -39,6 +39,7 @@ from planner.identification.least_squares import (
     huber,
     least_squares,
 )
+from planner.identification.log import Log
 from planner.identification.parameters import TERMS, Parameters, coordinates_of, only
 from planner.identification.result import Interval, Term
 from planner.trajectory import Array, Indices, Mask, rms
@@ -68,6 +69,12 @@ without one it is at most 1.7 of them, with one of 0.25 degrees or more at least
 MOST_PLAY = 0.5
 """Largest play, as a share of the same: a joint whose play is wider hardly moves. It keeps a play
 of 2 degrees from a humanoid's shoulder that moved by 4, and one of 38 from an overloaded servo."""
+
+FRICTION = ("dead_band", "offset", "gain")
+"""What is fitted to each log to see its friction, the rest of the joint being that of all logs."""
+
+FEWEST_ROWS = 100
+"""Of a log, to show its friction."""
 
 MOST_TICKS = 6000
 """Of longer logs only so many ticks are compared, in the chunks that the model misses most."""
@@ -139,6 +146,40 @@ def with_motor(fit: Fit, terms: tuple[Term, ...]) -> tuple[Fit, tuple[Term, ...]
         interval = model_interval(motor, uncertainty, name) if kept else Interval(0.0, math.inf)
         known[TERMS[name]] = _term(name, kept, fit, motor, interval)
     return motor, tuple(known.values())
+
+
+def with_calm_friction(logs: Sequence[Log], fit: Fit) -> Fit:
+    """The fit with the dead band of the log that surely shows most of it; or the same fit.
+
+    Whatever shakes a joint, other joints or the ground, hides its dry friction, so that logs of one
+    joint show different amounts; the largest is that of calm motion. A log counts where the lower
+    end of its own interval lies above what all logs together show.
+    """
+    if len(logs) < 2 or not fit.free[Parameters._fields.index("dead_band")]:
+        return fit
+    grid, at = fit.grid, fit.parameters
+    least, size = at.dead_band, at.dead_band
+    for log in logs:
+        part = resampled([log], tick=grid.tick, reach=grid.reach, burn_in=grid.burn_in)
+        if len(part.angles) < FEWEST_ROWS:
+            continue
+        alone = least_squares(part, at, free=only(*FRICTION), effort=TERM)
+        index = Parameters._fields.index("dead_band")
+        if alone.rms > EXPLAINED * float(np.std(part.angles)) or at_edge(alone, index):
+            continue
+        lower = model_interval(alone, uncertainty_of(alone), "dead_band").lower
+        if lower > least:
+            least, size = lower, alone.parameters.dead_band
+    if size == at.dead_band:
+        return fit
+    calm = least_squares(
+        grid,
+        at._replace(dead_band=size),
+        free=fit.free & ~only("dead_band"),
+        starts=fit.starts,
+        scale=fit.scale,
+    )
+    return replace(calm, free=fit.free)
 
 
 def _term(name: str, kept: bool, without: Fit, with_it: Fit, interval: Interval) -> Term:

@@ -401,20 +401,23 @@ class ErrorsOfMotion(NamedTuple):
     spread: tuple[float, float]
 
 
-def errors_of_motion(runs: Sequence[Run]) -> ErrorsOfMotion:
+def errors_of_motion(runs: Sequence[Run], *, noise: float = 0.0) -> ErrorsOfMotion:
     """The pairs between which the error lies on a straight line, and how far parts are beside it.
 
     Each run is cut into parts; (19) of ``docs/math.md``, neither term below 0, is fitted to them by
-    least squares of the relative deviations, reweighted.
+    least squares of the relative deviations, reweighted. The noise of the sensor is no error of the
+    joint: its square is taken from that of each part, of which a tenth stays.
 
     Args:
         runs: Rows that follow one another, without gaps.
+        noise: Standard deviation of the noise of the sensor [rad].
 
     Returns:
         Pairs for no acceleration and for the largest of a part, and the 5 % and 95 % quantiles of
         the error of a part over that on the line; nothing is known from less than two parts.
     """
     sizes, errors = np.reshape([part for run in runs for part in _parts(run)], (-1, 2)).T
+    errors = np.sqrt(np.maximum(errors**2 - noise**2, 0.1 * errors**2))
     if len(sizes) < 2 or not np.any(sizes) or not np.any(errors):
         return ErrorsOfMotion((), (0.0, math.inf))
     from scipy.optimize import nnls

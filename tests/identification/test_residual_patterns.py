@@ -15,6 +15,7 @@ from tests.identification.made import (
     hobby_servo,
     identified_rich,
     identified_steps,
+    measured,
     rich_log,
     step_logs,
 )
@@ -119,3 +120,56 @@ def test_a_log_in_which_the_joint_is_sent_nowhere_is_no_fault():
     log = rich_log(noise=NOISE, rows=400)
     idle = changed(log, requests=np.full(400, 0.1), angles=np.full(400, 0.1))
     assert planner.identify([log, idle], hold_out=False).rms < 2.0 * NOISE
+
+
+STICKY = planner.JointModel(
+    tick=0.02, hold=1, lag=0.02, acceleration_time=0.04, v_max=4.0, theta_0=0.3, dead_band=0.02
+)
+"""A joint whose dry friction shows, logged at 50 Hz."""
+
+
+def holds_log(model=STICKY, *, seed=0, rows=3000):
+    """Ramps between angles that are held for a second or so."""
+    rng = np.random.default_rng(seed)
+    places, requests = rng.uniform(-0.6, 0.6, size=rows), [0.0]
+    for place in places[: rows // 60]:
+        ramp = max(2, round(abs(place - requests[-1]) / 0.03))
+        requests += np.linspace(requests[-1], place, ramp)[1:].tolist() + [place] * 50
+    requests = np.array(requests[:rows])
+    angles = planner.simulate(model, requests, cyclic=False)
+    noisy = measured(angles, rng, noise=0.0005, quantum=0.0015)
+    return planner.Log(times=0.02 * np.arange(len(requests)), requests=requests, angles=noisy)
+
+
+def on_the_table(log, *, table=-0.35):
+    """The joint stands on something: it does not go below, and rests on it at several angles."""
+    low = log.angles < table
+    return replace(log, angles=np.where(low, table + 0.25 * (log.angles - table), log.angles)), low
+
+
+def test_rows_in_which_the_joint_stands_on_something_are_left_out_with_a_note():
+    log, low = on_the_table(holds_log())
+    found = planner.identify(log)
+    (said,) = (text for text in found.warnings if "contact" in text)
+    assert "places of rest" in said
+    assert said.endswith("these rows are left out")
+    (fit,) = found.fits
+    rested = np.abs(log.requests - holds_log().angles) < 0.021
+    assert np.mean(fit.used[low & rested & (log.requests < -0.45)]) < 0.2
+    assert np.mean(fit.used[~low]) > 0.9
+    assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.1)
+
+
+def test_a_joint_with_friction_that_stands_on_nothing_has_no_contact():
+    for seed in range(3):
+        found = planner.identify(holds_log(seed=seed), hold_out=False)
+        assert not any("contact" in text for text in found.warnings)
+
+
+def test_the_dead_band_is_that_of_calm_motion():
+    """A log whose joint is shaken shows half of it."""
+    shaken = replace(holds_log(replace(STICKY, dead_band=0.01), seed=1), name="shaken")
+    found = planner.identify([replace(holds_log(), name="calm"), shaken], hold_out=False)
+    assert found.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)
+    same = planner.identify([holds_log(), holds_log(seed=2)], hold_out=False)
+    assert same.model.dead_band == pytest.approx(STICKY.dead_band, rel=0.05)

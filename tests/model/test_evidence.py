@@ -142,6 +142,20 @@ def test_errors_that_grow_with_the_acceleration_are_found_as_they_are():
     assert 0.8 < spread[0] < 1.0 < spread[1] < 1.2
 
 
+def test_the_noise_of_the_sensor_is_no_error_of_the_joint():
+    rng, times = np.random.default_rng(0), 0.02 * np.arange(3000)
+    angles = 0.3 * np.sin(2.0 * np.pi * 0.5 * times)
+    joint = 0.001 * np.where(times % 1.0 < 0.5, 1.0, -1.0)
+    run = Run(angles, joint + rng.normal(scale=0.002, size=3000), 0.02)
+    with_noise, without = (
+        Evidence(0.0, by_acceleration=errors_of_motion([run], noise=noise).by_acceleration)
+        for noise in (0.0, 0.002)
+    )
+    told = {"period": 0.02, "cyclic": False}
+    assert with_noise.error_of(angles, **told) == pytest.approx(math.hypot(0.001, 0.002), rel=0.1)
+    assert without.error_of(angles, **told) == pytest.approx(0.001, rel=0.2)
+
+
 def test_a_log_without_motion_or_too_short_says_nothing_of_acceleration():
     unknown = ((), (0.0, math.inf))
     assert errors_of_motion([Run(np.zeros(500), np.ones(500), 0.02)]) == unknown

@@ -92,6 +92,9 @@ SENTENCES: Mapping[str, str] = {
     "torque off": "{log}: torque is off in {off:.0%} of the rows, which are left out",
     "stop": "{log}: a mechanical stop: in {rows} rows between {first} and {last} the joint stays "
     "at its {largest:?largest|least} angle, {angle:.3g}, while it is requested to go on",
+    "contact": "{log}: contact: in {places} {one:?place of rest|places of rest} the joint is up to "
+    "{most:angle.2} beside where its servo would hold it, as where an arm stands on a table or on "
+    "itself: {rows} rows between {first} and {last}",
     "left out": "these rows are left out",
     "not left out": "too many rows to leave out",
     "glitches": "{log}: left out are {count} measured angles that no joint takes: they jump away "
