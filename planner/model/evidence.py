@@ -185,7 +185,7 @@ class Evidence(NamedTuple):
         """In what a motion is outside of what was tested.
 
         That is in "speed", "acceleration", "angle", "load" or, where after a log of steps the
-        interval of the delay counts for more than what was tested, in "tracking".
+        interval of the delay counts for more than what was tested, noise and all, in "tracking".
 
         Args:
             angles: Angles of the joint [rad], shape (n,).
@@ -208,7 +208,7 @@ class Evidence(NamedTuple):
             "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
-            TRACKING: by_delay > tested,
+            TRACKING: by_delay > max(tested, self.error),  # noise and all
         }
         return tuple(name for name, outside in found.items() if outside)
 
