@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from planner.model.joint import JointModel
     from planner.run.settings import Run
 
-KINDS = ("steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
+KINDS = ("combined", "steps", "multisine", "chirp", "random-steps", "triangle", "slow-triangle")
 
 UNNAMED = "requested"
 """The joint of a signal without a name, whose column is requested_deg."""
@@ -45,9 +45,10 @@ FINEST = 1e-9
 @click.option(
     "--kind",
     type=click.Choice(KINDS),
-    default="steps",
+    default="combined",
     show_default=True,
-    help="The step tests of Equation 1, or a richer signal.",
+    help="A slow triangle, sines and steps in one recording, or one signal of its own; steps are "
+    "the tests of Equation 1.",
 )
 @click.option(
     "--limits-deg",
@@ -72,10 +73,8 @@ FINEST = 1e-9
 @click.option(
     "--duration-s",
     type=float,
-    default=20.0,
-    show_default=True,
     metavar="S",
-    help="Length of the signal, rests included.",
+    help="Length of the signal, rests included.  [default: 60 for combined, else 20]",
 )
 @click.option(
     "--amplitude-deg",
@@ -85,12 +84,17 @@ FINEST = 1e-9
     help="Height of a step test; several times for several.  [default: an eighth, half and the "
     "whole of the range]",
 )
-@click.option("--cycles", type=int, metavar="N", help="Cycles of each step test.  [default: 3]")
+@click.option(
+    "--cycles",
+    type=int,
+    metavar="N",
+    help="Cycles of each step test.  [default: 3; 1 in each half of combined]",
+)
 @click.option(
     "--highest-hz",
     type=float,
     metavar="HZ",
-    help="Highest frequency of multisine and chirp.  [default: a tenth of the rate, at most 5]",
+    help="Highest frequency of sines and chirp.  [default: a tenth of the rate, at most 5]",
 )
 @click.option(
     "--seed",
@@ -141,9 +145,9 @@ def excite(
     the joint of --model, with noise, and identifying it again.
 
     \b
-    Example, step tests within 45 degrees either way, and a joint that is like the Aibo's:
-        request-planner excite --limits-deg -45:45 -o steps.csv --expected-log log.csv
-    A richer signal at 50 Hz for a joint that was identified before:
+    Example, a minute within 45 degrees either way, and a joint that is like the Aibo's:
+        request-planner excite --limits-deg -45:45 -o test.csv --expected-log log.csv
+    Steps of random height at 50 Hz for a joint that was identified before:
         request-planner excite --kind random-steps --limits-deg -60:30 --rate-hz 50 \\
             --model joint.toml --joint elbow -o elbow.csv
     """  # noqa: D301
@@ -197,9 +201,9 @@ def _check(choices: dict[str, Any]) -> None:
     """
     kind = choices["kind"]
     for name, kinds in (
-        ("amplitude_deg", ("steps",)),
-        ("cycles", ("steps",)),
-        ("highest_hz", ("multisine", "chirp")),
+        ("amplitude_deg", ("combined", "steps")),
+        ("cycles", ("combined", "steps")),
+        ("highest_hz", ("combined", "multisine", "chirp")),
     ):
         if choices[name] not in (None, ()) and kind not in kinds:
             option = f"--{name.replace('_', '-')}"
@@ -217,14 +221,18 @@ def _make(choices: dict[str, Any], model: JointModel) -> Excitation:
     low, high = choices["limits_deg"]
     centre = choices["centre_deg"]
     amplitudes = [math.radians(height) for height in choices["amplitude_deg"]]
+    kind = choices["kind"].replace("-", "_")
+    duration = choices["duration_s"]
+    if duration is None:
+        duration = 60.0 if kind == "combined" else 20.0
     return make(
-        choices["kind"].replace("-", "_"),
+        kind,
         limits=(math.radians(low), math.radians(high)),
         period=model.period if choices["rate_hz"] is None else 1.0 / choices["rate_hz"],
-        duration=choices["duration_s"],
+        duration=duration,
         centre=None if centre is None else math.radians(centre),
         amplitudes=amplitudes or None,
-        cycles=3 if choices["cycles"] is None else choices["cycles"],
+        cycles=(1 if kind == "combined" else 3) if choices["cycles"] is None else choices["cycles"],
         highest=choices["highest_hz"],
         seed=choices["seed"],
     )
@@ -240,6 +248,10 @@ def _document(made: Excitation, expected: Identification) -> dict[str, Any]:
         "centre_deg": math.degrees(made.centre),
         "amplitudes_deg": [math.degrees(height) for height in made.amplitudes],
         "identifiable": made.meaning,
+        "parts": [
+            {"name": name, "begin_s": begin, "end_s": end, "determines": determines}
+            for name, begin, end, determines in made.parts
+        ],
         "expected": {key: answer[key] for key in ("model", "intervals", "gain_interval")},
         "warnings": list(expected.warnings),
         "requests_deg": np.degrees(made.requests).tolist(),

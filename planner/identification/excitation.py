@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_whole, shown
 
 MEANING: Mapping[str, str] = {
+    "combined": "A slow triangle, then a sum of sines, then steps, and all of it once more: what "
+    "is identified from one half is tested on the other. Smooth motion shows dry friction, which "
+    "jumps hide.",
     "steps": "Step tests (Equation 1). Each edge shows lag and acceleration time, the straight "
     "line of a large step the top speed, the rounded end of every step v_max/theta_0, the rests "
     "the offset. theta_0 and v_max come apart where the larger steps exceed theta_0.",
@@ -39,6 +43,29 @@ MEANING: Mapping[str, str] = {
 }
 """The kinds of signals, and what each makes identifiable."""
 
+PARTS = (
+    ("slow triangle", 0.4, "dead band, static sag, sag by the angle"),
+    ("sum of sines", 0.4, "v_max / theta_0, lag, acceleration time, time constant"),
+    ("steps", 0.2, "top speed, theta_0, acceleration limit, delay of jumps"),
+)
+"""Of each half of the combined signal: what each is, its share, what it makes identifiable."""
+
+
+class Part(NamedTuple):
+    """A part of a combined signal.
+
+    Attributes:
+        name: What it is.
+        begin: When it begins [s].
+        end: When it ends [s].
+        determines: What it makes identifiable.
+    """
+
+    name: str
+    begin: float
+    end: float
+    determines: str
+
 
 @dataclass(frozen=True, kw_only=True)
 class Excitation:
@@ -51,7 +78,8 @@ class Excitation:
         period: Time between requests [s].
         centre: Where the signal begins and ends [rad].
         reach: Farthest that a request may be from the centre [rad].
-        amplitudes: Heights of the step tests [rad]; empty for other kinds.
+        amplitudes: Heights of the step tests [rad]; empty for kinds without.
+        parts: Of the combined signal, in their order; empty for other kinds.
     """
 
     kind: str
@@ -61,6 +89,7 @@ class Excitation:
     centre: float
     reach: float
     amplitudes: tuple[float, ...] = ()
+    parts: tuple[Part, ...] = ()
 
     @property
     def meaning(self) -> str:
@@ -120,19 +149,19 @@ def excite(
     """Make a test signal that never leaves the limits and rests at the centre at both ends.
 
     Args:
-        kind: ``steps`` (Equation 1, about the centre), ``multisine``, ``chirp``,
-            ``random_steps``, ``triangle`` or ``slow_triangle``.
+        kind: ``combined`` (slow triangle, sum of sines, steps), ``steps`` (Equation 1, about the
+            centre), ``multisine``, ``chirp``, ``random_steps``, ``triangle`` or ``slow_triangle``.
         limits: Least and largest request [rad].
         period: Time between requests [s].
         duration: Length of the whole signal [s].
         centre: Where it begins and ends [rad]; by default the middle of the limits. It deflects
             as far to one side as to the other.
-        amplitudes: For ``steps``: height theta_test of each test [rad]; by default an eighth, half
-            and the whole of what the limits allow.
-        cycles: For ``steps``: cycles of each test.
-        highest: For ``multisine`` and ``chirp``: highest frequency [Hz]; by default a tenth of the
-            rate of the requests, at most 5.
-        seed: For ``multisine`` and ``random_steps``.
+        amplitudes: For ``combined`` and ``steps``: height theta_test of each test [rad]; by default
+            an eighth, half and the whole of what the limits allow.
+        cycles: For ``combined``, in each half, and ``steps``: cycles of each test.
+        highest: For ``combined``, ``multisine`` and ``chirp``: highest frequency [Hz]; by default a
+            tenth of the rate of the requests, at most 5.
+        seed: For ``combined``, ``multisine`` and ``random_steps``.
 
     Raises:
         InvalidInput: Limits, centre or amplitudes contradict each other, or nothing fits into the
@@ -151,9 +180,26 @@ def excite(
         )
     if cycles < 1:
         raise InvalidInput(f"cycles: got {cycles}, expected 1 or more")
-    heights = _heights(amplitudes, reach) if kind == "steps" else ()
+    heights = _heights(amplitudes, reach) if kind in ("combined", "steps") else ()
+    tests = [height / (2.0 * reach) for height in heights]
+    parts = 2 * PARTS if kind == "combined" else ()
+    ends = np.round(0.5 * moving * np.cumsum([0.0] + [share for _, share, _ in parts])).astype(int)
+    lengths = np.diff(ends).tolist()
+
+    def combined() -> Array:
+        made = []
+        for half in (0, 1):
+            slow, waves, jumps = lengths[3 * half : 3 * half + 3]
+            made += [
+                _slow_triangle(slow, cycles=1),
+                _multisine(waves, period, fastest, 2 * seed + half),
+                _steps(jumps, tests, cycles),
+            ]
+        return np.concatenate(made)
+
     make: Mapping[str, Callable[[], Array]] = {
-        "steps": lambda: _steps(moving, [height / (2.0 * reach) for height in heights], cycles),
+        "combined": combined,
+        "steps": lambda: _steps(moving, tests, cycles),
         "multisine": lambda: _multisine(moving, period, fastest, seed),
         "chirp": lambda: _chirp(moving, period, fastest),
         "random_steps": lambda: _random_steps(moving, period, seed),
@@ -163,6 +209,7 @@ def excite(
     deflection = np.pad(make[kind](), rest)
     requests = np.clip(middle + reach * deflection, *limits)  # rounding may not leave the limits
     times = np.arange(samples, dtype=np.float64) * period
+    edges = (period * (rest + ends)).tolist()
     for array in (times, requests):
         array.setflags(write=False)
     return Excitation(
@@ -173,6 +220,10 @@ def excite(
         centre=middle,
         reach=reach,
         amplitudes=heights,
+        parts=tuple(
+            Part(name, begin, end, determines)
+            for (name, _, determines), begin, end in zip(parts, edges[:-1], edges[1:], strict=True)
+        ),
     )
 
 
@@ -275,10 +326,11 @@ def _random_steps(samples: int, period: float, seed: int) -> Array:
     return made
 
 
-def _slow_triangle(samples: int) -> Array:
-    """Two slow cycles over the whole range, and two over a quarter of it."""
+def _slow_triangle(samples: int, *, cycles: int = 2) -> Array:
+    """So many slow cycles over the whole range, and as many over a quarter of it."""
     far = (samples + 1) // 2
-    return np.concatenate([_triangle(far, (2,)), 0.25 * _triangle(samples - far, (2,))])
+    near = 0.25 * _triangle(samples - far, (cycles,))
+    return np.concatenate([_triangle(far, (cycles,)), near])
 
 
 def _triangle(samples: int, parts_cycles: Sequence[int]) -> Array:

@@ -22,7 +22,18 @@ LAST = 10
 """Changes at the end, where files are put in place: each of them is tried."""
 
 PLAN = ["plan", "desired.csv", "--method", "closed-form", "--segments", "5"]
-EXCITE = ["excite", "--limits-deg", "-10", "10", "--duration-s", "1", "--expected-log", "log2.csv"]
+EXCITE = [
+    "excite",
+    "--kind",
+    "steps",
+    "--limits-deg",
+    "-10",
+    "10",
+    "--duration-s",
+    "1",
+    "--expected-log",
+    "log2.csv",
+]
 RUN = ["run", "run.toml", "--out", "out"]
 EXPORT = ["export", "desired.csv", "--cycles"]
 

@@ -209,6 +209,11 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
         for row in found
     ]
     seconds = len(made.requests) * made.period
+    each: dict[str, list[str]] = {}
+    for part in made.parts:
+        each.setdefault(part.name, [part.determines]).append(f"{part.begin:.0f} to {part.end:.0f}")
+    rows_of_parts = [[name, ", ".join(times), what] for name, (what, *times) in each.items()]
+    parts = text_table(["part", "time [s]", "determines"], rows_of_parts) if each else ""
     return "\n".join(
         [
             f"{made.kind.replace('_', ' ')} for {seconds:.4g} s: {_determined(found)}",
@@ -216,6 +221,7 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
             f"{math.degrees(made.largest_jump):.4g} deg"
             + (f"; step tests of {heights} deg" if heights else ""),
             *textwrap.wrap(made.meaning, WIDTH),
+            *filter(None, [parts]),
             f"expected of a joint like {model}:",
             text_table(["parameter", "identified", "95 % interval", "determined", "known"], rows),
             _friction(expected),
