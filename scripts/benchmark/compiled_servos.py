@@ -113,22 +113,14 @@ class CompiledServo:
         return np.asarray(angles[-len(requests) :])
 
     def logs(self, seed: int = 0) -> list[planner.Log]:
-        """A slow triangle, sines and step tests of 20 s each, as its sensor reports them."""
+        """What ``excite`` proposes by default, a minute, as its sensor reports it."""
         random, (count, noise) = np.random.default_rng(seed), SEEN
-        logs = []
-        for kind in ("slow_triangle", "multisine", "steps"):
-            signal = excite(kind, limits=(-0.85, 0.85), period=self.period, duration=20.0)
-            angles = self.angles(signal.requests)
-            angles = angles + noise * random.standard_normal(len(angles))
-            logs.append(
-                planner.Log(
-                    times=signal.times,
-                    requests=signal.requests,
-                    angles=count * np.round(angles / count),
-                    name=kind,
-                )
-            )
-        return logs
+        signal = excite(
+            "combined", limits=(-0.85, 0.85), period=self.period, duration=60.0, cycles=1
+        )
+        angles = self.angles(signal.requests)
+        angles = count * np.round((angles + noise * random.standard_normal(len(angles))) / count)
+        return [planner.Log(times=signal.times, requests=signal.requests, angles=angles)]
 
 
 CASCADED = CompiledServo(

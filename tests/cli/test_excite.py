@@ -42,13 +42,35 @@ def test_the_same_command_writes_the_same_file(run):
 
 
 def test_what_the_signal_will_tell_is_said_for_every_parameter(run):
-    lines = run("excite", *SHORT).stderr.splitlines()
+    lines = run("excite", "--kind", "steps", *SHORT).stderr.splitlines()
     assert lines[0] == "steps for 8 s: would determine every parameter"
     assert lines[1].startswith("begins and ends at 5 deg; the largest jump is 70 deg; step tests")
     assert any(line.startswith("Step tests (Equation 1).") for line in lines)
     found = {line.split("  ")[0]: line for line in lines}
     for parameter in ("top speed v_max", "threshold theta_0", "lag", "acceleration time"):
         assert " yes " in found[parameter], parameter
+
+
+def test_one_recording_of_a_minute_is_proposed_with_what_each_part_determines(run):
+    result = run("excite", "--limits-deg", "-30:40", "--rate-hz", "50", "--json")
+    parts = json.loads(result.stdout)["parts"]
+    names = ["slow triangle", "sum of sines", "steps"]
+    assert [part["name"] for part in parts] == 2 * names
+    assert parts[0]["begin_s"] == 0.5
+    assert parts[-1]["end_s"] == 59.5
+    edges = [part["begin_s"] for part in parts[1:]]
+    assert edges == pytest.approx([part["end_s"] for part in parts[:-1]])
+    requests = np.array(json.loads(result.stdout)["requests_deg"])
+    slow, waves, jumps = (
+        np.max(np.abs(np.diff(requests[round(50 * a) + 2 : round(50 * b)])))
+        for a, b in ((part["begin_s"], part["end_s"]) for part in parts[:3])
+    )
+    assert slow < 0.5 < waves < 10.0 < jumps
+    lines = run("excite", "--limits-deg", "-30:40", "--rate-hz", "50").stderr.splitlines()
+    assert lines[0] == "combined for 60 s: would determine every parameter"
+    (friction,) = (line for line in lines if line.startswith("slow triangle"))
+    assert "0 to 12, 30 to 42" in friction
+    assert "dead band" in friction
 
 
 def test_a_signal_that_is_too_small_says_what_it_leaves_open(run):
@@ -72,7 +94,8 @@ def test_the_expected_joint_may_come_from_a_file_at_any_rate(run, tmp_path):
 
 
 def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):
-    asked = ("excite", *SHORT, "--expected-log", "log.csv", "-o", "signal.csv", "--joint", "knee")
+    asked = ("excite", "--kind", "steps", *SHORT)
+    asked = (*asked, "--expected-log", "log.csv", "-o", "signal.csv", "--joint", "knee")
     expected = json.loads(run(*asked, "--json").stdout)["expected"]
     assert (tmp_path / "log.csv").read_text().startswith("t_s,knee_requested_deg,knee_actual_deg\n")
     found = json.loads(run("identify", "log.csv", "--no-hold-out", "--json").stdout)
@@ -93,7 +116,10 @@ def test_the_expected_log_is_one_that_identify_reads(run, tmp_path):
         ([*SHORT, "--rate-hz", "0"], "--rate-hz: got '0', expected more than 0 hertz."),
         ([*SHORT, "--rate-hz", "inf"], "--rate-hz: got 'inf', expected more than 0 hertz."),
         ([*SHORT, "--kind", "chirp", "--cycles", "2"], "--cycles has no effect with --kind chirp."),
-        ([*SHORT, "--highest-hz", "2"], "--highest-hz has no effect with --kind steps."),
+        (
+            ["--kind", "steps", *SHORT, "--highest-hz", "2"],
+            "--highest-hz has no effect with --kind steps.",
+        ),
         ([*SHORT, "--amplitude-deg", "90"], "--amplitude-deg: got a step of 90 deg, expected"),
         ([*SHORT, "--noise-deg", "-1"], "--noise-deg: got -1 deg, expected 0 or more"),
         ([*SHORT, "--duration-s", "0.1"], "--duration-s: got 0.1 s, expected 40 to"),
@@ -140,7 +166,7 @@ def test_noise_and_resolution_of_the_expected_log_are_those_asked_for(run, tmp_p
     for seed in (0, 1):
         file = tmp_path / f"log{seed}.csv"
         ask = ("--noise-deg", 2, "--resolution-deg", 0.75, "--seed", seed, "--expected-log", file)
-        assert run("excite", *SHORT, *ask).exit_code == 0
+        assert run("excite", "--kind", "steps", *SHORT, *ask).exit_code == 0
         columns.append(np.loadtxt(file, delimiter=",", skiprows=1)[:, 2])
     first, second = columns
     np.testing.assert_allclose(first, 0.75 * np.round(first / 0.75), rtol=0.0, atol=1e-9)

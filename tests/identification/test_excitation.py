@@ -120,7 +120,7 @@ def test_what_is_no_step_sets_out_without_one(kind):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"kind": "noise"}, "kind: got 'noise', expected one of steps, multisine"),
+        ({"kind": "noise"}, "kind: got 'noise', expected one of combined, steps"),
         ({"limits": (1.0, -1.0)}, "limits: got 1 to -1 rad, expected the lower one first"),
         ({"limits": (np.nan, 1.0)}, "limits: got nan to 1 rad"),
         ({"centre": 0.9}, "centre: got 0.9 rad, expected between the limits"),

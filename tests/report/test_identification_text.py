@@ -127,8 +127,8 @@ def test_the_text_of_one_joint_begins_with_the_verdict_and_ends_with_warnings_an
     assert lines[0].startswith("hip: the model holds: ")
     assert lines[-2].startswith("warning: the joint never saturates")
     assert lines[-1] == (
-        "next: record `excite --kind steps` with hip, which shows top speed; then identify from "
-        "all logs"
+        "next: record hip, which shows top speed: request-planner excite --kind steps --limits-deg "
+        "-39:51 --rate-hz 50 --joint hip -o more.csv; then identify from all logs"
     )
     told = {line.split("  ")[0]: line for line in lines}
     assert "at least 172" in told["top speed v_max"]
@@ -163,9 +163,9 @@ def test_warnings_of_many_joints_come_once_ordered_and_one_line_says_what_to_do_
         ("joint0", drift.words),
     ]
     assert text.splitlines()[-1] == (
-        "next: record `excite --kind steps` with joint1, joint2, joint3 and 2 more, which shows "
-        "top speed; `excite --kind slow-triangle` with joint1, joint2, joint3 and 2 more, which "
-        "shows dry friction; then identify from all logs"
+        "next: record joint1 (likewise joint2, joint3, joint4 and joint5), which shows top speed, "
+        "dry friction: request-planner excite --kind combined --limits-deg -39:51 --rate-hz 50 "
+        "--joint joint1 -o more.csv; then identify from all logs"
     )
 
 

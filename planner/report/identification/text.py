@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import get_args
@@ -73,7 +74,7 @@ RECORD: dict[str, dict[Topic, str]] = {
         "threshold": "theta_0",
     },
 }
-"""Signals of `excite` that settle a topic, and what each shows."""
+"""Signals of `excite` that settle a topic, and what each shows; for several, the combined one."""
 
 NAMED = 3
 """Joints that a line about several names."""
@@ -105,19 +106,40 @@ def next_step(identifications: Mapping[str, Identification], model: str) -> str:
     wrong = [joint for joint, open_ in topics.items() if open_ & {"sign", "columns"}]
     if wrong:
         return f"next: check the columns of {_names(wrong)}, as the first warning says"
-    signals = []
+    kinds: list[str] = []
+    settled: list[str] = []
+    joints: list[str] = []
     for kind, shows in RECORD.items():
-        joints = [joint for joint, open_ in topics.items() if open_ & shows.keys()]
-        settled = [what for topic, what in shows.items() if any(topic in topics[j] for j in joints)]
-        if joints:
-            what = ", ".join(settled)
-            signals.append(f"`excite --kind {kind}` with {_names(joints)}, which shows {what}")
-    if signals:
-        return f"next: record {'; '.join(signals)}; then identify from all logs"
+        if which := [joint for joint, open_ in topics.items() if open_ & shows.keys()]:
+            kinds.append(kind)
+            settled += [
+                what for topic, what in shows.items() if any(topic in topics[j] for j in which)
+            ]
+            joints += [joint for joint in which if joint not in joints]
+    if kinds:
+        kind = kinds[0] if len(kinds) == 1 else "combined"
+        first = joints[0] if joints[0] in identifications else ""
+        likewise = f" (likewise {_names(joints[1:])})" if joints[1:] else ""
+        return (
+            f"next: record {_names(joints[:1])}{likewise}, which shows {', '.join(settled)}: "
+            f"{_excite(kind, first, identifications[first])}; then identify from all logs"
+        )
     refused = [joint or "the joint" for joint, each in identifications.items() if not each.accepted]
     if refused:
         return f"next: find out what holds or loads {_names(refused)}, and record again"
     return f"next: request-planner plan PATH --model {model} -o requests.csv"
+
+
+def _excite(kind: str, joint: str, found: Identification) -> str:
+    """The command that makes a signal within the requests of the logs, at their rate."""
+    requests = np.degrees(np.concatenate([fit.log.requests for fit in found.fits]))
+    low, high = float(np.min(requests)), float(np.max(requests))
+    if found.unit != "rad" or high - low < 0.1:
+        return f"request-planner excite --kind {kind}"
+    limits = f"{math.ceil(low)}:{math.floor(high)}" if high - low > 4.0 else f"{low:.2f}:{high:.2f}"
+    rate = f" --rate-hz {1.0 / found.fits[0].log.period:.4g}"
+    name = f" --joint {shlex.quote(joint)}" if joint else ""
+    return f"request-planner excite --kind {kind} --limits-deg {limits}{rate}{name} -o more.csv"
 
 
 def _names(joints: Sequence[str]) -> str:

@@ -28,11 +28,11 @@ def measure(_: Options) -> list[Table]:
     table = Table(
         "Plans for servos from their physics, over the best time shift on the servo itself",
         ("shift, deg", "own shift", "plan", "told, deg", "low", "high", "met, deg"),
-        note="Each servo is identified from 60 s at 50 Hz (slow triangle, sines, steps; encoder of "
-        "12 bits, noise of 0.03 degrees), a cycle is planned and played. Errors are root mean "
-        "squares of true angles; shift: the desired angles early by the best time, sought on the "
-        "servo; own shift and plan: errors of invert_shift and invert_optimal over that; told: to "
-        "expect, with its range; met: of the plan.",
+        note="Each servo is identified from 60 s at 50 Hz (the recording that excite proposes; "
+        "encoder of 12 bits, noise of 0.03 degrees), a cycle is planned and played. Errors are "
+        "root mean squares of true angles; shift: the desired angles early by the best time, "
+        "sought on the servo; own shift and plan: errors of invert_shift and invert_optimal over "
+        "that; told: to expect, with its range; met: of the plan.",
         stub="servo, motion",
     )
     ratios, told = [], []
