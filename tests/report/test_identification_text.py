@@ -300,3 +300,16 @@ def test_a_model_file_without_the_details_of_its_test_is_read(tmp_path):
     file = tmp_path / "joint.toml"
     file.write_text(models_text({"": JointModel.ers210a()}) + "expected_error = 0.01\n")
     assert read_model_file(file).one().evidence == Evidence(0.01)
+
+
+def test_a_limit_of_the_acceleration_names_the_registers_that_may_set_it():
+    right = made_up()
+    assert "Profile" not in identification_text({"hip": right})
+    limited = made_up(
+        model=dataclasses.replace(right.model, max_acceleration=30.0),
+        intervals={**right.intervals, "max_acceleration": Interval(28.0, 32.0)},
+    )
+    (line,) = (x for x in identification_text({"hip": limited}).splitlines() if "Profile" in x)
+    assert line.startswith("The joint accelerates by at most 1719 deg/s^2")
+    assert "address 108" in line
+    assert "goal speed, 46" in line

@@ -28,6 +28,7 @@ from planner.report.identification.words import (
     of_several,
     parameters,
     parameters_table,
+    profile,
     telling_error,
     units_of,
     verdict,
@@ -247,7 +248,7 @@ def _verdict(found: Identification) -> str:
     said = verdict(found).replace(" %", "\N{NO-BREAK SPACE}%")
     head, tail = said.split(":", 1)
     start = Markup("<strong>{}</strong>:").format(head[0].upper() + head[1:])
-    return start + f"{tail}. {known(found)}"
+    return start + f"{tail}. {known(found)} {profile(found)}".rstrip()
 
 
 def _angle(found: Identification, radians: float | None) -> str:

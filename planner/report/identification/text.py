@@ -23,6 +23,7 @@ from planner.report.identification.words import (
     of_several,
     parameters,
     parameters_table,
+    profile,
     units_of,
     verdict,
 )
@@ -159,6 +160,7 @@ def _found(identifications: Mapping[str, Identification]) -> str:
         parameters_table(identification, SYMBOLS).text(),
         "",
         errors_table(identification).text(),
+        *filter(None, [profile(identification)]),
         *(f"warning: {warning}" for warning in identification.warnings),
     ]
     return "\n".join(lines)

@@ -337,6 +337,22 @@ def explained(names: Iterable[str]) -> str:
     return "; ".join(f"{name.replace('_', ' ')}: {NAMES[name]}" for name in rare)
 
 
+PROFILE = (
+    "The joint accelerates by at most {most}: a weak motor, or a profile of the servo's own, of "
+    "acceleration or of speed, which is better switched off (Dynamixel X: Profile Acceleration, "
+    "address 108, and Profile Velocity, 112, at 0; Feetech STS: acceleration, 41, and goal speed, "
+    "46, at 0)."
+)
+
+
+def profile(identification: Identification) -> str:
+    """Where a limit of the acceleration may come from, in a sentence; empty where there is none."""
+    for row in parameters(identification):
+        if row.name == "max_acceleration" and math.isfinite(identification.model.max_acceleration):
+            return PROFILE.format(most=row.short)
+    return ""
+
+
 def known(identification: Identification) -> str:
     """Which parameters the logs determine, in a sentence; nothing of a model that does not fit."""
     if identification.verdict == "refused":
