@@ -15,7 +15,6 @@ from planner.identification.grid import sound_rows, timing_of
 from planner.identification.log import Log, as_logs, check_periods, pieces_of, unwrapped
 from planner.model.joint import JointModel
 from planner.planning.arguments import JointLimits, limits_of_each
-from planner.planning.error_norm import error_norm
 from planner.planning.load_of_pose import LoadOfPose
 from planner.trajectory import MOST_SAMPLES, Array
 from planner.validation import as_number, as_positive, freeze, is_one_of, shown
@@ -88,11 +87,6 @@ class Path:
     def at(self, moments: Array, values: Array) -> Array:
         """A signal at moments of the recording [s], shape (n,), on straight lines between rows."""
         return np.asarray(np.interp(moments, self.times, values))
-
-    @property
-    def recorded_error(self) -> float:
-        """Recorded angles minus recorded requests, rms [unit]."""
-        return error_norm(self.angles - self.requests, "rms")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

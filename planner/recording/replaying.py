@@ -210,6 +210,14 @@ class JointReplay:
         return self.path.at(self.moments, self.path.angles)
 
     @property
+    def recorded_errors(self) -> Array:
+        """Recorded angles minus requests, of the rows that are replayed, shape (r,)."""
+        times, slack = self.path.times, 1e-9  # [s]
+        beyond = self.moments[-1] + np.diff(self.moments[-2:])  # of a request that would be next
+        rows = (times >= self.moments[0] - slack) & (times < beyond - slack)
+        return np.asarray((self.path.angles - self.path.requests)[rows])
+
+    @property
     def predicted(self) -> Array | None:
         """What the joint does under the requests, by its model, shape (n,); None without one."""
         return None if self.inversion is None else self.inversion.predicted
@@ -399,7 +407,7 @@ def _figures(joint: JointReplay) -> dict[str, Any]:
     found: dict[str, Any] = {
         "planned": joint.inversion is not None,
         "unit": joint.path.unit,
-        "recorded_rms": joint.path.recorded_error,
+        "recorded_rms": error_norm(joint.recorded_errors, "rms"),
     }
     if joint.inversion is None:
         return {**found, "reason": joint.path.reason}

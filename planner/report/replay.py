@@ -263,7 +263,7 @@ def joints_table(replay: Replay) -> Table:
     rows = []
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
-        recorded = _pair(joint, joint.path.angles - joint.path.requests)
+        recorded = _pair(joint, joint.recorded_errors)
         nothing = (NOTHING, NOTHING)
         cells: list[str | tuple[str, ...]] = [recorded, nothing, nothing, (*nothing, NOTHING)]
         cells += [nothing, NOTHING, NOTHING, NOTHING]

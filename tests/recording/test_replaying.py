@@ -72,7 +72,15 @@ def test_the_action_is_what_was_asked():
     assert joint.desired == pytest.approx(log.requests, abs=1e-12)
     assert joint.recorded_requests == pytest.approx(log.requests, abs=1e-12)
     assert joint.recorded_angles == pytest.approx(log.angles, abs=1e-12)
-    assert rms(joint.errors["planned"]) < 0.1 * joint.path.recorded_error
+    assert rms(joint.errors["planned"]) < 0.1 * rms(joint.recorded_errors)
+
+
+def test_the_errors_of_the_recorded_run_are_those_of_the_part_that_is_replayed():
+    log = recorded()
+    (joint,) = replay(log, SERVO, begin=20 * OWN, end=70 * OWN).joints
+    assert joint.recorded_errors == pytest.approx((log.angles - log.requests)[20:71], abs=1e-12)
+    (whole,) = replay(log, SERVO).joints
+    assert len(whole.recorded_errors) == COUNT
 
 
 def test_grippers_and_joints_without_a_model_get_their_recorded_requests():
@@ -316,7 +324,7 @@ def test_the_summary_of_a_replay_has_the_figures_of_its_joints():
         assert figures["lower_bound"] == joint.inversion.lower_bound
         assert figures["largest_step"] == joint.inversion.largest_step
         assert figures["norm"] == "rms"
-        assert figures["recorded_rms"] == joint.path.recorded_error
+        assert figures["recorded_rms"] == rms(joint.recorded_errors)
         off = joint.path.requests - joint.path.angles
         assert figures["recorded_rms"] == pytest.approx(rms(off))
     assert told["joints"]["elbow"]["expected_rms"] is None

@@ -205,7 +205,7 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     for joint in replay.joints:
         unit, factor = UNITS[joint.path.unit]
         shown = joint.name if unit == "deg" else f"{joint.name} [% of its range]"
-        recorded = f"{factor * joint.path.recorded_error:.3f}"
+        recorded = f"{factor * error_norm(joint.recorded_errors, 'rms'):.3f}"
         if joint.inversion is None:
             rows.append([shown, recorded, *[NOTHING] * 6, f"{joint.path.reason}: {PASSED_ON}"])
             continue
@@ -300,7 +300,7 @@ def document(replay: Replay, models: JointModels) -> dict[str, Any]:
             "planned": plan is not None,
             "reason": joint.path.reason or None,
             "unit": unit,
-            "recorded": _errors(joint.path.angles - joint.path.requests, unit, factor),
+            "recorded": _errors(joint.recorded_errors, unit, factor),
             f"requests_{unit}": (factor * joint.requests).tolist(),
         }
         if plan is not None:
