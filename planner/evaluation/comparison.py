@@ -34,6 +34,7 @@ from planner.evaluation.checks import (
 )
 from planner.evaluation.differences import Difference, difference
 from planner.evaluation.metrics import Distance, angle_distance
+from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.planning.arguments import Norm
 from planner.planning.bounds.certify import Certificate, certify
@@ -43,7 +44,7 @@ from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.inversion import planned
 from planner.planning.plan import Plan, joined
 from planner.planning.result import FootInversion, Inversion
-from planner.planning.search import ENCODER_STEP, known_errors
+from planner.planning.search import known_errors
 from planner.planning.task import axis_scales
 from planner.trajectory import Array
 

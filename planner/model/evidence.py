@@ -63,6 +63,9 @@ WITHOUT_ANGLES = ("lag", "acceleration_time", GAIN)
 OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower bound"
 """Of a joint whose :attr:`Evidence.top_speed` is infinite."""
 
+ENCODER_STEP = 2.0 * math.pi / 4096.0
+"""Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
+
 TRACKING = "tracking"
 """In :meth:`Evidence.exceeded`: what logs of steps do not show."""
 
@@ -185,7 +188,8 @@ class Evidence(NamedTuple):
         """In what a motion is outside of what was tested.
 
         That is in "speed", "acceleration", "angle", "load" or, where after a log of steps the
-        interval of the delay counts for more than what was tested, noise and all, in "tracking".
+        interval of the delay counts for more than what was tested, and than an encoder's step, in
+        "tracking".
 
         Args:
             angles: Angles of the joint [rad], shape (n,).
@@ -208,7 +212,7 @@ class Evidence(NamedTuple):
             "acceleration": rms(motion.accelerations) > OPTIONS.spare * size,
             "angle": bool(np.any((angles < low - spare) | (angles > high + spare))),
             "load": np.max(np.abs(load), initial=0.0) > OPTIONS.spare * self.load,
-            TRACKING: by_delay > max(tested, self.error),  # noise and all
+            TRACKING: by_delay > max(tested, ENCODER_STEP),
         }
         return tuple(name for name, outside in found.items() if outside)
 

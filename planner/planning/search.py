@@ -19,14 +19,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from planner.exceptions import SolverFailed, angle_text
+from planner.model.evidence import ENCODER_STEP
 from planner.model.joint import JointModel
 from planner.model.load import Loads
 from planner.planning.gauss_newton import LARGEST_SHARE, Search, Stage, allocated, go_through
 from planner.planning.problem import Problem
 from planner.trajectory import Array
-
-ENCODER_STEP = 2.0 * math.pi / 4096.0
-"""Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
 
 NARROW = (
     Stage(0.5, 1e-2),

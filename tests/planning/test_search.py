@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from planner.gait.half_ellipse import reference_walk
-from planner.model.evidence import Evidence
+from planner.model.evidence import ENCODER_STEP, Evidence
 from planner.model.joint import JointModel
 from planner.planning.inversion import invert_optimal
 from planner.planning.problem import problem_of, track
 from planner.planning.search import (
-    ENCODER_STEP,
     NARROW,
     Judged,
     State,
