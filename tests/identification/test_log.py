@@ -118,3 +118,19 @@ def test_times_in_another_unit_are_refused_with_the_option_that_names_it(period)
     log = rich_log()
     with pytest.raises(planner.InvalidInput, match=f"one row every {period:g} s, .* --time COLU"):
         planner.identify(changed(log, times=period * np.arange(len(log.times))))
+
+
+def test_a_mapping_is_refused_for_a_key_that_is_missing_or_unknown():
+    log = rich_log(rows=50)
+    columns = {"times": log.times, "requests": log.requests, "angles": log.angles}
+    with pytest.raises(planner.InvalidTrajectory, match=r"^log 1: missing \['angles'\]"):
+        planner.identify({name: columns[name] for name in ("times", "requests")})
+    with pytest.raises(planner.InvalidTrajectory, match=r"^log 1: unknown \['volts'\]"):
+        planner.identify({**columns, "volts": log.angles})
+
+
+def test_an_error_in_a_triple_of_arrays_names_its_place_among_the_logs():
+    log = rich_log(rows=50)
+    slow = (5.0 * np.arange(50), log.requests, log.angles)
+    with pytest.raises(planner.InvalidInput, match="^log 2: one row every 5 s"):
+        planner.identify([(log.times, log.requests, log.angles), slow])

@@ -11,6 +11,7 @@ import pytest
 
 import planner
 from kinematics import Limits
+from planner.model.evidence import Evidence
 from planner.planning.time_shift import shifted
 from planner.report.plan import cards, jumps_of, plan_page, remarks, verdict
 from planner.report.plan_tables import joint_rows, joints_table
@@ -112,6 +113,16 @@ def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
         card.words for card in cards(replace(outcome, task=outcome.task.with_models(models)))
     )
     assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
+
+
+def test_a_path_that_is_too_fast_names_the_joints_whose_top_speed_the_logs_do_not_determine(outcome):
+    name = WALK.joint_names[int(np.argmax([row.speed for row in joint_rows(outcome)]))]
+    for most, open_ended in ((math.inf, [name]), (2.0 * SERVO.v_max, [])):
+        seen = Evidence(intervals={"v_max": (0.5 * SERVO.v_max, most)})
+        models = [SERVO.with_evidence(seen) if each == name else SERVO for each in WALK.joint_names]
+        judged = replace(outcome, task=outcome.task.with_models(models))
+        (said,) = [each for each in remarks(judged, unreachable=0, missed=()) if "faster" in each]
+        assert re.findall(r"For (.+) this is the model's word", said) == open_ended
 
 
 @pytest.mark.usefixtures("undrawn_pages")
