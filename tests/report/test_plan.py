@@ -228,6 +228,10 @@ def test_every_name_is_escaped_and_every_request_shown(outcome):
     assert f"{np.degrees(outcome.requests[5, 2]):.3f}" in page
 
 
+def test_on_a_screen_the_leg_moves_in_the_view_from_the_side_alone(page):
+    assert re.findall(r'"(\w+)": ?{"kind": ?"leg"', page) == ["foot_side"]
+
+
 def test_the_page_needs_nothing_else(outcome, page):
     assert not re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', page)
     assert page == page_of(outcome)
