@@ -46,6 +46,15 @@ def test_the_page_says_what_is_promised_and_what_is_passed_on(made):
 
 
 @pytest.mark.usefixtures("undrawn_pages")
+def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(made):
+    about = {"title": "demo.csv", "words": "follows the state"}
+    kept, missed = (replay_page(made, **about, missed=each) for each in ((), ("elbow: 3 deg",)))
+    assert 'class="verdict no"' in missed
+    assert "Elbow: 3 deg." in missed
+    assert 'class="verdict no"' not in kept
+
+
+@pytest.mark.usefixtures("undrawn_pages")
 def test_a_slider_shows_every_joint_at_a_moment(made):
     figures = live(replay_page(made, title="demo.csv", words="follows the state"))
     moment = figures["moment"]
