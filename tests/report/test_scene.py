@@ -68,6 +68,20 @@ def test_every_leg_has_its_colour_and_the_robot_stands_once(commands):
     assert any("/hind_right_ball/" in path for path in robot)
 
 
+def test_colours_beyond_their_range_are_the_nearest_within_it(leg, tmp_path):
+    text = urdf_path("ers210a.urdf").read_text(encoding="utf-8")
+    bright, count = re.subn(r'rgba="[^"]*"', 'rgba="2.0 -1.0 0.2 1.0"', text)
+    assert count > 0
+    (tmp_path / "bright.urdf").write_text(bright, encoding="utf-8")
+    scene = Scene.from_urdf(tmp_path / "bright.urdf", base="body", foot="front_left_ball")
+    robot = [
+        each["object"]["materials"][0]["color"]
+        for each in _commands(_page(scene, _shown(leg)))
+        if each["type"] == "set_object" and each["path"].startswith("/meshcat/robot/")
+    ]
+    assert set(robot) == {0xFF0033}
+
+
 def test_the_ground_lies_below_every_foot(commands, leg):
     ground = [each for each in commands if each["path"].startswith("/meshcat/ground")]
     (drawn,) = [each for each in ground if each["type"] == "set_object"]
