@@ -115,7 +115,9 @@ def test_the_fastest_joint_is_that_nearest_to_its_own_top_speed(outcome):
     assert f"{WALK.joint_names[order[1]]}, the fastest for its top speed" in words
 
 
-def test_a_path_that_is_too_fast_names_the_joints_whose_top_speed_the_logs_do_not_determine(outcome):
+def test_a_path_that_is_too_fast_names_the_joints_whose_top_speed_the_logs_do_not_determine(
+    outcome,
+):
     name = WALK.joint_names[int(np.argmax([row.speed for row in joint_rows(outcome)]))]
     for most, open_ended in ((math.inf, [name]), (2.0 * SERVO.v_max, [])):
         seen = Evidence(intervals={"v_max": (0.5 * SERVO.v_max, most)})
