@@ -132,5 +132,5 @@ def test_a_mapping_is_refused_for_a_key_that_is_missing_or_unknown():
 def test_an_error_in_a_triple_of_arrays_names_its_place_among_the_logs():
     log = rich_log(rows=50)
     slow = (5.0 * np.arange(50), log.requests, log.angles)
-    with pytest.raises(planner.InvalidInput, match="^log 2: one row every 5 s"):
+    with pytest.raises(planner.InvalidInput, match=r"^log 2: one row every 5 s"):
         planner.identify([(log.times, log.requests, log.angles), slow])
