@@ -116,7 +116,7 @@ def _read_model(path: Path) -> tuple[Any, set[str]]:
     ]
     if unlimited:
         raise InvalidUrdf(path, f"{named(unlimited)} without <limit>; {TO_LIMIT}")
-    with _captured_stderr() as complaints:
+    with captured_stderr() as complaints:
         try:
             model = pinocchio.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
         except (ValueError, RuntimeError) as error:  # too deep an element among them
@@ -164,7 +164,7 @@ def _set(model: Any, coordinates: Any, joint: int, position: float) -> None:
 
 
 @contextmanager
-def _captured_stderr() -> Iterator[Any]:
+def captured_stderr() -> Iterator[Any]:
     """Catch what the C++ parser writes to standard error: the reason belongs into our exception.
 
     Yields:

@@ -1,36 +1,29 @@
-"""A robot to look at: what it looks like, and where its links are as one leg moves."""
+"""A robot to look at: the shapes of its URDF as Pinocchio has them, those of one leg apart."""
 
 from __future__ import annotations
 
 import os
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
 from kinematics.chain import Array, read_only
-from kinematics.robot import Robot, find_frame, joints_between, read_robot
-from kinematics.shapes import Shape, read_shapes
+from kinematics.exceptions import InvalidUrdf
+from kinematics.robot import Robot, captured_stderr, find_frame, joints_between, read_robot
 
 THICKNESS = 0.05
 """Radius of the bones of a leg without shapes, to its length."""
 
+MESHES = (".stl", ".obj", ".dae")
+"""Formats of meshes that are taken up."""
 
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A link of the robot.
-
-    Attributes:
-        name: Its name.
-        moves: Whether the leg's joints move it.
-        shapes: What it looks like, in its own frame.
-    """
-
-    name: str
-    moves: bool
-    shapes: tuple[Shape, ...]
+MOST_BYTES = 32 * 2**20
+"""Largest mesh that is taken up [bytes]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +31,18 @@ class Scene:
     """The robot around a leg; :meth:`from_urdf` makes it.
 
     Attributes:
-        bodies: The links that can be seen.
         joint_names: The joints of the leg, from the base to the foot.
+        still: Pinocchio's geometry model of the shapes that the leg's joints do not move.
+        moving: That of the others.
+        to_base: From Pinocchio's world to the base frame, shape (4, 4), read-only.
     """
 
-    bodies: tuple[Body, ...]
     joint_names: tuple[str, ...]
+    still: Any
+    moving: Any
+    to_base: Array
     _robot: Robot
     _joints: list[int]
-    _base: Any
-    _frames: tuple[Any, ...]
 
     @classmethod
     def from_urdf(
@@ -61,73 +56,144 @@ class Scene:
         """The scene of the leg between two frames of the robot that a URDF describes.
 
         Where no link of the leg has a shape that can be drawn, bones from joint to joint stand for
-        them. Takes what :meth:`kinematics.Leg.from_urdf` takes, and raises what that raises.
+        them. Meshes that cannot be found or read are left out: they are looked for below the folder
+        of the URDF and those above; ``package://a/b`` is ``a/b`` below one of them, or below a
+        folder where ROS keeps its packages. Takes what :meth:`kinematics.Leg.from_urdf` takes, and
+        raises what that raises.
         """
+        import pinocchio
+
         path = Path(path)
         robot = read_robot(path, locked=locked)
         model = robot.model
         start, end = find_frame(model, base, role="base"), find_frame(model, foot, role="foot")
         between = joints_between(model, start, end)
         joints = [joint for joint in between if joint not in robot.locked]
-        bodies, frames = [], []
-        for name, shapes in read_shapes(path).items():
-            frame = find_frame(model, name, role="link")
-            moves = any(joint in joints for joint in model.supports[frame.parentJoint])
-            if shapes:
-                bodies.append(Body(name, moves, shapes))
-                frames.append(frame)
-        if not any(body.moves for body in bodies):
-            for body, frame in _bones(model, between, end):
-                bodies.append(body)
-                frames.append(frame)
+        still, moving = pinocchio.GeometryModel(), pinocchio.GeometryModel()
+        for shape in _read_shapes(path, model).geometryObjects:
+            shape.meshPath, shape.meshScale = "", np.ones(3)  # it has been read, and scaled
+            moves = any(joint in joints for joint in model.supports[shape.parentJoint])
+            (moving if moves else still).addGeometryObject(shape)
+        if not moving.ngeoms:
+            for bone in _bones(model, between, end):
+                moving.addGeometryObject(bone)
+        data = model.createData()
+        pinocchio.forwardKinematics(model, data, robot.rest)
+        to_base = (data.oMi[start.parentJoint] * start.placement).inverse().homogeneous
         names = tuple(str(model.names[joint]) for joint in joints)
-        return cls(tuple(bodies), names, robot, joints, start, tuple(frames))
+        return cls(names, still, moving, read_only(to_base), robot, joints)
 
-    def placements(self, angles: Array) -> Array:
-        """Where every body is along a path of the leg's joints, the other joints at rest.
+    @property
+    def model(self) -> Any:
+        """Pinocchio's model of the robot."""
+        return self._robot.model
+
+    def configurations(self, angles: Array) -> list[Any]:
+        """Pinocchio's coordinates along a path of the leg's joints, the other joints at rest.
 
         Args:
             angles: Angles of the leg's joints [rad], shape (n, k).
+        """
+        return [self._robot.configuration(self._joints, row) for row in angles]
+
+    def places(self, angles: Array) -> Array:
+        """Where all shapes are in the base frame [m], those that move last.
+
+        Args:
+            angles: Angles of the leg's joints [rad], shape (k,).
 
         Returns:
-            From each body's frame to the base frame, shape (n, bodies, 4, 4), read-only.
+            Their middles, shape (shapes, 3), read-only.
         """
         import pinocchio
 
-        model = self._robot.model
-        data = model.createData()
-        placements = np.empty((len(angles), len(self.bodies), 4, 4))
-        for pose, row in zip(placements, angles, strict=True):
-            coordinates = self._robot.configuration(self._joints, row)
-            pinocchio.forwardKinematics(model, data, coordinates)
-            to_base = (data.oMi[self._base.parentJoint] * self._base.placement).inverse()
-            for place, frame in zip(pose, self._frames, strict=True):
-                place[:] = (to_base * data.oMi[frame.parentJoint] * frame.placement).homogeneous
-        return read_only(placements)
+        data = self.model.createData()
+        pinocchio.forwardKinematics(self.model, data, self.configurations(angles[None])[0])
+        to_world = [
+            (data.oMi[shape.parentJoint] * shape.placement).translation
+            for shapes in (self.still, self.moving)
+            for shape in shapes.geometryObjects
+        ]
+        return read_only(np.array(to_world) @ self.to_base[:3, :3].T + self.to_base[:3, 3])
 
 
-def _bones(model: Any, joints: list[int], end: Any) -> list[tuple[Body, Any]]:
+def _read_shapes(path: Path, model: Any) -> Any:
+    """Pinocchio's geometry model of the shapes that can be drawn."""
+    import coal
+    import pinocchio
+
+    root = ElementTree.parse(BytesIO(path.read_bytes())).getroot()
+    meshes = coal.CachedMeshLoader()
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            solid = next(iter(visual.find("geometry") or ()), None)
+            drawn = solid is not None and solid.tag in ("box", "cylinder", "sphere")
+            if solid is not None and solid.tag == "mesh":
+                file = _find_mesh(path, solid.get("filename", ""))
+                drawn = file is not None and _is_read(meshes, file)
+                solid.set("filename", str(file))
+            if not drawn:
+                link.remove(visual)
+    text = ElementTree.tostring(root, encoding="unicode")
+    with captured_stderr() as complaints:
+        shapes = pinocchio.buildGeomFromUrdfString(
+            model, text, pinocchio.GeometryType.VISUAL, None, None, meshes
+        )
+        if wrong := complaints():
+            raise InvalidUrdf(path, f"a shape cannot be drawn: {wrong[0]}")
+    return shapes
+
+
+def _is_read(meshes: Any, file: Path) -> bool:
+    """Whether the library that Pinocchio has for meshes reads this one."""
+    try:
+        return bool(meshes.load(str(file), np.ones(3)).num_tris)
+    except (ValueError, RuntimeError):
+        return False
+
+
+def _find_mesh(path: Path, name: str) -> Path | None:
+    """The file of a mesh, where there is one of a format and size that can be taken up."""
+    package = name.startswith("package://")
+    relative = name.removeprefix("package://").removeprefix("file://")
+    folders = [*path.resolve().parents, *_package_folders()] if package else [path.resolve().parent]
+    for folder in folders:
+        file = folder / relative
+        fits = file.suffix.lower() in MESHES and file.is_file()
+        if fits and file.stat().st_size <= MOST_BYTES:
+            return file
+    return None
+
+
+def _package_folders() -> list[Path]:
+    """Where ROS keeps packages: ``ROS_PACKAGE_PATH``, and for ROS 2 ``AMENT_PREFIX_PATH``."""
+    named, shared = (
+        [Path(each) for each in os.environ.get(variable, "").split(os.pathsep) if each]
+        for variable in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    )
+    return [*named, *(each / "share" for each in shared)]
+
+
+def _bones(model: Any, joints: list[int], end: Any) -> list[Any]:
     """A bone from every joint of the leg to the next one, and from the last to the foot."""
+    import coal
+    import pinocchio
+
     tips = [np.array(model.jointPlacements[joint].translation) for joint in joints[1:]]
     tips.append(np.array(end.placement.translation))
     radius = THICKNESS * sum(float(np.linalg.norm(tip)) for tip in tips)
     bones = []
     for joint, tip in zip(joints, tips, strict=True):
-        frame = next(frame for frame in model.frames if frame.name == model.names[joint])
-        ball = Shape("sphere", (1.4 * radius,), read_only(np.eye(4)))
-        bone = Shape("cylinder", (radius, float(np.linalg.norm(tip))), read_only(_along(tip)))
-        bones.append((Body(f"{frame.name} bone", True, (ball, bone)), frame))
+        turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), tip).matrix()
+        half_way = pinocchio.SE3(turn, tip / 2.0) if tip.any() else pinocchio.SE3.Identity()
+        ball, bone = coal.Sphere(1.4 * radius), coal.Cylinder(radius, float(np.linalg.norm(tip)))
+        for name, solid, placement in (
+            ("ball", ball, pinocchio.SE3.Identity()),
+            ("bone", bone, half_way),
+        ):
+            shape = pinocchio.GeometryObject(
+                f"{model.names[joint]} {name}", joint, placement, solid
+            )
+            shape.meshColor = np.array([0.7, 0.72, 0.75, 1.0])
+            bones.append(shape)
     return bones
-
-
-def _along(tip: Array) -> Array:
-    """The frame half way to ``tip``, its z axis in that direction."""
-    length = float(np.linalg.norm(tip))
-    placement = np.eye(4)
-    placement[:3, 3] = tip / 2.0
-    if length > 0.0:
-        z = tip / length
-        side = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
-        x = side / np.linalg.norm(side)
-        placement[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    return placement

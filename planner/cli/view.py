@@ -93,8 +93,7 @@ def view(
 
         title = f"request-planner: {leg_title(run.leg)}"
         write_text(html, scene_page(scene, shown, **settings, title=title))
-        size = f"{len(desired.angles)} samples, {len(scene.bodies)} links"
-        summarise(f"{html}: {size}; {model_words(run.model)}")
+        summarise(f"{html}: {len(desired.angles)} samples; {model_words(run.model)}")
     else:
         _serve(scene, shown, settings, browse=browse)
 

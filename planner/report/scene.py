@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 import uuid
 import warnings
 from collections.abc import Sequence
@@ -18,8 +19,7 @@ from planner.report.style import DESIRED, DIRECT, FOOT_OPTIMAL, GRID, Role
 from planner.trajectory import Array
 
 if TYPE_CHECKING:
-    from kinematics.scene import Body, Scene
-    from kinematics.shapes import Shape
+    from kinematics.scene import Scene
 
 PLANNED = FOOT_OPTIMAL._replace(label="planned")
 
@@ -32,8 +32,12 @@ TRACE = 0.008
 VIEWPOINT = np.array([0.5, 1.0, 0.3])
 """Where the camera is, from the middle of what is shown and to its size: forward, sideways, up."""
 
-NAMESPACE = uuid.UUID("8c5a1a53-40c1-4f0b-8c3c-5a6e5c1b7f10")
-"""Of the names by which Meshcat knows objects: the same scene is the same file."""
+RANDOM = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+"""The names that Meshcat gives to objects."""
+
+THINNER = 0.05
+"""Where legs coincide, the solid one is seen: one that is all but transparent is thinner by this
+share."""
 
 SIDES = 8
 """Of a trace, which is a tube: browsers draw lines one pixel wide."""
@@ -96,12 +100,23 @@ class Recording:
     def __init__(self) -> None:
         """Begin with nothing."""
         self.commands: list[bytes] = []
+        self._names: dict[str, str] = {}
 
     def send(self, command: Any) -> None:
         """Keep a command."""
         import umsgpack
 
-        self.commands.append(umsgpack.packb(command.lower()))
+        self.commands.append(umsgpack.packb(self._numbered(command.lower())))
+
+    def _numbered(self, value: Any) -> Any:
+        """The same with a number for every random name: the same scene is the same file."""
+        if isinstance(value, dict):
+            return {key: self._numbered(each) for key, each in value.items()}
+        if isinstance(value, list):
+            return [self._numbered(each) for each in value]
+        if isinstance(value, str) and RANDOM.fullmatch(value):
+            return self._names.setdefault(value, str(uuid.UUID(int=len(self._names))))
+        return value
 
 
 def scene_page(
@@ -151,60 +166,40 @@ def draw_scene(
         cyclic: Whether the motions repeat, so that their ends are joined.
     """
     stride = -(-len(shown[0].angles) // MOST_FRAMES)
-    rest = scene.placements(shown[0].angles[:1])[0]
-    for b, body in enumerate(scene.bodies):
-        if not body.moves:
-            _draw_body(viewer["robot"][body.name], body, None, 1.0)
-            viewer["robot"][body.name].set_transform(rest[b])
-    reach = float(np.linalg.norm(np.ptp(rest[:, :3, 3], axis=0))) or 1.0
-    clips = {}
+    places = scene.places(shown[0].angles[0])
+    reach = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
+    rest = scene.configurations(shown[0].angles[:1])[0]
+    _show(viewer, "robot", scene, scene.still, None).display(rest)
+    animation = import_meshcat().animation.Animation(default_framerate=1.0 / (stride * period))
     for motion in shown:
-        node = viewer[motion.role.label]
-        places = scene.placements(motion.angles[::stride])
+        name = motion.role.label
+        leg = _show(viewer, name, scene, scene.moving, [*_parts(motion.role), motion.opacity])
+        poses = scene.configurations(motion.angles[::stride])
         if cyclic:
-            places = np.concatenate([places, places[:1]])
-        for b, body in enumerate(scene.bodies):
-            if body.moves:
-                _draw_body(node[body.name], body, motion.role.light, motion.opacity)
-                node[body.name].set_transform(places[0, b])
-                clips[node[body.name].path] = _clip(places[:, b], 1.0 / (stride * period))
-        _draw_trace(node["trace"], motion, TRACE * reach, closed=cyclic)
+            poses.append(poses[0])
+        leg.display(poses[0])
+        for number, pose in enumerate(poses):
+            leg.viewer = animation.at_frame(viewer, number)
+            leg.display(pose)
+        _draw_trace(viewer[f"{name} trace"], motion, TRACE * reach, closed=cyclic)
     _draw_ground(viewer["ground"], np.concatenate([motion.foot for motion in shown]), TRACE * reach)
-    _look(viewer, np.concatenate([rest[:, :3, 3], *(motion.foot for motion in shown)]))
-    animation = import_meshcat().animation.Animation(clips=clips)
+    _look(viewer, np.concatenate([places, *(motion.foot for motion in shown)]))
     viewer.set_animation(animation, play=True, repetitions=float("inf"))
 
 
-def _draw_body(node: Any, body: Body, colour: str | None, opacity: float) -> None:
-    """The shapes of a body in their own colours, or in one."""
-    geometry = import_meshcat().geometry
-    for number, shape in enumerate(body.shapes):
-        red, green, blue, own = shape.colour
-        ghost = colour is not None and opacity < 1.0
-        material = geometry.MeshLambertMaterial(
-            color=_hex(colour) if colour else _packed(red, green, blue),
-            opacity=opacity if colour else own,
-            polygonOffset=ghost,  # where legs coincide, the solid one is seen
-            polygonOffsetFactor=1.0,
-            polygonOffsetUnits=1.0,
-        )
-        solid, placement = _solid(geometry, shape)
-        _draw(node[f"shape {number}"], geometry.Mesh(solid, material))
-        node[f"shape {number}"].set_transform(placement)
+def _show(viewer: Any, name: str, scene: Scene, shapes: Any, colour: list[float] | None) -> Any:
+    """Pinocchio's visualiser of some shapes, in their own colours or in one."""
+    from pinocchio.visualize import MeshcatVisualizer
 
-
-def _solid(geometry: Any, shape: Shape) -> tuple[Any, Array]:
-    """Meshcat's geometry of a shape, and where it belongs in the link."""
-    if shape.kind == "box":
-        return geometry.Box(list(shape.size)), shape.placement
-    if shape.kind == "sphere":
-        return geometry.Sphere(shape.size[0]), shape.placement
-    if shape.kind == "cylinder":  # Meshcat's lie along y, those of a URDF along z
-        upright = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-        radius, length = shape.size
-        return geometry.Cylinder(length, radius), shape.placement @ upright
-    assert shape.surface is not None, "only a mesh is left, and it has one"
-    return geometry.TriangularMeshGeometry(*shape.surface), shape.placement
+    if colour is not None:
+        shapes = shapes.copy()
+        for shape in shapes.geometryObjects:
+            shape.meshScale = np.full(3, 1.0 - THINNER * (1.0 - colour[3]))
+    visualiser = MeshcatVisualizer(scene.model, visual_model=shapes)
+    visualiser.initViewer(viewer)
+    visualiser.loadViewerModel(name, visual_color=colour)
+    viewer[name].set_transform(scene.to_base)
+    return visualiser
 
 
 def _draw_trace(node: Any, motion: Motion, radius: float, *, closed: bool) -> None:
@@ -212,7 +207,7 @@ def _draw_trace(node: Any, motion: Motion, radius: float, *, closed: bool) -> No
     vertices, faces = tube(motion.foot, radius, closed=closed)
     if len(faces):
         material = geometry.MeshLambertMaterial(color=_hex(motion.role.light))
-        _draw(node, geometry.Mesh(geometry.TriangularMeshGeometry(vertices, faces), material))
+        node.set_object(geometry.Mesh(geometry.TriangularMeshGeometry(vertices, faces), material))
 
 
 def _draw_ground(node: Any, feet: Array, thickness: float) -> None:
@@ -220,35 +215,11 @@ def _draw_ground(node: Any, feet: Array, thickness: float) -> None:
     geometry = import_meshcat().geometry
     size = SOIL * max(float(np.ptp(feet[:, :2], axis=0).max()), 10.0 * thickness)
     material = geometry.MeshLambertMaterial(color=_hex(GRID.light), opacity=0.7)
-    _draw(node, geometry.Mesh(geometry.Box([size, size, thickness]), material))
+    node.set_object(geometry.Mesh(geometry.Box([size, size, thickness]), material))
     place = np.eye(4)
     place[:2, 3] = 0.5 * (feet[:, :2].min(axis=0) + feet[:, :2].max(axis=0))
     place[2, 3] = feet[:, 2].min() - 1.5 * thickness
     node.set_transform(place)
-
-
-def _draw(node: Any, solid: Any) -> None:
-    """Show a solid under names that depend on its place only."""
-    for part, of in (("object", solid), ("geometry", solid.geometry), ("material", solid.material)):
-        of.uuid = str(uuid.uuid5(NAMESPACE, f"{node.path.lower()} {part}"))
-    node.set_object(solid)
-
-
-def _clip(places: Array, rate: float) -> Any:
-    """The way of a body through its placements, shape (n, 4, 4), so many a second."""
-    from scipy.spatial.transform import Rotation
-
-    animation = import_meshcat().animation
-    frames = list(range(len(places)))
-    turns = Rotation.from_matrix(places[:, :3, :3]).as_quat()
-    tracks = {
-        name: animation.AnimationTrack(name, kind, frames, values.tolist())
-        for name, kind, values in (
-            ("position", "vector3", places[:, :3, 3]),
-            ("quaternion", "quaternion", turns),
-        )
-    }
-    return animation.AnimationClip(tracks=tracks, fps=rate)
 
 
 def _look(viewer: Any, points: Array) -> None:
@@ -271,10 +242,9 @@ def _hex(colour: str) -> int:
     return int(colour.removeprefix("#"), 16)
 
 
-def _packed(*colour: float) -> int:
-    """Red, green and blue, each from 0 to 1, as one number."""
-    red, green, blue = (round(255 * min(max(part, 0.0), 1.0)) for part in colour)
-    return red << 16 | green << 8 | blue
+def _parts(role: Role) -> list[float]:
+    """Red, green and blue of a colour, each from 0 to 1."""
+    return [int(role.light[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
 
 
 def tube(points: Array, radius: float, *, closed: bool) -> tuple[Array, npt.NDArray[np.uint32]]:
