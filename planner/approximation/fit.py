@@ -56,12 +56,13 @@ from planner.approximation.search import KnotSearch
 from planner.approximation.segment_count import automatic, within_rms
 from planner.approximation.values import values_within, within_slopes
 from planner.exceptions import Infeasible, InvalidInput, SolverFailed, angle_text
+from planner.summary import Summarised, Summary
 from planner.trajectory import Array, as_trajectory
 from planner.validation import as_flag
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PiecewiseLinearFit(PiecewiseLinear):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class PiecewiseLinearFit(Summarised, PiecewiseLinear):
     """A piecewise-linear curve and what it approximates; its errors are computed from the two.
 
     Attributes:
@@ -75,6 +76,14 @@ class PiecewiseLinearFit(PiecewiseLinear):
     desired: Array
     v_max: float
     fewest_segments: int | None = None
+
+    def summarised(self) -> Summary:
+        """Segments and errors."""
+        return Summary(
+            f"Fit of {self.segments} segments to {self.samples} samples, one every "
+            f"{1e3 * self.tick:.4g} ms, {'cyclic' if self.cyclic else 'with two ends'}: "
+            f"{self.rms:.4g} rad rms, {self.max_error:.4g} rad at most"
+        )
 
     @cached_property
     def residuals(self) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.exceptions import InvalidInput, InvalidTrajectory
+from planner.summary import Summarised, Summary
 from planner.trajectory import LARGEST, TURN, Array, as_trajectory
 from planner.validation import is_one_of, shown
 
@@ -54,8 +55,8 @@ class Written(NamedTuple):
     shift: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Log(Summarised):
     """Requested against actual angles of one joint; the arrays are read-only copies.
 
     Attributes:
@@ -89,6 +90,14 @@ class Log:
     measured: npt.NDArray[np.bool_] = None  # type: ignore[assignment]  # always
     notes: tuple[str, ...] = ()
     written: Written | None = None
+
+    def summarised(self) -> Summary:
+        """Its name, rows, duration and rate."""
+        joint = f" of {self.joint}" if self.joint else ""
+        return Summary(
+            f"Log {self.name!r}{joint}: {len(self.times)} rows in "
+            f"{self.times[-1] - self.times[0]:.4g} s, one every {1e3 * self.period:.4g} ms"
+        )
 
     def __post_init__(self) -> None:
         """Copy and check every column once."""

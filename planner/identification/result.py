@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -23,6 +23,7 @@ from planner.model.evidence import (
     under_moving_requests,
 )
 from planner.model.joint import JointModel
+from planner.summary import Summarised, Summary
 from planner.trajectory import Array
 from planner.validation import freeze
 
@@ -200,8 +201,8 @@ class HeldOut(NamedTuple):
     beyond: bool
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Identification:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Identification(Summarised):
     """A joint model found from logs, and how far it can be trusted.
 
     Attributes:
@@ -260,6 +261,24 @@ class Identification:
         object.__setattr__(self, "findings", tuple(found))
         freeze(self.covariance)
         object.__setattr__(self, "model", self.model.with_evidence(self.tested))
+
+    def summarised(self) -> Summary:
+        """Verdict, error and parameters with their intervals, in SI units."""
+        held_out = self.held_out_rms is not None
+        share = self.unit != "rad"
+        error = f"{self.held_out_rms if held_out else self.rms:.3g}{'' if share else ' rad'}"
+        units = {each.name: str(each.metadata["unit"]) for each in fields(self.model)}
+        where = "on rows held out" if held_out else "on the rows it was fitted to"
+        rows = [
+            (name, f"{getattr(self.model, name):.5g}", f"{low:.5g} to {high:.5g}",
+             units[name].replace("rad", "1") if share else units[name])
+            for name, (low, high) in self.intervals.items()
+        ]  # fmt: skip
+        return Summary(
+            f"Identification, {self.verdict}: {error} rms {where}",
+            ("parameter", "value", "95 % interval", "unit"),
+            rows,
+        )
 
     @property
     def accepted(self) -> bool:

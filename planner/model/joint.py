@@ -159,6 +159,13 @@ class JointModel:
     sag_sin: float = field(default=0.0, metadata={"unit": "rad"})
     sag_cos: float = field(default=0.0, metadata={"unit": "rad"})
 
+    def __repr__(self) -> str:
+        """The call that makes it, parameters with their default left out, and their units."""
+        given = [each for each in fields(self) if getattr(self, each.name) != each.default]
+        call = ", ".join(f"{each.name}={getattr(self, each.name)!r}" for each in given)
+        units = ", ".join(f"{each.metadata['unit']}" for each in given)
+        return f"JointModel({call})  # {units}"
+
     def __post_init__(self) -> None:
         """Check every parameter once; afterwards the model can be trusted."""
         for parameter in fields(self):

@@ -22,10 +22,14 @@ from planner.planning.error_norm import error_norm, relative_gap
 from planner.planning.result import ErrorsOfModels, FootInversion, Inversion
 from planner.planning.task import Task
 from planner.planning.trials import Learning
+from planner.summary import Summarised, Summary
 from planner.trajectory import Array, steps
 from planner.validation import freeze
 
 Method = Literal["shift", "closed_form", "optimal", "foot_optimal"]
+
+DEGREE = math.degrees(1.0)
+"""Degrees in a radian."""
 
 LEAST_MOTION = 1e-9
 """Change of a request that is no motion [rad]: rounding."""
@@ -77,8 +81,8 @@ def request_motion(
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Plan(Summarised):
     """Requests for a task, and what the exact models make of them.
 
     Every figure is computed from task and requests by simulation, whatever found them, and when it
@@ -118,6 +122,25 @@ class Plan:
         """Freeze what was copied or read from a pickle."""
         self.__dict__.update(state)
         self.__post_init__()
+
+    def summarised(self) -> Summary:
+        """Requests and errors; the lower bound where it has been computed already."""
+        foot = self.task.goal == "foot"
+        names, factor, unit = (["foot"], 100.0, "cm") if foot else (self.names, DEGREE, "deg")
+        bounds = self.__dict__.get("lower_bounds")
+        count, joints = self.requests.shape
+        head = (
+            f"Plan by {self.method}: {count} requests to {joints} joint{'s' * (joints > 1)}, one "
+            f"every {1e3 * self.period:.4g} ms, {'cyclic' if self.cyclic else 'from rest'}"
+        )
+        columns = [f"rms [{unit}]", f"max [{unit}]", *([] if bounds is None else ["lower bound"])]
+        values = [self.rms, self.max_error, *([] if bounds is None else [bounds])]
+        cells = zip(*(factor * each for each in values), strict=True)
+        rows = [
+            (name, *(f"{value:.4g}" for value in row))
+            for name, row in zip(names, cells, strict=True)
+        ]
+        return Summary(head, ("", *columns), rows)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from planner.planning.arguments import Norm, Robust, Solver
 from planner.planning.error_norm import error_norm
 from planner.planning.task import Scenarios
 from planner.planning.trials import Learning
+from planner.summary import Summarised, Summary
 from planner.trajectory import Array, Mask
 from planner.validation import freeze
 
@@ -45,8 +46,8 @@ class ErrorsOfModels(NamedTuple):
         return cls(float(errors[0]), error_norm(errors, "rms"), float(np.max(errors)))
 
 
-@dataclass(frozen=True, eq=False, init=False)
-class _View:
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class _View(Summarised):
     """What is judged as one: a joint of a plan, or its foot; [unit] is rad, or m for a foot.
 
     ``dataclasses.replace`` takes the names of the view's attributes.
@@ -69,6 +70,12 @@ class _View:
     def __getstate__(self) -> dict[str, Any]:
         """What is copied: nothing that can be computed again."""
         return {"plan": self.plan, "column": self.column}
+
+    def summarised(self) -> Summary:
+        """Requests and errors; the lower bound where it has been computed already."""
+        summary = self.plan.summarised()
+        head = f"{type(self).__name__}{summary.head.removeprefix('Plan')}"
+        return Summary(head, summary.columns, [summary.rows[self.column]])
 
     @property
     def method(self) -> Method:
@@ -143,7 +150,7 @@ class _View:
         return "" if self.learning is None else self.learning.stopped
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Inversion(_View):
     """Requests for a desired trajectory of one joint, with what the exact model makes of them.
 
@@ -281,7 +288,7 @@ class Inversion(_View):
         return column
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class FootInversion(_View):
     """Requests for all joints of a leg, with what the exact models make of them.
 

@@ -26,6 +26,7 @@ from planner.recording.recorded_path import (
     check_length,
     recorded_path,
 )
+from planner.summary import Summarised, Summary
 from planner.trajectory import Array
 from planner.validation import as_positive, freeze
 
@@ -325,8 +326,8 @@ class JointReplay:
         return simulate(plan.model, sent, cyclic=False, start=plan.start, load=plan.load)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Replay:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Replay(Summarised):
     """Requests that repeat a recording, with the errors that the models predict.
 
     Attributes:
@@ -340,6 +341,20 @@ class Replay:
     speed: float
     moments: Array
     joints: tuple[JointReplay, ...]
+
+    def summarised(self) -> Summary:
+        """Requests and errors of every planned joint."""
+        head = (
+            f"Replay at {self.speed:.4g} times the speed: {len(self.moments)} requests to "
+            f"{len(self.joints)} joints, one every {1e3 * self.period:.4g} ms"
+        )
+        rows = [
+            (each.name, f"{each.inversion.rms:.4g}", f"{each.inversion.max_error:.4g}", unit)
+            for each in self.planned
+            if each.inversion is not None
+            for unit in ["rad" if each.path.unit == "rad" else "of its range"]
+        ]
+        return Summary(head, ("", "rms", "max", "unit"), rows)
 
     @property
     def period(self) -> float:

@@ -1,0 +1,56 @@
+"""Answers in a few lines: what Python and a notebook show of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+
+class Summary(NamedTuple):
+    """A heading, and a table with a unit beside every number or title.
+
+    Attributes:
+        head: What it is, in one line.
+        columns: Titles of the columns; that of the first may be empty.
+        rows: Their cells.
+    """
+
+    head: str
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+
+    def text(self) -> str:
+        """The table below the heading, columns aligned."""
+        cells = [self.columns, *self.rows] if self.rows else []
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines = [
+            "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            for row in cells
+        ]
+        return "\n".join([self.head, *(line.rstrip() for line in lines)])
+
+    def html(self) -> str:
+        """The same for a notebook."""
+        if not self.rows:
+            return f"<p>{escape(self.head, quote=False)}</p>"
+        rows = [
+            "".join(f"<{tag}>{escape(cell, quote=False)}</{tag}>" for cell in row)
+            for tag, row in [("th", self.columns), *(("td", row) for row in self.rows)]
+        ]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<p>{escape(self.head, quote=False)}</p><table>{body}</table>"
+
+
+class Summarised:
+    """An answer that Python and a notebook show by its summary."""
+
+    def summarised(self) -> Summary:
+        """What is shown."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return self.summarised().text()
+
+    def _repr_html_(self) -> str:
+        return self.summarised().html()
