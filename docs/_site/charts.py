@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from itertools import cycle
 from typing import NamedTuple
 
 from docutils import nodes
@@ -80,17 +81,17 @@ def drawn(chart, text):
     axes = figure.add_subplot()
     series = {head[j]: [numbers[j] for _, numbers in rows] for j in chosen}
     if chart.kind == "columns":
-        for y, (values, colour) in enumerate(zip(series.values(), COLOURS, strict=False)):
+        for y, (values, colour) in enumerate(zip(series.values(), cycle(COLOURS), strict=False)):
             axes.plot(values, [y] * len(values), "o", ms=4, alpha=0.5, color=colour)
             median = sorted(values)[len(values) // 2]
             axes.plot([median], [y], "|", ms=14, mew=2, color=colour)
         _name_lines(axes, [name.removesuffix(", ms").removesuffix(", %") for name in series])
     elif chart.kind == "rows":
-        for (name, values), colour in zip(series.items(), COLOURS, strict=False):
+        for (name, values), colour in zip(series.items(), cycle(COLOURS), strict=False):
             axes.plot(values, range(len(values)), "o", ms=5, color=colour, label=name)
         _name_lines(axes, [name for name, _ in rows])
     else:
-        for (name, values), colour in zip(series.items(), COLOURS, strict=False):
+        for (name, values), colour in zip(series.items(), cycle(COLOURS), strict=False):
             axes.plot(
                 [_number(row) for row, _ in rows], values, "o-", ms=4, color=colour, label=name
             )

@@ -7,6 +7,7 @@ import re
 import kinematics
 import planner
 from tests.docs.blocks import ROOT
+from tests.report.test_page import PICTURES
 
 DOCS = ROOT / "docs"
 
@@ -48,3 +49,12 @@ def test_pages_link_to_files_that_are_there():
 def test_pages_show_no_picture_from_elsewhere():
     for page in DOCS.rglob("*.md"):
         assert not re.search(r"!\[[^\]]*\]\(\w+:", page.read_text(encoding="utf-8")), page
+
+
+def test_the_page_about_the_paper_names_tests_and_figures_that_exist():
+    text = (DOCS / "paper.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(tests/[\w/]+\.py)(?:::(\w+))?`", text)
+    assert len(named) > 15
+    for file, test in named:
+        assert f"def {test}(" in (ROOT / file).read_text(encoding="utf-8") or not test
+    assert set(re.findall(r"`(figure\d_\w+)`", text)) <= set(PICTURES)
