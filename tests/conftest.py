@@ -245,14 +245,9 @@ def in_this_process(monkeypatch):
 
 
 @pytest.fixture
-def undrawn_pages(monkeypatch):
-    """Leave the pictures of pages empty: tests/report and tests/virtual draw and look at them."""
-    monkeypatch.setattr("planner.report.matplotlib_figure.svg_of", lambda _: NO_PICTURE)
-
-
-@pytest.fixture
-def undrawn(undrawn_pages, monkeypatch):  # noqa: ARG001
-    """Leave pictures in files empty too: the commands' own tests draw them."""
+def undrawn(monkeypatch):
+    """Leave pictures in files empty: the commands' own tests draw them."""
+    monkeypatch.setattr("planner.report.matplotlib_figure.pictures_of", lambda _: (NO_PICTURE, b""))
     for module in ("run.comparison", "report.matplotlib_figure"):  # the first imports the second
         monkeypatch.setattr(f"planner.{module}.to_svg", lambda _: NO_PICTURE)
         monkeypatch.setattr(f"planner.{module}.to_png", lambda _: b"")

@@ -231,11 +231,12 @@ def _write_report(
     """The page, which links to the files that are already there, and its pictures."""
     from planner.files.staging import list_files
     from planner.files.text import write_bytes, write_text
-    from planner.report.matplotlib_figure import png_of, svg_of
+    from planner.report.matplotlib_figure import pictures_of
 
     linked = ["results.json", *list_files(folder)]
     (folder / "figures").mkdir()
     for figure in figures:
-        write_text(folder / "figures" / f"{figure.name}.svg", svg_of(figure))
-        write_bytes(folder / "figures" / f"{figure.name}.png", png_of(figure))
+        svg, png = pictures_of(figure)
+        write_text(folder / "figures" / f"{figure.name}.svg", svg)
+        write_bytes(folder / "figures" / f"{figure.name}.png", png)
     write_text(folder / "report.html", page(document, figures, linked))

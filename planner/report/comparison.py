@@ -33,7 +33,6 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
-    leg_sketches,
     line,
     near_limits,
 )
@@ -82,7 +81,7 @@ FOOT_ROLES = {SHOWN: CLOSED_FORM, "optimal": OPTIMAL, "foot_optimal": FOOT_OPTIM
 
 
 class Tint(NamedTuple):
-    """How the background of a reason looks; on paper a hatching distinguishes it."""
+    """How the background of a reason looks; in a file a hatching distinguishes it."""
 
     role: Role
     opacity: float
@@ -449,23 +448,18 @@ def foot_figure(check: CrossCheck) -> Figure:
 
 
 def leg_figure(check: CrossCheck, foot: FootComparison, leg: Leg) -> Figure:
-    """The leg as desired, and under the plans; on paper the paths of its foot."""
+    """The leg as desired, and under the plans."""
     joints = np.column_stack([joint.desired for joint in check.joints])
-    desired = leg.joint_positions(joints)
-    draw = _timeline(check).path
-    motions, paths = [Motion(DESIRED, desired)], [draw(foot.desired, DESIRED)]
+    motions = [Motion(DESIRED, leg.joint_positions(joints))]
     for method, role in FOOT_ROLES.items():
         plan = foot.plans[method]
         motions.append(Motion(role, leg.joint_positions(plan.predicted), plan.distances))
-        paths.append(draw(plan.foot, role))
     return Figure(
         "leg",
         "The leg under the plans",
         "Move the slider and the leg follows, drag it and it turns; the numbers are distances of "
-        "the foot from its path. On paper: the paths of the foot from the side.",
-        Axis(f"x in the frame {leg.base}", "cm"),
-        (Panel(Axis("z", "cm"), (*leg_sketches(desired[:1], 0), *paths), height=2.2),),
-        equal=True,
+        "the foot from its path.",
+        _timeline(check).axis,
         movie=Movie(tuple(motions), check.period, check.cyclic),
     )
 

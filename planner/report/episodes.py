@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel
-from planner.report.page import Card, Page, Section, origin_lists, sentence
+from planner.report.page import Card, Page, Section, footer, origin_lists, sentence, spoken
 from planner.report.style import DIRECT, LOWER_BOUND, OPTIMAL, SHIFT
 from planner.report.table import NOTHING, Column, Row, Table, number
 
@@ -52,8 +51,6 @@ def episodes_page(
         words: What is followed, why, and by which models.
         origins: What they were made from: pairs of what it is and which.
     """
-    from markupsafe import Markup
-
     rows, failed = document["recordings"], document["left_out"]
     total = len(rows) + len(failed)
     units = sorted({row["unit"] for row in rows})
@@ -76,7 +73,7 @@ def episodes_page(
     return Page(
         heading=f"Replay of {total} recordings",
         eyebrow=f"request-planner replay · {title}",
-        verdict=Markup("<strong>{}</strong>, {}.").format(
+        verdict=spoken(
             f"{len(rows)} of {total} recordings have a plan",
             f"in the median {median['planned']:.2g} {unit} rms off in the joint that is farthest "
             f"off; the best time shift leaves {median['shifted']:.2g}, the path itself as requests "
@@ -95,10 +92,7 @@ def episodes_page(
         figure=figures[0],
         sections=sections,
         listings=origin_lists(origins, []),
-        footer=Markup(
-            f"request-planner {__version__} replay. The model is that of Stronger &amp; Stone, "
-            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
-        ),
+        footer=footer("replay"),
     ).html()  # fmt: skip
 
 

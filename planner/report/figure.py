@@ -1,7 +1,7 @@
-"""A figure, described once: what Matplotlib draws on paper and Plotly on a screen.
+"""A figure, described once: Plotly draws those of pages, Matplotlib those in files.
 
 A figure is a column of panels over one horizontal axis. A panel holds curves, spans and words; a
-curve is a role, which gives its looks, and two arrays, which both renderers draw as they are.
+curve is a role, which gives its looks, and two arrays.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Curve:
         marks: Draw marks instead of a line: rings or dots.
         opacity: Of dots.
         held: Whether each value holds until the next.
-        hidden: Whether only a screen shows it, and only on demand.
-        notes: Words that a screen adds to each value under the pointer, n of them or none.
+        hidden: Whether only a page shows it, and only on demand.
+        notes: Words that a page adds to each value under the pointer, n of them or none.
     """
 
     role: Role
@@ -72,8 +72,8 @@ class Span:
         along: The axis.
         words: What it is, written at its upper end.
         words_side: At which end of a horizontal span they stand.
-        legend: What the legend on paper calls it.
-        hatch: Pattern on paper, which distinguishes spans without colours.
+        legend: What the legend of a file calls it.
+        hatch: Pattern in a file, which distinguishes spans without colours.
     """
 
     start: float
@@ -189,7 +189,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Movie:
-    """A moving leg, which takes the place of the figure on a screen.
+    """A moving leg, which takes the place of the panels on a page.
 
     Attributes:
         motions: The motions, each of n samples; later ones lie over earlier ones.
@@ -206,7 +206,7 @@ class Movie:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Numbers of joints over time, which take the place of the figure on a screen.
+    """Numbers of joints over time, which take the place of the panels on a page.
 
     Attributes:
         joints: The joints.
@@ -236,25 +236,23 @@ class Figure:
         clock: How many units of the axis a second is, where the figure follows the moving leg of
             its page and is zoomed in time with the others that do; or None.
         views: Parts of the axis that a button of that name brings into view.
-        movie: What a screen shows in its place.
+        movie: What a page shows in place of the panels.
         moments: The same, where there are numbers to show and no leg.
-        live: Whether a screen shows more than the figure on paper.
-        kind: How a page places it: "" or "wide", or "close", which a wide one replaces.
+        wide: Whether it takes the whole width of a page.
     """
 
     name: str
     title: str
     caption: str
     x: Axis
-    panels: tuple[Panel, ...]
+    panels: tuple[Panel, ...] = ()
     over_time: bool = False
     equal: bool = False
     clock: float | None = None
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     movie: Movie | None = None
     moments: Moments | None = None
-    live: bool = True
-    kind: str = ""
+    wide: bool = False
 
     @property
     def description(self) -> str:
@@ -423,10 +421,6 @@ def near_limits(
         for limit in limits or ()
         if low <= limit <= high
     )
-
-
-POSES = 5
-"""Moments at which a leg or an arm is sketched on paper."""
 
 
 def leg_sketches(poses: Array, across: int) -> list[Curve]:

@@ -27,7 +27,7 @@ FLAT = 0.05
 """Least height of a figure of errors, relative to the lower bound: less is no difference."""
 
 LINES = APPROXIMATION._replace(label="lines", dashes="-", width=2.0)
-FAST = DIRECT._replace(label="at the top speed", width=2.0)
+FAST = DIRECT._replace(label="at the top speed", dashes="-", width=2.0)
 
 
 def fits_figure(fits: Mapping[str, PiecewiseLinearFit], choices: Mapping[str, Choices]) -> Picture:

@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel, Timeline
-from planner.report.page import Card, LinkedFile, Page, Section, heading, origin_lists
+from planner.report.page import (
+    Card,
+    LinkedFile,
+    Page,
+    Section,
+    footer,
+    heading,
+    origin_lists,
+    sentence,
+    spoken,
+)
 from planner.report.style import (
     CLOSED_FORM,
     DESIRED,
@@ -20,6 +29,7 @@ from planner.report.style import (
     LOWER_BOUND,
     OPTIMAL,
     REQUESTED,
+    SHIFT,
 )
 from planner.report.table import NOTHING, Column, Row, Table
 
@@ -29,9 +39,11 @@ if TYPE_CHECKING:
 
 BOUND = LOWER_BOUND._replace(label="lower bound of the model")
 EXECUTED = CLOSED_FORM._replace(label="measured, mean cycle")
-BEFORE = DIRECT._replace(label="requests executed", width=1.2)
+BEFORE = DIRECT._replace(label="requests executed", width=1.2, dashes="-")
 AFTER = REQUESTED._replace(label="next requests")
 NEXT = OPTIMAL._replace(label="predicted next")
+ERROR = INK._replace(label="error, measured", width=1.4)
+LEARNT = SHIFT._replace(label="learnt: measured less modelled", width=1.8)
 
 TRIALS = "{{ table }}{% if more %}{{ figures(more) }}{% endif %}"
 """The section on the trials: a joint's errors stand beside the heading, those of others here."""
@@ -94,8 +106,6 @@ def learning_page(
         origins: What it was made from: pairs of what it is and which.
         files: Files to link to.
     """
-    from markupsafe import Markup
-
     ended = all(each.stopped for each in progress)
     trials = len(progress[0].errors)
     count = "1 trial" if trials == 1 else f"{trials} trials"
@@ -105,12 +115,12 @@ def learning_page(
     others = [each for each in progress if each is not first]
     more = [errors_figure(each, f"learning_{j + 2}") for j, each in enumerate(others)]
     remarks = [about_others] if about_others else []
-    remarks += [f"{each.name}: {text}" for each in progress for text in each.remarks]
-    remarks += [f"{each.name}: {each.stopped}" for each in progress if each.stopped]
+    remarks += [sentence(f"{each.name}: {text}") for each in progress for text in each.remarks]
+    remarks += [sentence(f"{each.name}: {each.stopped}") for each in progress if each.stopped]
     return Page(
         heading=heading(title),
         eyebrow="request-planner refine",
-        verdict=Markup("<strong>{}</strong>: {}.").format(head, _verdict(progress)),
+        verdict=spoken(head, _verdict(progress), ": "),
         remarks=remarks,
         cards=_cards(progress),
         figure=errors_figure(first),
@@ -119,10 +129,7 @@ def learning_page(
             Section("The joints", "{{ figures(joints) }}", {"joints": joints}),
         ],
         listings=origin_lists(origins, files),
-        footer=Markup(
-            f"request-planner {__version__} refine. The model is that of Stronger &amp; Stone, "
-            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
-        ),
+        footer=footer("refine"),
     ).html()
 
 
@@ -130,21 +137,23 @@ def errors_figure(progress: Progress, name: str = "learning") -> Figure:
     """The error of each trial, with what cannot be learnt."""
     count = len(progress.errors)
     ends = np.array([0.8, count + 1.2])
+    said = list[str]()
     curves = [
         Curve(OPTIMAL._replace(label="error", dashes="-"), _numbers(count), progress.errors),
         Curve(INK, _numbers(count), progress.errors, "trials", legend=False, marks="dots"),
     ]
     if not math.isnan(progress.bound):
         curves.insert(0, Curve(BOUND, ends, np.full(2, progress.bound)))
+        said.append("No requests have less error than the lower bound of the model.")
     if not math.isnan(progress.predicted) and not progress.stopped:
         at = np.array([count + 1.0])
         curves.append(Curve(NEXT, at, np.array([progress.predicted]), marks="rings"))
+        said.append("The ring is the error predicted of the next requests.")
     top = 1.1 * float(np.nanmax([*progress.errors, progress.noise, progress.predicted]))
     return Figure(
         name,
         f"{heading(progress.name)}: the error of each trial",
-        "No requests have less error than the lower bound of the model. A ring is the error "
-        "predicted of the next requests.",
+        " ".join(said),
         Axis(
             "trial",
             names={float(number): str(number) for number in range(1, count + 2)},
@@ -171,8 +180,8 @@ def joint_figure(plan: Plan, executed: Array, measured: Array, j: int) -> Figure
         degrees(plan.requests[:, j], AFTER, held=True),
     )
     missed = (
-        degrees(measured[:, j] - plan.desired[:, j], EXECUTED, "error, measured"),
-        degrees(learnt[:, j], OPTIMAL, "learnt: measured less modelled"),
+        degrees(measured[:, j] - plan.desired[:, j], ERROR),
+        degrees(learnt[:, j], LEARNT),
     )
     name = plan.names[j]
     return timeline.figure(
@@ -211,6 +220,8 @@ def _verdict(progress: Sequence[Progress]) -> str:
     """From the first trial to the best."""
     return ", ".join(
         f"{each.name} from {_short(each.errors[0])} to {_short(np.min(each.errors))} {each.unit}"
+        if len(each.errors) > 1
+        else f"{each.name} {_short(each.errors[0])} {each.unit} rms"
         for each in progress
     )
 
@@ -228,9 +239,10 @@ def _cards(progress: Sequence[Progress]) -> list[Card]:
     """First, best and floor of what has the largest error left."""
     shown = _worst(progress)
     cards = [
-        Card(_short(shown.errors[0]), shown.unit, f"rms error of the first trial, {shown.name}"),
-        Card(_short(np.min(shown.errors)), shown.unit, "of the best trial"),
+        Card(_short(shown.errors[0]), shown.unit, f"rms error of the first trial, {shown.name}")
     ]
+    if len(shown.errors) > 1:
+        cards.append(Card(_short(np.min(shown.errors)), shown.unit, "of the best trial"))
     if not math.isnan(shown.bound):
         cards.append(Card(_short(shown.bound), shown.unit, "lower bound of the model"))
     cards.append(Card(_short(shown.noise), shown.unit, "noise of one cycle"))

@@ -1,15 +1,14 @@
-"""Figures on paper: drawn by Matplotlib, in one of the page's colours each, as the same bytes."""
+"""Figures in files: drawn by Matplotlib, as the same bytes every time."""
 
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from planner.report.figure import MARGIN, Axis, Curve, Figure, Panel, Span, Words
-from planner.report.style import INK, ROLES, SETTINGS, SURFACE, WIDTH, applied
+from planner.report.style import INK, SETTINGS, SURFACE, WIDTH, applied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -98,42 +97,12 @@ def to_png(picture: Picture) -> bytes:
     return stream.getvalue()
 
 
-def svg_of(figure: Figure) -> str:
-    """The figure as an SVG file; its page shows the same, and it is drawn once."""
-    return _drawn(figure)[0]
-
-
-def png_of(figure: Figure) -> bytes:
-    """The figure as a PNG file, laid out as the SVG file is."""
-    return to_png(_drawn(figure)[1])
-
-
-@lru_cache(maxsize=64)
-def _drawn(figure: Figure) -> tuple[str, Picture]:
-    """The figure as an SVG file, and the picture, whose layout stays as it is there."""
+def pictures_of(figure: Figure) -> tuple[str, bytes]:
+    """The figure as an SVG file and as a PNG file, laid out once."""
     picture = draw(figure)
     svg = to_svg(picture)
     picture.set_layout_engine("none")
-    return svg, picture
-
-
-def to_inline_svg(figure: Figure) -> str:
-    """The figure as an element of an HTML page, in the page's colours, light or dark."""
-    from markupsafe import escape
-
-    svg = svg_of(figure)
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\b(id="|href="#|url\(#)', rf"\g<1>{figure.name}-", svg)
-    for variable, role in ROLES.items():
-        svg = re.sub(role.light, f"var(--{variable})", svg, flags=re.IGNORECASE)
-    opening = re.match(r"<svg[^>]*>", svg)
-    assert opening is not None, "an SVG file begins with its element"
-    box = re.search(r'viewBox="[^"]*"', opening[0])
-    assert box is not None, "matplotlib states the size of a picture"
-    start = f'<svg role="img" aria-label="{escape(figure.description)}" {box[0]}'
-    start += ' xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">'
-    return start + svg[opening.end() :]
+    return svg, to_png(picture)
 
 
 def _draw_into(

@@ -13,7 +13,7 @@ import json
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -23,7 +23,6 @@ from urllib.parse import quote
 
 from planner._version import __version__
 from planner.report.figure import Figure
-from planner.report.matplotlib_figure import to_inline_svg
 from planner.report.plotly_figure import live
 from planner.report.style import ROLES
 from planner.report.table import Column, Row, Table, percent, signed
@@ -45,36 +44,29 @@ POLICY = (
 LIBRARIES = ("numpy", "scipy", "casadi", "osqp", "cvxpy", "pin", "matplotlib", "plotly")
 """Whose numbers and figures these are."""
 
-PARAMETERS = {
-    "v_max": "top speed [rad/s]",
-    "theta_0": "error from which on the joint moves at top speed [rad]",
-    "lag": "lag [s]",
-    "acceleration_time": "acceleration time [s]",
-    "tick": "time step of the model [s]",
-    "hold": "ticks for which a request is held",
-    "offset": "static sag [rad]",
-    "dead_band": "dead band [rad]",
-    "v_offset": "difference of the top speeds up and down, half of it [rad/s]",
-    "compliance": "sag per torque [rad/(N m)]",
-    "speed_per_torque": "loss of top speed per torque [rad/(s N m)]",
-    "time_constant": "time constant of the speed [s]",
-    "max_acceleration": "largest acceleration [rad/s^2]",
-    "sag_sin": "sag by the sine of the angle [rad]",
-    "sag_cos": "sag by the cosine of the angle [rad]",
+PARAMETERS: Mapping[str, tuple[str, str]] = {
+    "v_max": ("top speed", "top speed v_max"),
+    "theta_0": ("error that calls for top speed", "threshold theta_0"),
+    "gain": ("speed per error below that", "v_max / theta_0"),
+    "lag": ("lag", "lag"),
+    "acceleration_time": ("acceleration time", "acceleration time"),
+    "tick": ("time step of the model", "tick"),
+    "hold": ("ticks for which a request is held", "hold"),
+    "offset": ("static sag", "static sag"),
+    "dead_band": ("error that does not move it (dry friction, play)", "dead band"),
+    "v_offset": ("top speed upwards, less v_max", "top speed up"),
+    "compliance": ("sag per torque", "compliance"),
+    "speed_per_torque": ("top speed per torque", "speed per torque"),
+    "time_constant": ("time constant of the speed", "time constant"),
+    "max_acceleration": ("largest acceleration", "acceleration"),
+    "sag_sin": ("sag by the sine of the angle (gravity)", "sag by sine"),
+    "sag_cos": ("sag by the cosine of the angle (gravity)", "sag by cosine"),
 }
-"""What the parameters of a joint are called in words."""
+"""What the parameters of a joint are called in words and, where room is short, in few; ``gain`` is
+v_max / theta_0."""
 
-OPTIONAL = (
-    "dead_band",
-    "v_offset",
-    "compliance",
-    "speed_per_torque",
-    "time_constant",
-    "max_acceleration",
-    "sag_sin",
-    "sag_cos",
-)
-"""Parameters that are shown only where a joint has them."""
+ALWAYS = ("v_max", "theta_0", "lag", "acceleration_time", "tick", "hold", "offset")
+"""Parameters that are shown of every joint."""
 
 MANY = 6
 """So many figures stand in columns, each below the one before, and not in rows."""
@@ -181,11 +173,8 @@ class _Drawing:
         """A figure as an element of the page."""
         from markupsafe import Markup
 
-        if figure.live:
-            self.live[figure.name] = live(figure)
-        drawn = Markup(to_inline_svg(figure))  # its words are escaped where it is drawn
-        element = self._template.render(figure=figure, drawn=drawn, downloads=self._downloads)
-        return Markup(element)
+        told = self.live[figure.name] = live(figure)
+        return Markup(self._template.render(figure=figure, live=told, downloads=self._downloads))
 
     def several(self, figures: Iterable[Figure]) -> Markup:
         """Figures side by side."""
@@ -225,12 +214,11 @@ def live_head() -> Markup:
 def live_scripts(figures: Mapping[str, Mapping[str, Any]]) -> Markup:
     """The elements at the end of a page's body that bring its figures to life.
 
-    Plotly is packed, which makes a page of 5 MB one of 2 MB. A browser without scripts, or too old
-    to unpack it, shows the figures as on paper.
+    Plotly is packed, which makes a page of 5 MB one of 2 MB.
 
     Args:
-        figures: By the identifier of a ``figure`` element, what replaces what is drawn in it: from
-            :func:`planner.report.plotly_figure.live`.
+        figures: By the identifier of a ``figure`` element, what is drawn in its ``live`` element:
+            from :func:`planner.report.plotly_figure.live`.
     """
     from markupsafe import Markup
 
@@ -257,11 +245,15 @@ def models_table(names: Sequence[str], models: Sequence[JointModel]) -> Table:
 
 
 def parameters_of(models: Sequence[Mapping[str, float]]) -> dict[str, str]:
-    """The parameters to show for some models, by name, in words."""
+    """The parameters to show for some models, by name, in words: those that one of them has."""
+    from planner.model.joint import JointModel
+
     return {
-        name: words
-        for name, words in PARAMETERS.items()
-        if name not in OPTIONAL or any(model.get(name) for model in models)
+        each.name: f"{PARAMETERS[each.name][0]} [{each.metadata['unit']}]"
+        if each.name != "hold"
+        else PARAMETERS["hold"][0]
+        for each in fields(JointModel)
+        if each.name in ALWAYS or any(model.get(each.name) for model in models)
     }
 
 
@@ -332,6 +324,23 @@ def file_links(files: Sequence[str]) -> Listing:
 
     links = [(Markup('<a href="{0}">{0}</a>').format(file), "") for file in files]
     return Listing("Files of this run", links)
+
+
+def footer(command: str, more: str = "") -> Markup:
+    """Whose model a page of a command rests on."""
+    from markupsafe import Markup
+
+    return Markup(
+        "request-planner {} {}. The model is that of Stronger &amp; Stone, <cite>A Model-Based "
+        "Approach to Robot Joint Control</cite>, Equations 2 and 3{}."
+    ).format(__version__, command, more)
+
+
+def spoken(head: str, tail: str, link: str = ", ") -> Markup:
+    """The answer in a few words, and what it is worth, as a sentence."""
+    from markupsafe import Markup
+
+    return Markup("<strong>{}</strong>{}{}.").format(head, link if tail else "", tail)
 
 
 def heading(name: str) -> str:

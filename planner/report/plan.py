@@ -8,26 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from planner._version import __version__
 from planner.model.evidence import OPEN_TOP_SPEED, unproven_gains, untested_words
-from planner.report.figure import (
-    POSES,
-    Axis,
-    Figure,
-    Motion,
-    Movie,
-    Panel,
-    leg_sketches,
-    near_limits,
-)
+from planner.report.figure import Axis, Figure, Motion, Movie, Panel, near_limits
 from planner.report.page import (
     Card,
     LinkedFile,
     Page,
     Section,
+    footer,
     heading,
     models_table,
     origin_lists,
+    spoken,
 )
 from planner.report.plan_tables import (
     expected_errors,
@@ -66,9 +58,6 @@ METHODS = {
 }
 """How the plan of each method is drawn everywhere."""
 
-VIEWS = {"side": (0, "x"), "front": (1, "y")}
-"""What a view has across [index and name of the axis]; upward it has z."""
-
 ROUNDING = 1e-12
 """What the division by a decimal step may add to a quotient, as a share of it."""
 
@@ -99,8 +88,6 @@ def plan_page(
         missed: Tolerances that the plan misses, in words.
         notes: What else should be known first.
     """
-    from markupsafe import Markup
-
     role = METHODS[method]
     head, tail = verdict(plan)
     foot = foot_figures(plan, role)
@@ -136,7 +123,7 @@ def plan_page(
     return Page(
         heading=f"Plan for the leg “{title}”" if plan.task.leg else heading(title),
         eyebrow=f"request-planner plan · {method}",
-        verdict=Markup("<strong>{}</strong>, {}.").format(head, tail),
+        verdict=spoken(head, tail),
         good=not (missed or jumps_of(plan)),
         remarks=[
             *remarks(plan, foot_given=foot_given, unreachable=unreachable, missed=missed),
@@ -146,10 +133,7 @@ def plan_page(
         figure=foot[0] if foot else None,
         sections=sections,
         listings=origin_lists(origins, files),
-        footer=Markup(
-            f"request-planner {__version__} plan. The model is that of Stronger &amp; Stone, "
-            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
-        ),
+        footer=footer("plan"),
     ).html()
 
 
@@ -341,11 +325,10 @@ def _two_digits(value: float) -> str:
 
 
 def foot_figures(plan: Plan, role: Role) -> list[Figure]:
-    """The foot from the side, which moves on a screen, from the front, and its error over time."""
+    """The moving leg, and its foot's error over time."""
     leg = plan.task.leg
     if leg is None:
         return []
-    side, front = (_view(plan, leg, role, view) for view in VIEWS)
     timeline = timeline_of(plan)
     curves = [
         timeline.curve(100.0 * distances, looks)
@@ -360,32 +343,14 @@ def foot_figures(plan: Plan, role: Role) -> list[Figure]:
         ),
         clock=True,
     )
-    return [side, front, distances]
-
-
-def _view(plan: Plan, leg: Leg, role: Role, view: str) -> Figure:
-    across, name = VIEWS[view]
-    chosen = np.linspace(0, len(plan.desired), POSES, endpoint=not plan.cyclic)
-    samples = np.minimum(chosen.astype(int), len(plan.desired) - 1)
-    feet = ((plan.task.desired_foot, DESIRED), (plan.direct_foot, DIRECT), (plan.foot, role))
-    paths = [timeline_of(plan).path(positions, looks, across) for positions, looks in feet]
-    moves = "Move the slider and the leg follows, drag it and it turns. " * (view == "side")
-    return Figure(
-        f"foot_{view}",
-        f"The foot from the {view}",
-        f"{moves}On paper: the leg at the beginning of the planned motion; thin lines are later "
-        "moments.",
-        Axis(f"{name} in the frame {leg.base}", "cm"),
-        (
-            Panel(
-                Axis("z", "cm"),
-                (*leg_sketches(leg.joint_positions(plan.predicted[samples]), across), *paths),
-                height=2.2,
-            ),
-        ),
-        equal=True,
-        movie=_movie(plan, leg, role) if view == "side" else None,
+    moving = Figure(
+        "leg",
+        "The leg and the paths of its foot",
+        "Move the slider and the leg follows, drag it and it turns.",
+        timeline.axis,
+        movie=_movie(plan, leg, role),
     )
+    return [moving, distances]
 
 
 def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
@@ -406,15 +371,15 @@ def _movie(plan: Plan, leg: Leg, role: Role) -> Movie:
 def joint_figure(plan: Plan, role: Role, j: int) -> Figure:
     """A joint: above its angles, below its requests against the limits."""
     timeline, name = timeline_of(plan), plan.names[j]
-    desired, direct, predicted, requests = (
-        timeline.curve(np.degrees(values[:, j]), looks)
+    desired, direct, predicted = (
+        timeline.degrees(values[:, j], looks)
         for values, looks in (
             (plan.desired, DESIRED),
             (plan.direct, DIRECT),
             (plan.predicted, role),
-            (plan.requests, REQUESTED),
         )
     )
+    requests = timeline.degrees(plan.requests[:, j], REQUESTED, held=True)
     limits = plan.task.limits[j]
     compared = "without a plan, and with it"
     if plan.method == "shift":

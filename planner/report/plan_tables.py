@@ -196,7 +196,7 @@ def motions_table(plan: Plan) -> Table:
         Column("largest step [deg]"),
         Column("reversals per second"),
         Column("length [deg]", ("requests", "desired")),
-        Column("beyond the desired range [deg]"),
+        Column("outside the desired range [deg]"),
     )
     rows = []
     for name, motion in zip(plan.names, plan.motions, strict=True):

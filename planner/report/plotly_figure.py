@@ -1,4 +1,4 @@
-"""Figures on a screen, in Plotly's terms: plain dictionaries that the page's scripts draw.
+"""Figures on a page, in Plotly's terms: plain dictionaries that the page's scripts draw.
 
 Nothing of Plotly's Python package is needed to make them. Colours are written as the page's own,
 ``var(--direct)``; the script looks them up, so that a plot is light or dark with the page.
@@ -21,7 +21,10 @@ ROW = 150
 """Height of a panel of height 1 [px]."""
 
 ABOVE, BELOW, LEFT, RIGHT = 30, 46, 58, 12
-"""Margins: for the first title and the buttons, for the axis, and for numbers [px]."""
+"""Margins: for the buttons, for the axis, and for numbers [px]."""
+
+TITLE = 18
+"""More room above the first panel, where it has a title [px]."""
 
 GAP = 34
 """Between panels, room for a title [px]."""
@@ -49,7 +52,8 @@ def plot(figure: Figure) -> dict[str, Any]:
     Returns:
         ``data`` and ``layout`` for Plotly, ``height`` [px], ``clock``, and ``views``.
     """
-    domains, height = _domains(figure.panels)
+    domains, inner = _domains(figure.panels)
+    above = ABOVE + (TITLE if figure.panels[0].title else 0)
     data, axes, words, shapes = list[Any](), dict[str, Any](), list[Any](), list[Any]()
     for number, (panel, domain) in enumerate(zip(figure.panels, domains, strict=True), 1):
         axis = "y" if number == 1 else f"y{number}"
@@ -67,14 +71,14 @@ def plot(figure: Figure) -> dict[str, Any]:
         "shapes": [_cursor(), *shapes] if follows else shapes,
         "hovermode": "x unified" if figure.over_time else "closest",
         "showlegend": False,  # the page has its own, of buttons
-        "margin": {"l": LEFT, "r": RIGHT, "t": ABOVE, "b": BELOW},
+        "margin": {"l": LEFT, "r": RIGHT, "t": above, "b": BELOW},
         "uirevision": "kept",
     }
     return {
         "kind": "plot",
         "data": data,
         "layout": layout,
-        "height": height,
+        "height": inner + above + BELOW,
         "clock": figure.clock,
         "views": {name: list(ends) for name, ends in figure.views.items()},
     }
@@ -205,14 +209,14 @@ def _dashes(role: Role) -> str:
 
 
 def _domains(panels: tuple[Panel, ...]) -> tuple[list[tuple[float, float]], float]:
-    """Where each panel stands, as shares of the height from below, and the whole height [px]."""
+    """Where each panel stands, as shares of the height from below, and that height [px]."""
     heights = [ROW * panel.height for panel in panels]
     inner = sum(heights) + GAP * (len(panels) - 1)
     domains, top = [], inner
     for height in heights:
         domains.append((round(max(top - height, 0.0) / inner, 6), round(top / inner, 6)))
         top -= height + GAP
-    return domains, inner + ABOVE + BELOW
+    return domains, inner
 
 
 def _axis(axis: Axis, *, standoff: float) -> dict[str, Any]:

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from planner._version import __version__
 from planner.model.evidence import OPEN_TOP_SPEED
 from planner.planning.error_norm import error_norm
 from planner.report.figure import (
-    POSES,
     Axis,
     Curve,
     Figure,
@@ -23,7 +21,6 @@ from planner.report.figure import (
     Panel,
     Span,
     Timeline,
-    leg_sketches,
     line,
     near_limits,
 )
@@ -32,9 +29,11 @@ from planner.report.page import (
     LinkedFile,
     Page,
     Section,
+    footer,
     models_table,
     origin_lists,
     sentence,
+    spoken,
 )
 from planner.report.style import (
     APPROXIMATION,
@@ -92,8 +91,6 @@ def replay_page(
         origins: What the replay was made from: pairs of what it is and which.
         files: Files of the run to link to.
     """
-    from markupsafe import Markup
-
     planned = replay.planned
     sections = [
         Section(
@@ -129,7 +126,7 @@ def replay_page(
         if replay.speed == 1.0
         else f"Replay at {replay.speed:.3g} times the speed",
         eyebrow=f"request-planner replay · {title}",
-        verdict=Markup("<strong>{}</strong>, {}.").format(head, tail),
+        verdict=spoken(head, tail),
         note=sentence(words),
         good=not missed,
         remarks=[
@@ -141,10 +138,7 @@ def replay_page(
         figure=moment_figure(replay) if arm is None else arm_figure(replay, arm),
         sections=sections,
         listings=origin_lists(origins, files),
-        footer=Markup(
-            f"request-planner {__version__} replay. The model is that of Stronger &amp; Stone, "
-            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
-        ),
+        footer=footer("replay"),
     ).html()
 
 
@@ -210,7 +204,7 @@ def _said(replay: Replay, found: Fastest | None) -> list[str]:
         said.append(f"The path is faster than the joint can be: {parts}; shaded below.{only}")
     if untested := [each for each in replay.planned if each.untested]:
         listed = ", ".join(f"{each.name} ({', '.join(each.untested)})" for each in untested)
-        said.append(f"Beyond what the models were tested on: {listed}.")
+        said.append(f"Outside what the models were tested on: {listed}.")
     passed = [each for each in replay.joints if each.inversion is None]
     if passed:
         listed = ", ".join(f"{each.name} ({each.path.reason})" for each in passed)
@@ -285,13 +279,7 @@ def joints_table(replay: Replay) -> Table:
 
 
 def moment_figure(replay: Replay) -> Figure:
-    """The slider through the episode, with the numbers of its moment; on paper the errors."""
-    timeline = _timeline(replay)
-    planned = replay.planned
-    curves = [
-        timeline.curve(np.abs(_in_unit(each, each.errors["planned"])), OPTIMAL, each.name)
-        for each in planned
-    ]
+    """The slider through the episode, with the numbers of its moment."""
     moments = Moments(
         replay.names,
         tuple(UNITS[each.path.unit][0] for each in replay.joints),
@@ -308,10 +296,8 @@ def moment_figure(replay: Replay) -> Figure:
     return Figure(
         "moment",
         "Through the episode",
-        "Move the slider, and the plots below follow. On paper: the error of each planned joint.",
-        timeline.axis,
-        (Panel(Axis("error", "deg", from_zero=True), tuple(curves), height=1.6),),
-        over_time=True,
+        "Move the slider, and the plots below follow.",
+        _timeline(replay).axis,
         moments=moments,
     )
 
@@ -328,7 +314,6 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         columns["planned"].append(each.recorded_angles if predicted is None else predicted)
     angles = {kind: np.column_stack(each) for kind, each in columns.items()}
     feet = {kind: arm.foot_positions(each) for kind, each in angles.items()}
-    timeline = _timeline(replay)
     looks = {"path": DESIRED, "direct": DIRECT, "planned": OPTIMAL}
     motions = [
         Motion(
@@ -338,17 +323,11 @@ def arm_figure(replay: Replay, arm: Leg) -> Figure:
         )
         for kind, each in angles.items()
     ]
-    samples = np.linspace(0, len(replay.moments) - 1, POSES).astype(int)
-    sketches = leg_sketches(arm.joint_positions(angles["planned"][samples]), 0)
-    paths = [timeline.path(feet[kind], looks[kind], 0) for kind in feet]
     return Figure(
         "arm",
-        "The arm from the side",
-        "Move the slider and the arm follows, drag it and it turns; the plots below follow. On "
-        "paper: the arm at the beginning; thin lines are later moments.",
-        Axis(f"x in the frame {arm.base}", "cm"),
-        (Panel(Axis("z", "cm"), (*sketches, *paths), height=2.2),),
-        equal=True,
+        "The arm and the paths of its end",
+        "Move the slider and the arm follows, drag it and it turns; the plots below follow.",
+        _timeline(replay).axis,
         movie=Movie(tuple(motions), replay.period, cyclic=False),
     )
 
@@ -358,9 +337,9 @@ def joint_figure(replay: Replay, j: int) -> Figure:
     timeline, joint = _timeline(replay), replay.joints[j]
     unit, _ = UNITS[joint.path.unit]
     desired = timeline.curve(_in_unit(joint, joint.desired), DESIRED, "path")
-    requests = timeline.curve(_in_unit(joint, joint.requests), REQUESTED)
+    requests = timeline.curve(_in_unit(joint, joint.requests), REQUESTED, held=True)
     recorded = timeline.curve(
-        _in_unit(joint, joint.recorded_requests), APPROXIMATION, "recorded requests"
+        _in_unit(joint, joint.recorded_requests), APPROXIMATION, "recorded requests", held=True
     )
     panels = [Panel(Axis("request", unit, least=1.0), (desired, recorded, requests), "requested")]
     words = f"{joint.path.reason}: its recorded requests at the same moments"

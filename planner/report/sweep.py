@@ -11,9 +11,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from planner._version import __version__
 from planner.report.figure import Axis, Curve, Figure, Panel, line
-from planner.report.page import Card, LinkedFile, Page, Section, heading, origin_lists
+from planner.report.page import (
+    Card,
+    LinkedFile,
+    Page,
+    Section,
+    footer,
+    heading,
+    origin_lists,
+    spoken,
+)
 from planner.report.style import DIRECT, FOOT_OPTIMAL, LIMIT, OPTIMAL
 from planner.report.table import Column, Row, Table
 
@@ -149,8 +157,6 @@ def sweep_page(
         origins: What it was made from: pairs of what it is and which.
         files: Files of the sweep to link to.
     """
-    from markupsafe import Markup
-
     front = swept.front
     sections = []
     if front:
@@ -172,16 +178,13 @@ def sweep_page(
     return Page(
         heading="Speed against error",
         eyebrow=f"request-planner sweep · {swept.file}",
-        verdict=Markup("<strong>{}</strong>{}").format(head, f": {tail}." if tail else "."),
+        verdict=spoken(head, tail, ": "),
         good=not missed(swept),
         cards=cards(swept),
         figure=front_figure(swept) if front else None,
         sections=sections,
         listings=origin_lists(origins, files),
-        footer=Markup(
-            f"request-planner {__version__} sweep. The model is that of Stronger &amp; Stone, "
-            "<cite>A Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3."
-        ),
+        footer=footer("sweep"),
     ).html()
 
 

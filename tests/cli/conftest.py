@@ -10,11 +10,6 @@ from planner.cli import cli
 from planner.files.paths import write_foot_path, write_joint_path
 
 
-@pytest.fixture(autouse=True)
-def _undrawn_pages(undrawn_pages):
-    """No test of a command looks at the pictures of its page."""
-
-
 @pytest.fixture
 def run(tmp_path, monkeypatch):
     """The command line in an empty folder: arguments and standard input to a click result."""

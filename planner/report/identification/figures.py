@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
@@ -16,7 +15,6 @@ from planner.identification.result import Identification, LogFit
 from planner.model.joint import JointModel
 from planner.report.figure import Axis, Curve, Figure, Panel, Span, Words, line, replace_width
 from planner.report.identification.words import (
-    NAMES,
     errors,
     estimate,
     parameters,
@@ -46,9 +44,6 @@ FITTED = CLOSED_FORM._replace(label="model, fitted", width=1.4)
 UNSEEN = OPTIMAL._replace(label="model, rows held out", width=1.4, dashes="-")
 BAR = 9.0
 """Width of a bar [pt]."""
-
-SHORT = {"theta_0": "θ₀", "gain": "v_max / θ₀", "dead_band": "dead band"}
-"""What long names are beside a strip."""
 
 SIDES: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
 """Where the numbers below a strip stand."""
@@ -223,7 +218,7 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
             Words(signed(f"{factor * mark:.3g}"), end, y + 0.18, across, "top")
             for mark, end, across in zip(marks, ends, SIDES, strict=True)
         ]
-        names[y] = f"{SHORT.get(row.name, NAMES[row.name])} [{unit}]"
+        names[y] = f"{row.brief} [{unit}]"
     return Figure(
         f"{prefix}intervals",
         "The parameters and their 95 % intervals",
@@ -239,7 +234,6 @@ def intervals_figure(found: Identification, prefix: str = "") -> Figure:
                 height=0.4 * len(names),
             ),
         ),
-        live=False,
     )
 
 
@@ -283,7 +277,6 @@ def alternatives_figure(found: Identification, prefix: str = "") -> Figure:
                 height=0.3 * len(entries),
             ),
         ),
-        live=False,
     )  # fmt: skip
 
 
@@ -296,8 +289,8 @@ def _stroke(
     return Curve(looks, np.asarray(x, float), np.asarray(y, float), label, legend=legend)
 
 
-def log_figures(found: Identification, fit: LogFit, prefix: str) -> list[Figure]:
-    """A log: on paper the part to look at closely, and the whole, into which a screen zooms."""
+def log_figure(found: Identification, fit: LogFit, prefix: str) -> Figure:
+    """A log: the whole of it, with a button for the part to look at closely."""
     units, noise, log = units_of(found), found.noise, fit.log
     times = log.times - log.times[0]
     close = close_up(fit)
@@ -306,51 +299,38 @@ def log_figures(found: Identification, fit: LogFit, prefix: str) -> list[Figure]
     shaded = " The shaded part was held out." if held else ""
     level = f"{units.factor * noise:.2g} {units.angle}" if math.isfinite(noise) else "unknown"
     below = f"Below, measured minus predicted, and twice the noise ({level}) either way"
-    whole = Figure(
+    return Figure(
         f"{prefix}whole",
         "The whole log",
-        f"Requests, measured angles and prediction over all of it. {below}; outliers are rows that "
+        f"Requests, measured angles and prediction{unseen}. {below}; outliers are rows that "
         "the robust fit counted by less than half. There is no prediction where the torque was off "
-        f"or the requests before are not known.{shaded}",
+        f"or the requests before are not known.{shaded} The close-up shows the {CLOSE_UP:g} "
+        "seconds in which the joint is farthest from its requests.",
         Axis("time", "s", (0.0, float(times[-1])), decimals=3),
-        _log_panels(found, fit, np.arange(len(times))),
+        _log_panels(found, fit),
         over_time=True,
         views={
             "whole log": (0.0, float(times[-1])),
             "close-up": (float(times[close[0]]), float(times[close[-1]])),
         },
-        kind="wide",
+        wide=True,
     )
-    detail = replace(
-        whole,
-        name=f"{prefix}close_up",
-        title="Close up",
-        caption=f"The {CLOSE_UP:g} seconds in which the joint is farthest from its requests"
-        f"{unseen}. {below}.",
-        x=Axis("time", "s", (float(times[close[0]]), float(times[close[-1]])), decimals=3),
-        panels=_log_panels(found, fit, close),
-        kind="close",
-        live=False,
-    )
-    return [detail, whole]
 
 
-def _log_panels(
-    found: Identification, fit: LogFit, rows: npt.NDArray[np.intp]
-) -> tuple[Panel, Panel]:
-    """Some rows of a log: requests, angles and prediction, and below them the residuals."""
+def _log_panels(found: Identification, fit: LogFit) -> tuple[Panel, Panel]:
+    """Requests, angles and prediction of a log, and below them the residuals."""
     units, log = units_of(found), fit.log
-    times = (log.times - log.times[0])[rows]
-    requests, angles = units.factor * log.requests[rows], units.factor * log.angles[rows]
-    predicted = units.factor * prediction(fit)[rows]
-    held_out, residuals = fit.held_out[rows], angles - predicted
+    times = log.times - log.times[0]
+    requests, angles = units.factor * log.requests, units.factor * log.angles
+    predicted = units.factor * prediction(fit)
+    held_out, residuals = fit.held_out, angles - predicted
     above = [
         _log_curve(replace_width(REQUESTED, 1.1), times, requests, held=True),
         _log_curve(MEASURED, times, angles),
         _log_curve(FITTED, times, np.where(held_out, np.nan, predicted)),
         _log_curve(UNSEEN, times, np.where(held_out, predicted, np.nan)),
     ]
-    outliers = np.flatnonzero(fit.used[rows] & (fit.weights[rows] < DOWNWEIGHTED))
+    outliers = np.flatnonzero(fit.used & (fit.weights < DOWNWEIGHTED))
     below = [
         _log_curve(INK._replace(label="residual", width=0.9), times, residuals),
         Curve(DIRECT, times[outliers], residuals[outliers], "outliers", marks="rings"),
@@ -359,7 +339,7 @@ def _log_panels(
     shades = [
         Span(float(times[start]), float(times[end - 1]), GRID, 0.45, legend="held out")
         for start, end in zip(edges[::2], edges[1::2], strict=True)
-        if end - start < len(rows)
+        if end - start < len(times)
     ]
     band = 2.0 * units.factor * found.noise
     noise = [Span(-band, band, CLOSED_FORM, 0.16, "y", legend="± 2 noise")]

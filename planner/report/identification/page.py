@@ -10,17 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner._version import __version__
 from planner.identification.result import Identification
 from planner.report.identification.figures import (
     alternatives_figure,
     cloud_figure,
     cloud_of,
     intervals_figure,
-    log_figures,
+    log_figure,
 )
 from planner.report.identification.words import (
-    NAMES,
     errors,
     errors_table,
     explained,
@@ -34,32 +32,17 @@ from planner.report.identification.words import (
     verdict,
 )
 from planner.report.page import (
+    PARAMETERS,
     Card,
     LinkedFile,
     Page,
     Section,
+    footer,
     heading,
     origin_lists,
     parameters_of,
 )
 from planner.report.table import NOTHING, Column, Row, Table, percent
-
-TITLES = {
-    "v_max": "top speed",
-    "theta_0": "θ₀",
-    "gain": "v_max/θ₀",
-    "lag": "lag",
-    "acceleration_time": "acceleration time",
-    "dead_band": "dead band",
-    "v_offset": "v_offset",
-    "compliance": "compliance",
-    "speed_per_torque": "speed per torque",
-    "time_constant": "time constant",
-    "max_acceleration": "largest acceleration",
-    "sag_sin": "sag by sin(angle)",
-    "sag_cos": "sag by cos(angle)",
-}
-"""What the columns of the table of several joints are called."""
 
 
 class Joint(NamedTuple):
@@ -96,7 +79,7 @@ def identification_page(
         f"log{'s' * (len(first.found.fits) > 1)}",
         verdict=_verdict(first.found),
         sections=_sections(first),
-        footer=Markup(FOOTER),
+        footer=footer("identify", ", with lag and acceleration time of any length"),
         good=first.found.accepted,
         remarks=first.found.warnings,
         cards=cards(first.found),
@@ -182,7 +165,7 @@ LOGS = """
 {{ hints }}
 {% for name, error, shown in logs %}
 <h3 class="log">{{ name | breakable }} <small class="note">{{ error }} rms</small></h3>
-{{ figures(shown) }}
+{{ show(shown) }}
 {% endfor %}
 """
 
@@ -193,12 +176,6 @@ ORIGIN = """
 {{ name }} = {{ model | attr(name) }}
 {% endfor %}</pre>
 """
-
-FOOTER = (
-    f"request-planner {__version__} identify. The model is that of Stronger &amp; Stone, <cite>A "
-    "Model-Based Approach to Robot Joint Control</cite>, Equations 2 and 3, with lag and "
-    "acceleration time of any length."
-)
 
 
 def _head(joint: Joint) -> Section:
@@ -217,12 +194,12 @@ def _sections(joint: Joint) -> list[Section]:
     """What is known of a joint, what the model adds, its logs, and where it comes from."""
     found, prefix = joint.found, joint.prefix
     logs = [
-        (fit.log.name, _angle(found, fit.rms), log_figures(found, fit, f"{prefix}log{k}_"))
+        (fit.log.name, _angle(found, fit.rms), log_figure(found, fit, f"{prefix}log{k}_"))
         for k, fit in enumerate(found.fits, 1)
     ]
     return [
         Section("What is known, and how well", KNOWN, {
-            "table": parameters_table(found, NAMES, notes=True),
+            "table": parameters_table(found, page=True),
             "share": saturated(found),
             "open": _leaves_top_speed_open(found),
             "intervals": intervals_figure(found, prefix),
@@ -299,7 +276,7 @@ def joints_table(joints: Sequence[Joint]) -> Table:
         cells.append(("does not fit" if refused else joint.found.verdict,
                       *(_angle(joint.found, error) for error in rms),
                       *(values.get(name, NOTHING) for name in names)))  # fmt: skip
-    titles = ("model", "rms error", "best delay", *(TITLES[name] for name in names))
+    titles = ("model", "rms error", "best delay", *(PARAMETERS[name][1] for name in names))
     columns = list(map(_unit_above, titles, zip(*cells, strict=True)))
     shown = zip(*(column for _, column in columns), strict=True)
     rows = tuple(
@@ -322,7 +299,7 @@ def _unit_above(title: str, cells: Sequence[str]) -> tuple[str, list[str]]:
 def _names(joints: Sequence[Joint]) -> list[str]:
     """The parameters that some joint has, except the sag."""
     found = {row.name for joint in joints for row in parameters(joint.found)}
-    return [name for name in TITLES if name in found]
+    return [name for name in PARAMETERS if name in found and name != "offset"]
 
 
 def logs_table(found: Identification) -> Table:

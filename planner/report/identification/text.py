@@ -7,6 +7,7 @@ import re
 import shlex
 import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import get_args
 
 import numpy as np
@@ -14,8 +15,8 @@ import numpy as np
 from planner._version import __version__
 from planner.identification.excitation import Excitation
 from planner.identification.result import Identification, Interval, Topic
+from planner.model.joint import JointModel
 from planner.report.identification.words import (
-    SYMBOLS,
     Parameter,
     errors,
     errors_table,
@@ -27,40 +28,11 @@ from planner.report.identification.words import (
     units_of,
     verdict,
 )
+from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, text_table
 
 WIDTH = 96
 """Of the lines [characters]."""
-
-SI = {
-    "v_max": "rad/s",
-    "theta_0": "rad",
-    "lag": "s",
-    "acceleration_time": "s",
-    "offset": "rad",
-    "dead_band": "rad",
-    "v_offset": "rad/s",
-    "compliance": "rad/(N m)",
-    "speed_per_torque": "rad/(s N m)",
-    "time_constant": "s",
-    "max_acceleration": "rad/s^2",
-    "sag_sin": "rad",
-    "sag_cos": "rad",
-    "tick": "s",
-    "hold": "ticks",
-}
-"""Units of the keys of a model file."""
-
-
-HEADERS = {
-    "v_max": "v_max",
-    "theta_0": "theta_0",
-    "gain": "v_max/theta_0",
-    "acceleration_time": "acc. time",
-    "offset": "sag",
-}
-"""What a column of the table of several joints is called, where the key's words do not do."""
-
 
 RECORD: dict[str, dict[Topic, str]] = {
     "steps": {
@@ -157,7 +129,7 @@ def _found(identifications: Mapping[str, Identification]) -> str:
     head = f"{joint}: " if joint else ""
     lines = [
         head + verdict(identification),
-        parameters_table(identification, SYMBOLS).text(),
+        parameters_table(identification).text(),
         "",
         errors_table(identification).text(),
         *filter(None, [profile(identification)]),
@@ -177,7 +149,7 @@ def _several(identifications: Mapping[str, Identification]) -> str:
         holds = "DOES NOT FIT" if each.verdict == "refused" else each.verdict
         values = [found[joint].get(name, NOTHING) for name in names]
         rows.append([joint, holds, *values, *_errors(each)])
-    header = ["joint", "model", *(HEADERS.get(name, name.replace("_", " ")) for name in names)]
+    header = ["joint", "model", *(PARAMETERS[name][1] for name in names)]
     lines = [
         of_several(list(identifications.values())),
         text_table([*header, "rms", "held out", "best delay"], rows),
@@ -224,7 +196,7 @@ def excitation_text(made: Excitation, expected: Identification, *, model: str) -
     heights = ", ".join(f"{math.degrees(height):.4g}" for height in made.amplitudes)
     rows = [
         [
-            SYMBOLS[row.name],
+            row.brief,
             row.value,
             row.interval,
             "no" if not row.known else "roughly" if row.rough else "yes",
@@ -269,8 +241,8 @@ def _friction(expected: Identification) -> str:
 
 
 def _determined(found: Sequence[Parameter]) -> str:
-    missing = [SYMBOLS[row.name] for row in found if not row.known]
-    rough = [SYMBOLS[row.name] for row in found if row.known and row.rough]
+    missing = [row.brief for row in found if not row.known]
+    rough = [row.brief for row in found if row.known and row.rough]
     statements = [
         f"{how} {', '.join(names)}"
         for how, names in (("would not determine", missing), ("only roughly", rough))
@@ -299,7 +271,8 @@ def _comments(identification: Identification) -> dict[str, str]:
     for fit in identification.fits:
         used = int(np.sum(fit.used))
         above.append(f"From {fit.log.name}: {used} of {len(fit.used)} rows.")
-    units = {key: unit.replace("rad", "1") if share else unit for key, unit in SI.items()}
+    si = {each.name: str(each.metadata["unit"]) for each in fields(JointModel)}
+    units = {key: unit.replace("rad", "1") if share else unit for key, unit in si.items()}
     return {
         "": "\n".join(above),
         **{

@@ -3,48 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from planner.identification.parameters import TERMS
 from planner.identification.result import Identification, Interval
+from planner.report.page import PARAMETERS
 from planner.report.table import NOTHING, Column, Row, Table
-
-NAMES = {
-    "v_max": "top speed",
-    "theta_0": "error that calls for top speed",
-    "gain": "speed per error below that",
-    "lag": "lag",
-    "acceleration_time": "acceleration time",
-    "offset": "static sag",
-    "dead_band": "error that does not move it (dry friction, play)",
-    "v_offset": "top speed up, less v_max",
-    "compliance": "sag per torque",
-    "speed_per_torque": "top speed per torque",
-    "time_constant": "time constant of the speed",
-    "max_acceleration": "largest acceleration",
-    "sag_sin": "sag by the sine of the angle (gravity)",
-    "sag_cos": "sag by the cosine of the angle (gravity)",
-}
-"""What the parameters are called in words, in the order of tables."""
-
-SYMBOLS = {
-    "v_max": "top speed v_max",
-    "theta_0": "threshold theta_0",
-    "gain": "v_max / theta_0",
-    "lag": "lag",
-    "acceleration_time": "acceleration time",
-    "offset": "static sag",
-    "dead_band": "dead band",
-    "v_offset": "v_offset",
-    "compliance": "compliance",
-    "speed_per_torque": "speed_per_torque",
-    "time_constant": "time constant",
-    "max_acceleration": "max_acceleration",
-    "sag_sin": "sag_sin",
-    "sag_cos": "sag_cos",
-}
-"""The same on a terminal."""
 
 IN_RADIANS = ("theta_0", "offset", "dead_band", "sag_sin", "sag_cos")
 """Parameters that are angles."""
@@ -97,6 +62,7 @@ class Parameter(NamedTuple):
     Attributes:
         name: As in the model's file; ``gain`` for v_max / theta_0.
         words: What it is.
+        brief: The same where room is short.
         value: The estimate, with its unit.
         interval: The 95 % interval in the same unit.
         si: Both in SI.
@@ -107,6 +73,7 @@ class Parameter(NamedTuple):
 
     name: str
     words: str
+    brief: str
     value: str
     interval: str
     si: str
@@ -172,11 +139,11 @@ def unit_of(identification: Identification, name: str) -> tuple[float, str]:
 
 
 def parameters(identification: Identification) -> list[Parameter]:
-    """Every parameter with its interval, in the order of :data:`NAMES`."""
+    """Every parameter with its interval, in the order of :data:`PARAMETERS`."""
     units = units_of(identification)
     inside = {"v_max": "rad/s"} | dict.fromkeys(IN_RADIANS, "rad")
     rows = []
-    for name, words in NAMES.items():
+    for name, (words, brief) in PARAMETERS.items():
         if name != "gain" and name not in identification.intervals:
             continue
         factor, unit = unit_of(identification, name)
@@ -191,6 +158,7 @@ def parameters(identification: Identification) -> list[Parameter]:
             Parameter(
                 name=name,
                 words=words,
+                brief=brief,
                 value=f"{figure(factor * value, scaled)} {unit}",
                 interval=between(scaled),
                 si=si,
@@ -202,19 +170,17 @@ def parameters(identification: Identification) -> list[Parameter]:
     return rows
 
 
-def parameters_table(
-    identification: Identification, names: Mapping[str, str], *, notes: bool = False
-) -> Table:
-    """The parameters under these names; SI as notes, or in a column."""
-    column = units_of(identification).si and not notes
+def parameters_table(identification: Identification, *, page: bool = False) -> Table:
+    """The parameters; SI as notes on a page, in a column on a terminal, where names are short."""
+    column = units_of(identification).si and not page
     titles = ("value", "95 % interval", *(("in SI",) if column else ()))
     rows = []
     for row in parameters(identification):
         cells = [row.value, row.interval, *((row.si or NOTHING,) if column else ())]
-        if notes and row.si:
+        if page and row.si:
             cells = [f"{cell}\n{si}" for cell, si in zip(cells, row.si.split(", ", 1), strict=True)]
         kind = "" if row.known else "unknown"
-        rows.append(Row(names[row.name], (*cells, row.judgement), kind=kind))
+        rows.append(Row(row.words if page else row.brief, (*cells, row.judgement), kind=kind))
     columns = (*map(Column, titles), Column("known", words=True))
     return Table("parameter", columns, tuple(rows), label="Parameters")
 
@@ -307,7 +273,7 @@ def verdict(identification: Identification) -> str:
     others = {each.name: each.telling for each in errors(identification)}
     compared = []
     if others.get("raw", 0.0) > 0.0:
-        compared.append(f"{percent_of(error, others['raw'])} of the raw error")
+        compared.append(f"{percent_of(error, others['raw'])} of the error of the request itself")
     compared += [
         f"{compared_with(error, others[name])} {words}"
         for name, words in COMPARED.items()
@@ -334,7 +300,7 @@ def of_several(identifications: Sequence[Identification]) -> str:
 def explained(names: Iterable[str]) -> str:
     """What those of the parameters are that not every joint has, in a sentence; empty for none."""
     rare = [name for name in names if name in TERMS.values()]
-    return "; ".join(f"{name.replace('_', ' ')}: {NAMES[name]}" for name in rare)
+    return "; ".join(": ".join(reversed(PARAMETERS[name])) for name in rare)
 
 
 PROFILE = (

@@ -63,7 +63,7 @@ FEATURED = ("figure8_foot_paths", "joints_by_method")
 """The figures after the key figures: the moving leg and its joints."""
 
 SKETCHED = 22
-"""Sample at which the leg is drawn on paper: in the middle of the time on the ground."""
+"""Sample at which the leg is drawn in files: in the middle of the time on the ground."""
 
 TIED = 8
 """Every so many samples, desired and actual positions are joined by a line."""
@@ -148,9 +148,9 @@ def _foot_paths(reproduction: Reproduction) -> Figure:
         (
             "Figure 8: the foot under the methods",
             "The desired path, what the direct method makes of it, the closed form as in the "
-            "paper, and requests optimised for the foot; on paper with the leg in the middle of "
-            "its time on the ground. The best time shift runs along the direct method's path, "
-            "only earlier; requests optimised joint by joint run nearly along the closed form's.",
+            "paper, and requests optimised for the foot. The best time shift runs along the "
+            "direct method's path, only earlier; requests optimised joint by joint run nearly "
+            "along the closed form's.",
         ),
         reproduction,
         paths,
@@ -165,7 +165,7 @@ def foot_paths_figure(
     paths: Sequence[Curve],
     legs: Mapping[str, Array],
 ) -> Figure:
-    """The foot's paths, with the leg at one instant; on a screen the leg moves.
+    """The foot's paths, with the leg at one instant; on the page the leg moves.
 
     Args:
         name: The figure's name.

@@ -70,7 +70,7 @@ def _timeline(outcome: VirtualOutcome) -> Timeline:
 
 
 def _foot_paths(outcome: VirtualOutcome) -> Figure:
-    """Figure 8: the path of the foot in every cycle; on a screen the first of them walks."""
+    """Figure 8: the path of the foot in every cycle; on the page the first of them walks."""
     paths = []
     for method, role in PATHS.items():
         each = [_timeline(outcome).path(path, role) for path in outcome.foot_paths[method]]
@@ -81,7 +81,7 @@ def _foot_paths(outcome: VirtualOutcome) -> Figure:
         (
             "The foot, every cycle (the paper's Figure 8)",
             "What the robot's foot does in each recorded cycle under three methods; the cycles "
-            "nearly cover one another. On a screen the leg walks the first of them.",
+            "nearly cover one another. On the page the leg walks the first of them.",
         ),
         outcome.planned,
         paths,

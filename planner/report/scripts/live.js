@@ -1,13 +1,14 @@
 // What all live figures of a page share: where they stand, the page's colours, and one moment in
-// time. A figure that cannot be drawn live stays as it is on paper.
+// time.
 "use strict";
 
 const live = {
   figures: JSON.parse(document.getElementById("live-figures").textContent),
-  dark: matchMedia("(prefers-color-scheme: dark)"),
+  colours: [matchMedia("(prefers-color-scheme: dark)"), matchMedia("print")], // which change them
   touch: matchMedia("(pointer: coarse)").matches,
   MARGIN: 600, // a figure that comes so near to the screen is about to be seen [px]
   MOST: 24, // figures that are drawn before they are about to be seen
+  PAPER: 600, // width for which plots are drawn on paper, which scales them [px]
   PAUSE: 40, // between such figures, for what the reader does meanwhile [ms]
   kinds: {}, // how to draw a figure, by kind: (place, description) => a promise
   errors: [],
@@ -70,6 +71,9 @@ const live = {
       const { top, bottom } = figure.getBoundingClientRect();
       return top < innerHeight + live.MARGIN && bottom > -live.MARGIN;
     };
+    const all = () => figures.forEach(live.enliven);
+    addEventListener("beforeprint", all);
+    matchMedia("print").addEventListener("change", all);
     const first = figures.filter(near);
     await Promise.all(first.map(live.enliven));
     const watch = new IntersectionObserver((seen) => {
@@ -84,17 +88,14 @@ const live = {
 
   async enliven(figure) {
     if (figure.classList.contains("alive")) return;
-    const description = live.figures[figure.id];
-    const place = live.element("div", { className: `live ${description.kind}` });
-    figure.querySelector("svg").after(place);
+    const description = live.figures[figure.id], place = figure.querySelector(".live");
     figure.classList.add("alive");
     try {
       await live.kinds[description.kind](place, description);
       figure.dataset.drawn = "";
     } catch (error) {
       live.errors.push(String(error));
-      figure.classList.remove("alive");
-      place.remove();
+      place.replaceChildren("This browser cannot draw the figure.");
       console.error(error);
     }
   },

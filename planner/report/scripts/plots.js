@@ -60,12 +60,21 @@ live.kinds.plot = async (figure, { data, layout, clock, height, views }) => {
   // What the reader has hidden or zoomed stays so when the colours change: uirevision.
   const draw = () => {
     const shapes = (place.layout?.shapes ?? layout.shapes).slice(0, 1);
-    const now = live.coloured({ ...looks, ...layout });
+    const paper = matchMedia("print").matches ? { autosize: false, width: live.PAPER } : {};
+    const now = live.coloured({ ...looks, ...layout, ...paper });
     if (clock && place.layout) Object.assign(now.shapes[0], { x0: shapes[0].x0, x1: shapes[0].x1 });
     return Plotly.react(place, live.coloured(data), now, config);
   };
   await draw();
-  live.dark.addEventListener("change", draw);
+  // A picture of any width fits the paper.
+  const scale = () => place.querySelectorAll(".main-svg").forEach((svg) => {
+    const [width, height] = [svg.width, svg.height].map((side) => side.baseVal.value);
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    place.style.setProperty("--ratio", `${width} / ${height}`);
+  });
+  scale();
+  place.on("plotly_afterplot", scale);
+  for (const change of live.colours) change.addEventListener("change", draw);
   if (!clock) return;
   const point = (moment) => Plotly.relayout(place, { "shapes[0].x0": moment * clock, "shapes[0].x1": moment * clock });
   let visible = true;
