@@ -26,7 +26,7 @@ Models = JointModel | Mapping[str, JointModel]
 """One model for all joints, or models by joint; "" is that of every other joint."""
 
 WHY: Mapping[Track, str] = {
-    "state": "the state, what the robot did, including the recording's tracking errors",
+    "state": "the state, the measured angles, with the errors that the robot made",
     "action": "the action, what the robot was asked to do, as chosen: its errors are not repeated",
 }
 """Which signal is followed, and the reason."""

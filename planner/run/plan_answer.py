@@ -114,7 +114,7 @@ def summary(prepared: Prepared, plan: Plan) -> str:
             "reversals/s",
             "length [deg]",
             "desired",
-            "beyond [deg]",
+            "outside desired [deg]",
         ],
         [_motion_cells(*each) for each in zip(desired.names, plan.motions, strict=True)],
     )

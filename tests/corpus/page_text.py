@@ -1,18 +1,12 @@
-"""What a reader of a page sees: its text, and the numbers of its plots."""
+"""What a reader of a page sees: its text."""
 
 from __future__ import annotations
 
-import base64
-import json
 import re
-from collections.abc import Iterator
 from html.parser import HTMLParser
-from typing import Any
-
-import numpy as np
 
 SKIPPED = ("script", "style", "svg")
-"""Elements without text for the reader; figures speak by their data."""
+"""Elements without text for the reader."""
 
 BLOCKS = (
     *("p", "div", "h1", "h2", "h3", "h4", "li", "tr", "table", "figure", "figcaption", "section"),
@@ -54,35 +48,3 @@ def text_of(page: str) -> str:
     parser.feed(page)
     lines = (" ".join(line.split()) for line in "".join(parser.parts).split("\n"))
     return "\n".join(line for line in lines if line.strip(" |"))
-
-
-def plots_of(page: str) -> str:
-    """The curves of a page, a line for each array of numbers: figure, curve, axis, numbers."""
-    found = re.search(r'<script type="application/json" id="live-figures">(.*?)</script>', page)
-    figures = json.loads(found[1]) if found else {}
-    lines = []
-    for name, figure in figures.items():
-        curves = figure.get("data", figure.get("motions", [figure]))
-        for number, curve in enumerate(curves):
-            called = curve.get("name", number)
-            for place, values in _arrays(curve):
-                shown = " ".join(f"{value:.9g}" for value in values)
-                lines.append(f"{name} | {called} | {place}: {shown}")
-    return "\n".join(lines)
-
-
-def _arrays(value: Any, place: str = "") -> Iterator[tuple[str, list[float]]]:
-    """Every array of numbers in JSON, nested ones as one, with the keys that lead there."""
-    if isinstance(value, dict) and "bdata" in value:
-        array = np.frombuffer(base64.b64decode(value["bdata"]), dtype=value["dtype"])
-        yield place, array.astype(float).tolist()
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _arrays(item, f"{place}.{key}".lstrip("."))
-    elif isinstance(value, list):
-        try:
-            array = np.array(value, dtype=float)  # None becomes NaN
-        except (TypeError, ValueError):
-            return
-        if array.size > 2:
-            yield place, array.ravel().tolist()

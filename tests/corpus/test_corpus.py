@@ -2,7 +2,8 @@
 
 Each case is a line or more at the command line, run in this process in a folder with the files of
 ``inputs``. Its snapshot holds standard output, standard error, exit status, the names of what was
-written, the content of text files, the text of pages and the arrays of their plots.
+written, the content of text files and the text of pages. Tables stand column by column, and arrays
+and small objects of JSON in one line.
 
     pytest tests/corpus                        compare
     pytest tests/corpus --rewrite-snapshots    rewrite, then review the diff
@@ -14,6 +15,7 @@ two folders of outputs agree to the byte.
 
 from __future__ import annotations
 
+import csv
 import re
 import shlex
 import shutil
@@ -25,7 +27,7 @@ from click.testing import CliRunner
 from planner._version import __version__
 from planner.cli import cli
 from planner.cli.program import COMMANDS
-from tests.corpus.page_text import plots_of, text_of
+from tests.corpus.page_text import text_of
 from tests.snapshots import NUMBER
 
 INPUTS = Path(__file__).parent / "inputs"
@@ -114,8 +116,30 @@ MASKS = (
 )
 """What differs from run to run or from version to version."""
 
+MOST = 200
+"""Longest object of JSON that stands in one line [characters]."""
+
 TEXTS = (".csv", ".json", ".toml", ".txt", ".yaml", ".jsonl")
 """Endings of files whose content stands in a snapshot."""
+
+
+def columns(table: str) -> str:
+    """A table of comma-separated values column by column, a line each."""
+    return "\n".join(" ".join(each) for each in zip(*csv.reader(table.splitlines()), strict=True))
+
+
+def compact(text: str) -> str:
+    """The same in fewer lines: one for each array of numbers in JSON, for each small object, and
+    for each column of a table of numbers.
+    """
+
+    def in_a_line(found: re.Match[str]) -> str:
+        line = re.sub(r"\s+", " ", found[0])
+        return line if len(line) <= MOST or found[0][0] == "[" else found[0]
+
+    text = re.sub(r"(?m)(?:^[\d.,e+-]+\n){20,}", lambda rows: columns(rows[0]) + "\n", text)
+    text = re.sub(r"\[[\s\d.,e+-]*\]", in_a_line, text)
+    return re.sub(r"\{\n[^{}]*\}", in_a_line, text)
 
 
 def masked(text: str) -> str:
@@ -136,12 +160,13 @@ def written(folder: Path, *, skipped: tuple[str, ...] = ()) -> list[str]:
         parts.append(f"==== {name}")
         if file.suffix == ".html":
             page = file.read_text("utf-8")
-            parts += [masked(text_of(page)), "---- plots", plots_of(page)]
+            parts.append(masked(text_of(page)))
         elif file.suffix == ".svg":
             texts = re.findall(r"<text[^>]*>([^<]*)</text>", file.read_text("utf-8"))
             parts += [text for text in texts if not re.fullmatch(r"[−\d.]*", text)]  # no ticks
         elif file.suffix in TEXTS and file.suffix not in skipped:
-            parts.append(masked(file.read_text("utf-8")).rstrip("\n"))
+            text = masked(file.read_text("utf-8")).rstrip("\n")
+            parts.append(columns(text) if file.suffix == ".csv" and text[0] != "#" else text)
     return parts
 
 
@@ -160,10 +185,8 @@ def keep(request):
 @pytest.mark.usefixtures("in_this_process")
 @pytest.mark.parametrize("name", CASES)
 def test_a_command_prints_writes_and_answers_what_it_did(
-    name, tmp_path, monkeypatch, snapshot, keep, request
+    name, tmp_path, monkeypatch, snapshot, keep
 ):
-    if request.config.getoption("keep_outputs") is None:
-        request.getfixturevalue("undrawn_pages")  # whose pictures are in no snapshot
     shutil.copytree(INPUTS, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     lines = [CASES[name]] if isinstance(CASES[name], str) else CASES[name]
@@ -176,7 +199,7 @@ def test_a_command_prints_writes_and_answers_what_it_did(
         for kind, text in (("stdout", result.stdout), ("stderr", result.stderr)):
             parts += [f"---- {kind}", masked(text).rstrip("\n")] if text else []
     keep(name, tmp_path)
-    snapshot.check(name, "\n".join([*parts, *written(tmp_path)]) + "\n")
+    snapshot.check(name, compact("\n".join([*parts, *written(tmp_path)])) + "\n")
 
 
 @pytest.mark.parametrize("name", ["reproduced", "virtually_reproduced"])
@@ -192,4 +215,4 @@ def test_a_reproduction_prints_and_writes_what_it_did(name, request, snapshot, k
     if name == "virtually_reproduced":
         text = re.sub(rf"(?:(?:−?{NUMBER.pattern}|null)[ ,]*\s*)+", "# ", text)
         text = re.sub(r" {2,}", " ", text)  # columns are as wide as their numbers
-    snapshot.check(name, text)
+    snapshot.check(name, compact(text))

@@ -246,7 +246,7 @@ def summary(replay: Replay, models: JointModels, found: Fastest | None = None) -
     if words := resent_words(replay):
         lines.append(words)
     if untested:
-        lines.append(f"beyond what the models were tested on: {', '.join(untested)}")
+        lines.append(f"outside what the models were tested on: {', '.join(untested)}")
     return "\n".join(lines)
 
 
