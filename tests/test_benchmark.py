@@ -282,4 +282,4 @@ def test_after_a_log_of_steps_a_plan_tells_the_error_of_a_servo_that_is_not_the_
     bare = found.tested._replace(delay_error=0.0)
     assert bare.error_of(plan.predicted, period=0.02, cyclic=True) < met / 3.0
     assert met < plan.expected.error < 2.0 * met
-    assert plan.expected.untested == ("tracking",)
+    assert plan.expected.untested == ("moving requests",)

@@ -66,7 +66,7 @@ OPEN_TOP_SPEED = "the logs do not determine the top speed; v_max is a lower boun
 ENCODER_STEP = 2.0 * math.pi / 4096.0
 """Step of an encoder of 12 bits for a turn [rad]: what joints are sent and measured in."""
 
-TRACKING = "tracking"
+TRACKING = "moving requests"
 """In :meth:`Evidence.exceeded`: what logs of steps do not show."""
 
 PROVEN = 0.8
@@ -189,7 +189,7 @@ class Evidence(NamedTuple):
 
         That is in "speed", "acceleration", "angle", "load" or, where after a log of steps the
         interval of the delay counts for more than what was tested, and than an encoder's step, in
-        "tracking".
+        "moving requests".
 
         Args:
             angles: Angles of the joint [rad], shape (n,).
@@ -378,7 +378,7 @@ def expectation(
 
 def untested_words(names: Sequence[str], expected: Sequence[Expectation]) -> str:
     """Which joints move in another way than their models were tested on; empty for none."""
-    words = {TRACKING: "tracking: the logs hold steps only"}
+    words = {TRACKING: "moving requests: the logs hold steps only"}
     found = [
         f"{name} ({', '.join(words.get(way, way) for way in each.untested)})"
         for name, each in zip(names, expected, strict=True)

@@ -429,7 +429,7 @@ def test_a_blank_line_stands_between_two_tables_and_not_between_the_parts_of_one
     joints, requests = result.stderr.split("\n\n")
     assert "requests  " not in joints
     assert "reversals/s" in requests
-    assert "beyond [deg]" in requests
+    assert "outside desired [deg]" in requests
     assert requests.count("requests  ") == 2
 
 

@@ -87,10 +87,10 @@ def test_a_plan_is_outside_of_a_log_of_steps_where_the_delay_counts_most():
     angles, period = sine(0.2)  # 0.9 rad/s and 5.6 rad/s^2 rms, for which 42 mrad were tested
     for delay_error, outside in ((0.0, False), (0.03, False), (0.06, True)):
         seen = SEEN._replace(delay_error=delay_error, by_acceleration=((0.0, 0.01), (8.0, 0.055)))
-        assert ("tracking" in seen.exceeded(angles, period=period, cyclic=True)) is outside
+        assert ("moving requests" in seen.exceeded(angles, period=period, cyclic=True)) is outside
         told = expectation(seen, angles, angles, period=period, cyclic=True)
         words = untested_words(["knee"], [told])
-        assert words.endswith(": knee (tracking: the logs hold steps only)") is outside
+        assert words.endswith(": knee (moving requests: the logs hold steps only)") is outside
 
 
 def held(requests, rows):
