@@ -108,7 +108,7 @@ def test_parameters_that_not_every_joint_has_are_explained_below_the_table():
     right = made_up()
     uneven = made_up(intervals={**right.intervals, "v_offset": Interval(-1.0, 1.0)})
     text = identification_text({"hip": right, "knee": uneven})
-    assert text.splitlines()[-2].endswith("v offset: top speed up, less v_max")
+    assert text.splitlines()[-2].endswith("top speed up: top speed upwards, less v_max")
 
 
 def test_what_is_not_determined_is_named():
