@@ -72,6 +72,7 @@ class Scene:
         still, moving = pinocchio.GeometryModel(), pinocchio.GeometryModel()
         for shape in _read_shapes(path, model).geometryObjects:
             shape.meshPath, shape.meshScale = "", np.ones(3)  # it has been read, and scaled
+            shape.meshColor = np.clip(shape.meshColor, 0.0, 1.0)
             moves = any(joint in joints for joint in model.supports[shape.parentJoint])
             (moving if moves else still).addGeometryObject(shape)
         if not moving.ngeoms:
