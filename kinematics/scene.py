@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -72,7 +73,6 @@ class Scene:
         still, moving = pinocchio.GeometryModel(), pinocchio.GeometryModel()
         for shape in _read_shapes(path, model).geometryObjects:
             shape.meshPath, shape.meshScale = "", np.ones(3)  # it has been read, and scaled
-            shape.meshColor = np.clip(shape.meshColor, 0.0, 1.0)
             moves = any(joint in joints for joint in model.supports[shape.parentJoint])
             (moving if moves else still).addGeometryObject(shape)
         if not moving.ngeoms:
@@ -135,6 +135,10 @@ def _read_shapes(path: Path, model: Any) -> Any:
                 solid.set("filename", str(file))
             if not drawn:
                 link.remove(visual)
+    for colour in root.iter("color"):  # its parser leaves out shapes with others
+        with suppress(ValueError):
+            parts = np.array(colour.get("rgba", "").split(), dtype=float)
+            colour.set("rgba", " ".join(map(str, np.clip(parts, 0.0, 1.0))))
     text = ElementTree.tostring(root, encoding="unicode")
     with captured_stderr() as complaints:
         shapes = pinocchio.buildGeomFromUrdfString(
