@@ -325,11 +325,11 @@ class Plan(Summarised):
     def lower_bounds(self) -> Array:
         """Lower bounds on the error of any requests, in the norm that counts: [rad], of a foot [m].
 
-        Of a joint level "envelope", with inertia "slope". Limits of requests and steps are ignored;
-        the bound stays valid, and part of the gap may be due to them. That of a foot is about
-        requests within the limits, from rest of plans that begin at ``start``; it takes some 30 ms
-        a sample, up to ten seconds where a path is short. There is none, and it is 0, where the
-        load depends on the pose, or for a foot with a disturbance.
+        Of a joint level "envelope". Limits of requests and steps are ignored; the bound stays
+        valid, and part of the gap may be due to them. That of a foot is about requests within the
+        limits, from rest of plans that begin at ``start``; it takes some 30 ms a sample, up to ten
+        seconds where a path is short. There is none, and it is 0, where the load depends on the
+        pose, or for a foot with a disturbance.
         """
         task = self.task
         felt = [task.load_of_pose and model.feels_load for model in task.nominal]

@@ -99,7 +99,7 @@ def certify(
     all of them for any that are better than a plan (``docs/math.md``, section 5). Each is at least
     the one before, and costs more: one and a few milliseconds, and seconds to the time limit for a
     hundred samples. All hold under a load, "exact" under one that does not change. Of a joint with
-    a dead band "envelope" is the strongest, of one with inertia "slope"; the answer says which.
+    a dead band or inertia "envelope" is the strongest; the answer says which.
 
     Args:
         model: The joint.

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from planner.planning.bounds.reachable_set import BoundProblem, Level
+from planner.trajectory import Array
 
 
 def stated_bound(problem: BoundProblem, level: Level) -> float:
     """Distance of the desired angles from the set of conditions 1 to 3 of docs/math.md [rad].
 
     Args:
-        problem: The joint, without inertia, and what is desired of it.
+        problem: The joint, and what is desired of it.
         level: "slope" for condition 1, otherwise conditions 1 to 3.
     """
     import cvxpy
@@ -26,48 +27,112 @@ def stated_bound(problem: BoundProblem, level: Level) -> float:
     cp: Any = cvxpy  # untyped: its atoms have no types
     model, desired, cyclic, norm, start, load = problem
     v, ratio, hold = model.v_max_per_tick, model.v_max_per_tick / model.theta_0, model.hold
-    weights, top = model.window.weights, v + ratio * model.dead_band
     ticks = len(desired) * hold if cyclic else (len(desired) - 1) * hold + 1
     by_sample = np.zeros(len(desired)) if load is None else load
     # The torque at tick t is that of the sample that is next.
     torque = np.array([by_sample[math.ceil(t / hold) % len(desired)] for t in range(ticks)])
     b = (model.v_offset + model.speed_per_torque * torque) * model.tick
-    sag, pose = model.compliance * torque, math.hypot(model.sag_sin, model.sag_cos)
+    sag = model.compliance * torque
     x = cp.Variable(ticks)
     w = cp.hstack([x[:1] - x[-1:], x[1:] - x[:-1]]) if cyclic else x[1:] - x[:-1]
-    moving = slice(0 if cyclic else 1, None)
-    conditions = [w <= v + b[moving], w >= b[moving] - v]  # condition 1
+    moving = np.arange(0 if cyclic else 1, ticks)
+    lowest, highest = b - v, b + v
+    if model.has_inertia:  # it keeps the speed that it had under another load
+        lowest, highest = np.full(ticks, np.min(lowest)), np.full(ticks, np.max(highest))
+    conditions = [w <= highest[moving], w >= lowest[moving]]  # condition 1
     if level != "slope":
-        # Condition 2, with chords from the least to the greatest speed, w = b - v and b + v.
-        replaced = np.sum(np.abs(np.diff(weights, prepend=0.0, append=0.0)))
-        common = np.sum(np.minimum(weights[1:], weights[:-1]))
-        later, now = (cp.hstack([w[1:], w[:1]]), w) if cyclic else (w[1:], w[:-1])
-        at = np.arange(ticks)[moving][: now.shape[0]]
-        db, ds, b = b[(at + 1) % ticks] - b[at], sag[(at + 1) % ticks] - sag[at], b[at]
-        more_slowest, more_fastest = pose * np.abs(b - v), pose * np.abs(b + v)
-        slowest = np.maximum(ds - b + v + more_slowest, 0.0)
-        fastest = np.maximum(ds - b - v + more_fastest, 0.0)
-        up = slowest + cp.multiply((fastest - slowest) / (2.0 * v), now - b + v)
-        slowest = np.maximum(b - v - ds + more_slowest, 0.0)
-        fastest = np.maximum(b + v - ds + more_fastest, 0.0)
-        down = slowest + cp.multiply((fastest - slowest) / (2.0 * v), now - b + v)
-        rise, fall = np.maximum(db, 0.0), np.maximum(-db, 0.0)
-        conditions += [
-            later - now <= (top + db / 2.0) * replaced + common * (ratio * up + rise),
-            now - later <= (top - db / 2.0) * replaced + common * (ratio * down + fall),
-        ]
+        at = moving if cyclic else moving[:-1]
+        next_at = (at + 1) % ticks
+        db, ds = b[next_at] - b[at], sag[next_at] - sag[at]
+        ups = (w, lowest[at], highest[at], db, ds, b[next_at])
+        downs = (-w, -highest[at], -lowest[at], -db, -ds, -b[next_at])
+        for speeds, *numbers in (ups, downs):
+            conditions += _conditions_of_speed(problem, speeds, *numbers)
     if start is not None:
         # Condition 3: at rest until the second request acts, then as far as new requests carry it,
         # and all the time as far as a change of the sag does.
         new = np.zeros(min(hold + model.window.first, ticks))
-        if level != "slope":
-            new = np.append(new, np.minimum(np.cumsum(weights), 1.0))[:ticks]
+        if level != "slope" and not model.has_inertia:
+            new = np.append(new, np.minimum(np.cumsum(model.window.weights), 1.0))[:ticks]
         sags = ratio * np.abs(sag - sag[0])[: len(new)]
         excess = np.abs(model.v_offset + model.speed_per_torque * torque)[: len(new)]
         fastest = v + excess * model.tick
+        if model.has_inertia and np.any(sags):  # it may swing on
+            sags = np.full(len(new), np.max(fastest))
         farthest = np.cumsum(new * fastest + (1.0 - new) * sags)
         conditions.append(cp.abs(x[: len(new)] - start) <= farthest)
     errors = x[::hold] - desired
     rms = cp.norm(errors, 2) / np.sqrt(len(desired))
     objective = rms if norm == "rms" else cp.norm(errors, "inf")
     return float(cp.Problem(cp.Minimize(objective), conditions).solve(solver="CLARABEL"))
+
+
+def _conditions_of_speed(
+    problem: BoundProblem,
+    w: Any,
+    lowest: Array,
+    highest: Array,
+    db: Array,
+    ds: Array,
+    next_b: Array,
+) -> list[Any]:
+    """Condition 2 or, with inertia, 2a and 2b, in one direction.
+
+    Args:
+        problem: The joint.
+        w: Speeds [rad/tick].
+        lowest: Least speed before each change [rad/tick].
+        highest: Greatest speed before it.
+        db: Change of the top speed.
+        ds: Change of the sag under the load [rad].
+        next_b: How much faster the joint is after the change [rad/tick].
+    """
+    import cvxpy
+
+    cp: Any = cvxpy
+    model, cyclic = problem.model, problem.cyclic
+    v, ratio = model.v_max_per_tick, model.v_max_per_tick / model.theta_0
+    weights, friction = model.window.weights, ratio * model.dead_band
+    pose = math.hypot(model.sag_sin, model.sag_cos)
+    later, now = (cp.hstack([w[1:], w[:1]]), w) if cyclic else (w[1:], w[:-1])
+
+    def line(speed: Any, at_lowest: Any, at_highest: Any) -> Any:
+        share = cp.multiply(1.0 / (highest - lowest), speed - lowest)
+        return at_lowest + cp.multiply(at_highest - at_lowest, share)
+
+    def drive_change(speed: Any) -> Any:  # condition 2, with the chord of its maximum
+        ends = (np.maximum(ds - end + pose * np.abs(end), 0.0) for end in (lowest, highest))
+        replaced = np.sum(np.abs(np.diff(weights, prepend=0.0, append=0.0)))
+        common = np.sum(np.minimum(weights[1:], weights[:-1]))
+        changed = replaced * (v + friction + db / 2.0) + common * np.maximum(db, 0.0)
+        return changed + common * ratio * line(speed, *ends)
+
+    if not model.has_inertia:
+        return [later - now <= drive_change(now)]
+    k = -math.expm1(-model.tick / model.time_constant) if model.time_constant > 0.0 else 1.0
+    a, s = model.max_acceleration * model.tick**2, k * friction
+    drive = np.maximum(v + next_b + friction, highest - a / k)
+
+    def free(speed: Any) -> Any:  # the largest speed that follows without friction
+        called = (1.0 - k) * speed + k * drive
+        return cp.minimum(speed + a, called) if math.isfinite(a) else called
+
+    def shrunk(speed: Array) -> Array:
+        return np.maximum(speed - s, np.minimum(speed + s, 0.0))
+
+    # Condition 2a: friction by its concave hull, of slope 1 up to -s, then straight to its end.
+    least, largest = (free(cp.Constant(end)).value for end in (lowest, highest))
+    corner = np.minimum(np.maximum(-s, least), largest)
+    rise = (shrunk(largest) - shrunk(corner)) / np.where(largest > corner, largest - corner, 1.0)
+    conditions = [
+        later <= free(now) + s,
+        later <= shrunk(corner) + cp.multiply(rise, free(now) - corner),
+    ]
+    # Condition 2b: the window's, through the motor; friction may turn from one side to the other.
+    if math.isinf(a) or a + s <= np.min(drive_change(cp.Constant(highest)).value):
+        before = cp.hstack([w[-1:], w[:-1]]) if cyclic else w[:-2]
+        released = 2.0 * s * (1.0 + cp.multiply(-1.0 / lowest, now))
+        gained = (now + k * drive_change(now) + released)[0 if cyclic else 1 :]
+        later, now = (each[0 if cyclic else 1 :] for each in (later, now))
+        conditions.append(later - (1.0 - k) * (now - before) <= gained)
+    return conditions

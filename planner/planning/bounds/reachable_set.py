@@ -58,8 +58,7 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
 
     Args:
         problem: The joint, its load and the number of samples; what is desired does not count.
-        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3, as
-            far as they hold: see :func:`proved_level`.
+        level: "slope" for condition 1, otherwise conditions 1 and 2, and from a given start 3.
 
     Returns:
         The conditions, on the angles at every tick.
@@ -69,17 +68,15 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
     ticks = ticks_of(problem)
     load = load_by_tick(problem, ticks)
     steps = _differences(ticks, cyclic=problem.cyclic)  # speeds [rad/tick] from angles
-    low, high = (limit * model.tick for limit in model.speed_limits(load))
-    if model.has_inertia:  # it keeps the speed that it had under another load
-        low, high = np.full(ticks, np.min(low)), np.full(ticks, np.max(high))
     moved = np.arange(0 if problem.cyclic else 1, ticks)
+    low, high = speed_ranges(model, load)
     rows, limits = [steps, -steps], [high[moved], -low[moved]]
     if level != "slope":
-        kept, gain = envelope(model, load[moved], cyclic=problem.cyclic)
-        for sign, keeping, gaining in zip((1.0, -1.0), kept, gain, strict=True):
-            changes = _differences_of_speed(steps, keeping, cyclic=problem.cyclic)
-            rows.append(sign * changes)
-            limits.append(gaining)
+        for side in sides(model, load[moved], cyclic=problem.cyclic):
+            for condition in speed_conditions(model, side):
+                changes, at = _speed_rows(steps, condition, cyclic=problem.cyclic)
+                rows.append(side.sign * changes)
+                limits.append(np.broadcast_to(condition.most, side.faster.shape)[at])
     if start is not None:
         farthest_from_start = distance_from_rest(model, load, level)
         near_start = sparse.eye_array(ticks, format="csr")[: len(farthest_from_start)]
@@ -95,13 +92,10 @@ def reachable_set(problem: BoundProblem, level: Level) -> ReachableSet:
 def proved_level(model: JointModel, level: Level) -> Level:
     """The strongest level, this one at most, whose conditions hold for a joint.
 
-    With inertia the speed changes by what the motor allows and not by what the window does, so that
-    "slope" is left; "exact" follows requests through the window to a speed that is their sum, which
-    friction makes another one, and a sag by the angle another one at every angle.
+    "exact" follows requests through the window to a speed that is their sum, which friction and
+    inertia make another one, and a sag by the angle another one at every angle.
     """
-    if model.has_inertia:
-        return "slope"
-    follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0
+    follows = model.dead_band == 0.0 and model.most_pose_sag == 0.0 and not model.has_inertia
     return level if follows or level != "exact" else "envelope"
 
 
@@ -126,39 +120,136 @@ def load_by_tick(problem: BoundProblem, ticks: int) -> Array:
     return by_tick
 
 
-def envelope(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Array, Array]:
-    """Condition 2 with its convex majorant, ``w(t+1) - kept * w(t) <= gain``, and its mirror image.
+def speed_ranges(model: JointModel, load: Array) -> tuple[Array, Array]:
+    """Least and largest speed in each tick [rad/tick]: condition 1.
 
-    The majorant of ``max(0, s - w + p |w|)``, with s the change of the sag and p the largest slope
-    of the sag by the angle, is the chord between the least and the greatest speed w, which are
-    2 v_max apart.
+    A joint with inertia keeps the speed that it had under another load.
+
+    Args:
+        model: The joint.
+        load: Torque in each tick [N m], shape (m,).
+    """
+    low, high = (limit * model.tick for limit in model.speed_limits(load))
+    if model.has_inertia:
+        return np.full_like(low, np.min(low)), np.full_like(high, np.max(high))
+    return low, high
+
+
+class Side(NamedTuple):
+    """What moves the joint in one direction, for each pair of ticks t and t + 1, shape (m,).
+
+    Attributes:
+        sign: The direction; speeds, sags and drives are positive in it.
+        slowest: Least speed at t [rad/tick].
+        fastest: Largest speed at t [rad/tick].
+        faster: Change of the top speed from t to t + 1 [rad/tick].
+        sagged: Change of the sag under the load [rad].
+        drive: Largest drive at t + 1 [rad/tick].
+    """
+
+    sign: float
+    slowest: Array
+    fastest: Array
+    faster: Array
+    sagged: Array
+    drive: Array
+
+
+def sides(model: JointModel, load: Array, *, cyclic: bool) -> tuple[Side, Side]:
+    """Both directions of a joint.
 
     Args:
         model: The joint.
         load: Torque in the ticks whose speeds are known [N m], shape (m,).
-        cyclic: Whether the first of them follows the last.
-
-    Returns:
-        kept [-] and gain [rad/tick], each of shape (2, changes): upwards, and of the mirror image.
+        cyclic: Whether the first of them follows the last; if not, there is one pair less.
     """
-    v_max, top, weights = model.v_max_per_tick, model.law.top, model.window.weights
+    first = slice(None if cyclic else -1)
+    next_load = np.roll(load, -1)
+    low, high = (limit[first] for limit in speed_ranges(model, load))
+    next_low, next_high = (limit[first] * model.tick for limit in model.speed_limits(next_load))
+    faster = model.speed_per_torque * model.tick * (next_load - load)[first]
+    sagged = model.compliance * (next_load - load)[first]
+    friction = model.law.friction
+    return (
+        Side(1.0, low, high, faster, sagged, next_high + friction),
+        Side(-1.0, -high, -low, -faster, -sagged, friction - next_low),
+    )
+
+
+class SpeedCondition(NamedTuple):
+    """``w(t+1) <= now * w(t) + before * w(t-1) + most`` in one direction.
+
+    Attributes:
+        now: Factor of the speed at t [-], a number or one for each pair of ticks.
+        before: Factor of the speed at t - 1 [-]; 0 where it does not count.
+        most: What is added [rad/tick], a number or one for each pair of ticks.
+    """
+
+    now: Array | float
+    before: float
+    most: Array | float
+
+
+def speed_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
+    """How much faster the joint can become in a tick: conditions 2 and, with inertia, 2a and 2b."""
+    slope, most = drive_change(model, side)
+    if not model.has_inertia:
+        return [SpeedCondition(1.0 - slope, 0.0, most)]
+    conditions = _motor_conditions(model, side)
+    law = model.law
+    held = law.share * law.friction
+    # Condition 2b is derived where the acceleration limit is below what the window allows.
+    if law.acceleration + held <= np.min(most - slope * side.fastest) or np.isinf(law.acceleration):
+        kept = 1.0 - law.share
+        released = 2.0 * held / -side.slowest
+        now = 1.0 + kept - law.share * slope + released
+        conditions.append(SpeedCondition(now, -kept, law.share * most + 2.0 * held))
+    return conditions
+
+
+def drive_change(model: JointModel, side: Side) -> tuple[Array, Array]:
+    """Slope s and constant p of ``p - s * w(t)``, which the drive gains in a tick at most.
+
+    It is the right-hand side of (7a), of which ``max(0, c - w + p |w|)``, with c the change of the
+    sag and p the largest slope of the sag by the angle, is replaced by its chord between the least
+    and the greatest speed.
+    """
+    weights, gain, by_pose = model.window.weights, model.gain_per_tick, model.most_pose_sag
     replaced = float(np.abs(np.diff(weights, prepend=0.0, append=0.0)).sum())
     common = float(np.minimum(weights[1:], weights[:-1]).sum())
-    low, high = (limit * model.tick for limit in model.speed_limits(load))
-    following, count = np.roll(np.arange(len(load)), -1), len(load) - (not cyclic)
-    sagging = model.compliance * (load[following] - load)
-    faster = high[following] - high
-    by_pose, kept, gain = model.most_pose_sag, [], []
-    for sign, slowest, fastest in ((1.0, low, high), (-1.0, -high, -low)):
-        # Upwards the least w leaves most to be gained; the mirror image turns all signs.
-        most = np.maximum(sign * sagging - slowest + by_pose * np.abs(slowest), 0.0)
-        least = np.maximum(sign * sagging - fastest + by_pose * np.abs(fastest), 0.0)
-        slope = model.gain_per_tick * common * ((most - least) / (2.0 * v_max))
-        beyond = slope * (fastest - v_max) + model.gain_per_tick * common * least
-        changed = common * np.maximum(sign * faster, 0.0) + replaced * sign * faster / 2.0
-        kept.append((1.0 - slope)[:count])
-        gain.append((top * replaced + v_max * slope + beyond + changed)[:count])
-    return np.stack(kept), np.stack(gain)
+    slowest, fastest = side.slowest, side.fastest
+    most = np.maximum(side.sagged - slowest + by_pose * np.abs(slowest), 0.0)
+    least = np.maximum(side.sagged - fastest + by_pose * np.abs(fastest), 0.0)
+    slope = gain * common * (most - least) / (fastest - slowest)
+    changed = common * np.maximum(side.faster, 0.0) + replaced * side.faster / 2.0
+    return slope, replaced * model.law.top + gain * common * most + slope * slowest + changed
+
+
+def _motor_conditions(model: JointModel, side: Side) -> list[SpeedCondition]:
+    """Condition 2a: what the largest drive and the acceleration limit make of the speed before."""
+    law = model.law
+    held = law.share * law.friction
+    drive = np.maximum(side.drive, side.fastest - law.acceleration / law.share)
+    lines = [(1.0 - law.share, law.share * drive)]
+    if np.isfinite(law.acceleration):
+        lines.append((1.0, np.full_like(drive, law.acceleration)))
+    if held == 0.0:
+        return [SpeedCondition(now, 0.0, most) for now, most in lines]
+    least, largest = (
+        np.min([now * speed + most for now, most in lines], axis=0)
+        for speed in (side.slowest, side.fastest)
+    )
+    # The concave hull of the friction's shrink between the two: through (-held, 0) with slope 1,
+    # and from there, or from the least, to the largest.
+    corner = np.clip(-held, least, largest)
+    below, above = (np.sign(u) * np.maximum(np.abs(u) - held, 0.0) for u in (corner, largest))
+    ratio = (above - below) / np.maximum(largest - corner, np.finfo(np.float64).tiny)
+    hull = [(np.ones_like(ratio), np.full_like(ratio, held)), (ratio, below - ratio * corner)]
+    return [
+        SpeedCondition(factor * now, 0.0, factor * most + added)
+        for factor, added in hull
+        for now, most in lines
+    ]
 
 
 def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
@@ -169,15 +260,18 @@ def _differences(ticks: int, *, cyclic: bool) -> sparse.csr_array:
     return sparse.csr_array(every[1:] - every[:-1])
 
 
-def _differences_of_speed(
-    steps: sparse.csr_array, kept: Array, *, cyclic: bool
-) -> sparse.csr_array:
-    """Rows w[t+1] - kept[t] * w[t]."""
-    last = steps.shape[0] if cyclic else -1
-    following = steps[np.roll(np.arange(steps.shape[0]), -1)][:last]
-    scaled = steps[:last]
-    scaled.data *= np.repeat(kept, np.diff(scaled.indptr))
-    return sparse.csr_array(following - scaled)
+def _speed_rows(
+    steps: sparse.csr_array, condition: SpeedCondition, *, cyclic: bool
+) -> tuple[sparse.csr_array, slice]:
+    """Rows w[t+1] - now * w[t] - before * w[t-1], and which pairs of ticks they are about."""
+    count = steps.shape[0]
+    first = 0 if cyclic or condition.before == 0.0 else 1
+    at = np.arange(first, count if cyclic else count - 1)
+    now = np.broadcast_to(condition.now, (count if cyclic else count - 1,))[at]
+    rows = steps[(at + 1) % count] - sparse.diags_array(now) @ steps[at]
+    if condition.before != 0.0:
+        rows -= condition.before * steps[at - 1]
+    return sparse.csr_array(rows), slice(first, None)
 
 
 def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
@@ -185,7 +279,7 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
 
     The joint rests until the second request acts; then only the weights of the requests that may
     differ from the first one can carry it away, and before and after what the sag changes by. The
-    level "slope" leaves out what follows the second request.
+    level "slope", and all of a joint with inertia, leave out what follows the second request.
 
     Args:
         model: The joint.
@@ -194,7 +288,8 @@ def distance_from_rest(model: JointModel, load: Array, level: Level) -> Array:
     """
     resting = np.zeros(model.hold + model.window.first)  # ticks before the second request acts
     changed = np.minimum(np.cumsum(model.window.weights), 1.0)
-    new = np.concatenate([resting, changed if level != "slope" else []])[: len(load)]
+    follows = level != "slope" and not model.has_inertia
+    new = np.concatenate([resting, changed if follows else []])[: len(load)]
     low, high = model.speed_limits(load[: len(new)])
     fastest = np.maximum(high, -low) * model.tick
     sagged = model.gain_per_tick * model.compliance * np.abs(load[: len(new)] - load[0])
