@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from planner.approximation.fit import fit_pwl
     from planner.evaluation.cross_check import cross_check
     from planner.exceptions import (
+        BusError,
         Infeasible,
         InvalidFile,
         InvalidInput,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from planner.robot.play import Playback, TimedRequest, play, timed_requests
 
 __all__ = [
+    "BusError",
     "Certificate",
     "CurveStack",
     "Fastest",
@@ -112,6 +114,7 @@ _HOMES = {
     "planner.approximation.fit": ("fit_pwl",),
     "planner.evaluation.cross_check": ("cross_check",),
     "planner.exceptions": (
+        "BusError",
         "Infeasible",
         "InvalidFile",
         "InvalidInput",

@@ -9,6 +9,7 @@
     │   ├── InvalidFile                   not what it should be; carries path and line
     │   ├── Infeasible                    requirements that contradict each other
     │   └── MissingExtra                  what is asked needs a package that is not installed
+    ├── BusError                          servos that do not answer, do not follow or report a fault
     ├── NoSteadyCycle                     a cycle that never closes; carries the mismatch
     └── SolverFailed                      a solver stopped short; carries problem and status
 
@@ -92,6 +93,10 @@ class MissingExtra(InvalidInput):
             f"{what} needs the extra '{extra}': python -m pip install 'request-planner[{extra}]', "
             f"or '.[{extra}]' in a checkout"
         )
+
+
+class BusError(PlannerError):
+    """A servo bus is gone, or a servo does not answer, does not follow or reports a fault."""
 
 
 class NoSteadyCycle(PlannerError):

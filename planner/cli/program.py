@@ -56,8 +56,9 @@ COMMANDS = {
     "simulate": "Simulate joints under requests.",
     "sweep": "Plan for ranges of gaits or speeds: fast at a small error.",
     "view": "Show the robot moving, in the browser.",
+    "virtual-bus": "Put virtual servos behind a pseudo-terminal.",
 }
-"""Each is the function of this name in the module of this name; what it does, in a line."""
+"""Each is the function of this name, with _ for -, in the module of this name; what it does."""
 
 FAILED = 1
 """Exit status of an answer that failed its own check."""
@@ -133,7 +134,8 @@ class Commands(click.Group):
         """The command of this name."""
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = getattr(import_module(f"planner.cli.{cmd_name}"), cmd_name)
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(import_module(f"planner.cli.{name}"), name)
         command.short_help = COMMANDS[cmd_name]
         add_verbosity(command)
         return command

@@ -17,6 +17,7 @@ from planner.files.text import write_text
 from planner.files.toml import Toml, read_toml
 from planner.model.evidence import ACCEPTED, GAIN, Evidence, Verdict, warn_of_refused
 from planner.model.joint import JointModel
+from planner.robot.arm import SETTINGS, Servo
 from planner.trajectory import Array
 from planner.validation import as_reals, is_one_of, shown
 
@@ -54,6 +55,9 @@ CORRELATIONS = "correlations"
 
 VERDICT, REASON = "verdict", "verdict_reason"
 """Keys of whether a model may be planned with, and why."""
+
+SERVO = "servo"
+"""Key of the table, within a joint's, that says which servo turns it; models do without."""
 
 KNOWN = (*FIELDS, *TESTED, *INTERVALS, CORRELATIONS, VERDICT, REASON)
 """Every key of a model."""
@@ -167,7 +171,11 @@ def read_model_file(path: Path | str) -> ModelFile:
     file = read_toml(path, example="v_max = 5.45")
     path, content = file.path, file.content
     common = {key: value for key, value in content.items() if not isinstance(value, dict)}
-    tables = {key: value for key, value in content.items() if isinstance(value, dict)}
+    tables = {
+        joint: {key: each for key, each in own.items() if (key, type(each)) != (SERVO, dict)}
+        for joint, own in content.items()
+        if isinstance(own, dict)
+    }
     for table, keys in ((None, common), *tables.items()):
         for key in keys:
             _check_key(file, key, table)
@@ -191,6 +199,7 @@ def models_text(
     *,
     remarks: Sequence[str] = (),
     about: Mapping[str, Mapping[str, str]] | None = None,
+    servos: Mapping[str, Servo] | None = None,
 ) -> str:
     """Models as TOML that :func:`read_models` reads, with comments.
 
@@ -199,6 +208,7 @@ def models_text(
         remarks: Comments at the top.
         about: By joint, comments by key that take the place of the key's unit, and under "" one
             above the joint's keys.
+        servos: By joint, the servo that turns it; see :func:`read_servos`.
     """
     blocks = ["\n".join(_comment(remark) for remark in remarks)] if remarks else []
     for joint, model in models.items():
@@ -217,6 +227,8 @@ def models_text(
         ]
         lines += _verdict_lines(model.evidence)
         lines += _interval_lines(model.evidence)
+        if servos and joint in servos:
+            lines += _servo_lines(joint, servos[joint])
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks) + "\n"
 
@@ -259,6 +271,67 @@ def _interval_lines(evidence: Evidence | None) -> list[str]:
         matrix = json.dumps(evidence.correlations)
         lines.append(f"{CORRELATIONS} = {matrix}  # of the intervals above")
     return lines
+
+
+def _servo_lines(joint: str, servo: Servo) -> list[str]:
+    """Which servo turns a joint, as a table within the joint's."""
+    return [
+        "",
+        f"[{_key(joint)}.{SERVO}]",
+        f"id = {servo.id}",
+        f"zero_tick = {servo.zero_tick}  # count at angle 0",
+        f"direction = {servo.direction}  # -1 where the servo is mounted the other way round",
+        f"ticks_per_turn = {servo.ticks_per_turn}",
+        f"limits = {list(servo.limits)}  # [rad] least and largest request",
+        *(f"{name} = {value}" for name, value in servo.settings.items()),
+    ]
+
+
+def read_servos(path: Path | str) -> dict[str, Servo]:
+    """The servos of the joints of a model file, by joint: its tables ``[<joint>.servo]``.
+
+    Raises:
+        InvalidFile: There are none, or one of them is no servo.
+    """
+    file = read_toml(path, example="id = 1")
+    known = {each.name for each in fields(Servo)} - {"settings"} | set(SETTINGS)
+    servos = {}
+    for joint, own in file.content.items():
+        table = own.get(SERVO) if isinstance(own, dict) else None
+        if not isinstance(table, dict):
+            continue
+        place = (joint, SERVO)
+        for key, value in table.items():
+            line = file.line_of((*place, key))
+            if key not in known:
+                words = f"unknown key '{key}'{nearest(key, sorted(known))}"
+                raise InvalidFile(file.path, words, line=line)
+            if key == "limits":
+                fits = _reals(value).shape == (2,) and bool(np.isfinite(_reals(value)).all())
+            else:
+                fits = isinstance(value, int) and not isinstance(value, bool)
+            if not fits:
+                expected = "two angles [rad]" if key == "limits" else "a whole number"
+                words = f"{key}: got {shown(value)}, expected {expected}"
+                raise InvalidFile(file.path, words, line=line)
+        if "id" not in table:
+            words = f"[{joint}.{SERVO}] has no id; expected the servo's identifier on the bus"
+            raise InvalidFile(file.path, words, line=file.line_of(place))
+        given = {key: value for key, value in table.items() if key not in SETTINGS}
+        if "limits" in given:
+            given["limits"] = tuple(map(float, given["limits"]))
+        settings = {key: value for key, value in table.items() if key in SETTINGS}
+        try:
+            servos[joint] = Servo(**given, settings=settings)
+        except InvalidInput as error:
+            raise InvalidFile(file.path, f"[{joint}.{SERVO}]: {error}") from error
+    if not servos:
+        raise InvalidFile(
+            file.path,
+            "says of no joint which servo turns it; calibrate writes tables such as [knee.servo] "
+            "with id, zero_tick and direction",
+        )
+    return servos
 
 
 def _model(

@@ -1,0 +1,100 @@
+"""``request-planner virtual-bus``: servos to try with, behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import click
+
+from planner.cli import types
+
+TIMED = ("stall", "overheat", "saturate")
+"""Faults of one servo, from some time on."""
+
+
+def _fault(text: str) -> tuple[str, int, float]:
+    """A fault, its servo (0 for the bus), and its share or time."""
+    kind, _, value = text.partition("=")
+    if kind in ("drop", "disconnect"):
+        number = types.finite(value)
+        if number < 0.0 or (kind == "drop" and number > 1.0):
+            raise ValueError
+        return kind, 0, number
+    if kind not in TIMED or not (parts := re.fullmatch(r"(\d{1,3})@(.+)", value)):
+        raise ValueError
+    return kind, int(parts[1]), types.finite(parts[2])
+
+
+FAULT = types.Parsed(
+    _fault, "drop=SHARE, disconnect=S, or stall, overheat or saturate=ID@S, such as stall=3@5"
+)
+
+
+@click.command()
+@click.option(
+    "--servos",
+    type=click.IntRange(1, 32),
+    default=6,
+    show_default=True,
+    metavar="N",
+    help="Servos, with the identifiers 1 to N.",
+)
+@click.option(
+    "--protocol",
+    type=click.Choice(["feetech", "dynamixel"]),
+    default="feetech",
+    show_default=True,
+    help="What they speak: STS3215 or X series.",
+)
+@click.option(
+    "--step-ms",
+    type=types.above_0("milliseconds"),
+    metavar="MS",
+    help="Lock step: so much time passes from one sync write to the next, however long it takes.  "
+    "[default: real time]",
+)
+@click.option(
+    "--fault",
+    "faults",
+    type=FAULT,
+    multiple=True,
+    metavar="FAULT",
+    help="drop=0.05 (of the packets), disconnect=10 (seconds from now), stall=3@5 (servo 3 after "
+    "5 s), overheat=3@5, saturate=3@5 (its supply sags); several times for several.",
+)
+def virtual_bus(
+    *, servos: int, protocol: str, step_ms: float | None, faults: tuple[tuple[str, int, float], ...]
+) -> None:
+    """Put moving virtual servos behind a pseudo-terminal, and print the port; Ctrl-C ends it.
+
+    Packets are those of the real protocol, so that any program that talks to such servos can be
+    tried, a vendor's SDK included. Behind every identifier a motor moves, with friction, delay and
+    load; nothing jumps to its goal.
+
+    \b
+    Example, six servos and a calibration of the first:
+        request-planner virtual-bus --servos 6
+        request-planner calibrate --bus feetech --port /dev/pts/3 --ids 1 -o arm.toml
+    """  # noqa: D301
+    from planner.robot.protocols import PROTOCOLS
+    from planner.virtual.servo_bus import Faults, VirtualServos, serve, terminal
+
+    wrong: dict[str, Any] = {kind: {} for kind in TIMED}
+    for kind, servo, value in faults:
+        if kind not in TIMED:
+            wrong[kind] = value
+        elif servo in range(1, servos + 1):
+            wrong[kind][servo] = value
+        else:
+            raise click.UsageError(f"--fault: got servo {servo}, expected 1 to {servos}.")
+    moving = VirtualServos(
+        servos,
+        PROTOCOLS[protocol],
+        faults=Faults(**wrong),
+        step=None if step_ms is None else 1e-3 * step_ms,
+    )
+    moving.run(0.01)  # compiles what is to be compiled before a program waits for answers
+    with terminal() as (end, path):
+        click.echo(path)
+        serve(moving, end)

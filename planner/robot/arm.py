@@ -1,0 +1,289 @@
+"""Joints on a bus of servos: radians with a zero and a direction, and a guard on every motion.
+
+A tick is one sync write and one sync read, whatever the number of joints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.exceptions import BusError, InvalidInput, angle_text
+from planner.robot.bus import Bus
+from planner.robot.play import Playback, play, ramp
+from planner.trajectory import Array
+
+SILENT = 0.5
+"""Time without an answer after which a servo counts as gone [s]."""
+
+APPROACH = 0.5
+"""Speed at which joints are led to where a motion begins [rad/s]."""
+
+STUCK_ERROR, STUCK_MOTION, STUCK_TIME = math.radians(12.0), math.radians(1.0), 0.7
+"""A joint that misses its request by more than the first, and has moved by less than the second
+[rad] in the last time [s], does not follow. A loaded servo at a gain of 16 rests up to 8 degrees
+off its request."""
+
+SETTLED = 0.5
+"""Rest before a motion [s]."""
+
+ROUNDING = 1e-6
+"""By so much a request may be beyond its range [rad]: files round."""
+
+BEYOND = math.radians(15.0)
+"""How far beyond its range a joint may be before its motion is stopped [rad]."""
+
+SETTINGS = {
+    "p_gain": "P",
+    "i_gain": "I",
+    "d_gain": "D",
+    "profile_speed": "profile speed",
+    "profile_acceleration": "profile acceleration",
+}
+"""The settings of a servo that shape its motion, and what they are called."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """How a servo turns a joint: angle = direction (count - zero_tick) 2π / ticks_per_turn.
+
+    Attributes:
+        id: Its identifier on the bus.
+        zero_tick: Count at angle 0.
+        direction: 1, or -1 for a servo that is mounted the other way round.
+        ticks_per_turn: Counts of a turn.
+        limits: Least and largest angle that is requested [rad].
+        settings: The registers of :data:`SETTINGS` while it was calibrated.
+    """
+
+    id: int
+    zero_tick: int = 2048
+    direction: int = 1
+    ticks_per_turn: int = 4096
+    limits: tuple[float, float] = (-math.pi, math.pi)
+    settings: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.id <= 252:
+            raise InvalidInput(f"servo: got the identifier {self.id}, expected 0 to 252")
+        if self.direction not in (1, -1):
+            raise InvalidInput(f"direction: got {self.direction}, expected 1 or -1")
+        if self.ticks_per_turn < 2:
+            raise InvalidInput(f"ticks_per_turn: got {self.ticks_per_turn}, expected 2 or more")
+        if not self.limits[0] < self.limits[1]:
+            raise InvalidInput(f"limits: got {list(self.limits)}, expected the lower one first")
+
+    def count(self, angle: float) -> int:
+        """The nearest count to an angle [rad]."""
+        turns = self.direction * angle / (2.0 * math.pi)
+        return round(self.zero_tick + turns * self.ticks_per_turn)
+
+    def angle(self, count: float) -> float:
+        """The angle of a count [rad]."""
+        turns = (count - self.zero_tick) / self.ticks_per_turn
+        return self.direction * 2.0 * math.pi * turns
+
+
+class Measured(NamedTuple):
+    """What the servos say at a tick; arrays have one entry per joint, NaN where none answered.
+
+    Attributes:
+        time: When they were asked [s], on the port's clock.
+        angles: Angles [rad].
+        loads: Share of the largest load, in the direction of positive angles.
+        errors: The errors that the answers carried, 0 for none.
+    """
+
+    time: float
+    angles: Array
+    loads: Array
+    errors: tuple[int, ...]
+
+
+class Arm:
+    """Named joints on a bus."""
+
+    def __init__(self, bus: Bus, servos: Mapping[str, Servo]) -> None:
+        """Take a bus and the servos of the joints.
+
+        Raises:
+            InvalidInput: Two joints share a servo.
+        """
+        self.bus, self.servos = bus, dict(servos)
+        self.names = tuple(servos)
+        self._sent: Array | None = None
+        self._ids = [servo.id for servo in servos.values()]
+        if len(set(self._ids)) != len(self._ids):
+            raise InvalidInput(f"servos: got the identifiers {self._ids}, expected each once")
+
+    def send(self, requests: npt.ArrayLike) -> None:
+        """Request an angle of every joint [rad], in one packet."""
+        self._sent = np.array(requests, dtype=float)
+        pairs = zip(self.servos.values(), self._sent.tolist(), strict=True)
+        self.bus.sync_write("goal", {servo.id: servo.count(angle) for servo, angle in pairs})
+
+    def measure(self) -> Measured:
+        """What every joint does, asked for in one packet."""
+        now = self.bus.port.now()
+        readings = self.bus.sync_read(self._ids)
+        angles, loads = np.full(len(self._ids), np.nan), np.full(len(self._ids), np.nan)
+        for k, servo in enumerate(self.servos.values()):
+            if servo.id in readings:
+                values = readings[servo.id].values
+                angles[k] = servo.angle(values["position"])
+                loads[k] = servo.direction * values["load"] * self.bus.protocol.load_unit
+        errors = tuple(readings[each].error if each in readings else 0 for each in self._ids)
+        return Measured(now, angles, loads, errors)
+
+    def angles(self) -> Array:
+        """Where every joint is [rad], asked for again where an answer was lost.
+
+        Raises:
+            BusError: A servo stays silent.
+        """
+        angles = self.measure().angles
+        for k in np.flatnonzero(np.isnan(angles)):
+            servo = self.servos[self.names[k]]
+            angles[k] = servo.angle(self.bus.read(servo.id, "position"))
+        return angles
+
+    def settings(self) -> dict[str, dict[str, int]]:
+        """By joint, the registers that shape its motion."""
+        return {
+            name: {each: self.bus.read(servo.id, each) for each in SETTINGS}
+            for name, servo in self.servos.items()
+        }
+
+    def hold(self) -> None:
+        """Stop every joint where it is; one that is near its last request keeps that."""
+        angles = self.angles()
+        if self._sent is not None:
+            near = np.abs(self._sent - angles) < STUCK_ERROR
+            angles = np.where(near, self._sent, angles)
+        self.send(angles)
+
+    @contextmanager
+    def powered(self) -> Iterator[None]:
+        """Torque on in the block; afterwards as it was before.
+
+        However the block ends, every joint is first stopped where it is. On a bus that is gone
+        nothing can be written: the servos hold their last request.
+        """
+        before = {servo.id: self.bus.read(servo.id, "torque") for servo in self.servos.values()}
+        try:
+            if not all(before.values()):
+                self.hold()
+                for servo in before:
+                    self.bus.write(servo, "torque", 1)
+            yield
+        finally:
+            with suppress(BusError):
+                self.hold()
+                for servo, torque in before.items():
+                    if not torque:
+                        self.bus.write(servo, "torque", 0)
+
+    def perform(
+        self,
+        requests: Array,
+        *,
+        period: float,
+        cycles: int = 1,
+        keep: Callable[[float, Array, Array], object] = lambda *_: None,
+    ) -> Playback:
+        """Lead the joints to the first request, play all of them, and measure right after each.
+
+        Args:
+            requests: What to request [rad], shape (n, k).
+            period: Time between requests [s].
+            cycles: How often.
+            keep: Called at every tick after the lead with the time since the first request [s], the
+                requests and the measured angles [rad], shape (k,), NaN where none was read.
+
+        Returns:
+            What was sent after the lead, and how late; Ctrl-C ends it.
+
+        Raises:
+            InvalidInput: Before anything moves: a request beyond the limits of its joint.
+            BusError: The bus is gone, or a servo is silent, does not follow, leaves its range or
+                reports a fault. What was kept until then is kept.
+        """
+        self._check(requests)
+        port, start = self.bus.port, self.angles()
+        guard, begin = _Guard(self, start), math.nan
+
+        def tick(row: Array) -> Measured:
+            self.send(row)
+            measured = self.measure()
+            guard.check(row, measured)
+            return measured
+
+        def kept_tick(row: Array) -> None:
+            nonlocal begin
+            measured = tick(row)
+            begin = measured.time if math.isnan(begin) else begin
+            keep(measured.time - begin, row, measured.angles)
+
+        way = ramp(start, requests[0], speed=APPROACH, period=period)
+        rest = np.tile(requests[0], (math.ceil(SETTLED / period), 1))
+        lead = np.vstack([way, rest])
+        led = play(lead, period=period, cycles=1, send=tick, now=port.now, sleep=port.sleep)
+        if led.interrupted:
+            return led
+        return play(
+            requests, period=period, cycles=cycles, send=kept_tick, now=port.now, sleep=port.sleep
+        )
+
+    def _check(self, requests: Array) -> None:
+        for name, servo, column in zip(self.names, self.servos.values(), requests.T, strict=True):
+            low, high = servo.limits
+            beyond = (column < low - ROUNDING) | (column > high + ROUNDING)
+            if beyond.any():
+                row = int(np.argmax(beyond))
+                raise InvalidInput(
+                    f"{name}: request {row} is {angle_text(column[row])}, expected "
+                    f"{angle_text(low, high)}, its range; plan within it"
+                )
+
+
+class _Guard:
+    """Stops a motion that goes wrong."""
+
+    def __init__(self, arm: Arm, start: Array) -> None:
+        limits = np.array([servo.limits for servo in arm.servos.values()])
+        self._low = np.minimum(limits[:, 0], start) - BEYOND
+        self._high = np.maximum(limits[:, 1], start) + BEYOND
+        now = arm.bus.port.now()
+        self._arm, self._anchors = arm, start.copy()
+        self._moved, self._heard = np.full(len(start), now), np.full(len(start), now)
+
+    def check(self, requests: Array, measured: Measured) -> None:
+        """Raise BusError where a joint is silent, stuck, beyond its range or reports a fault."""
+        now, angles = measured.time, measured.angles
+        heard = np.isfinite(angles)
+        self._heard[heard] = now
+        errors = np.abs(requests - angles)
+        free = heard & ~((errors > STUCK_ERROR) & (np.abs(angles - self._anchors) < STUCK_MOTION))
+        self._anchors[free], self._moved[free] = angles[free], now
+        for k, name in enumerate(self._arm.names):
+            words = self._arm.bus.protocol.error_words(measured.errors[k])
+            if words:
+                raise BusError(f"{name}: the servo reports {words}; stopped")
+            if now - self._heard[k] > SILENT:
+                raise BusError(f"{name}: the servo has stopped answering; check cable and supply")
+            if now - self._moved[k] > STUCK_TIME:
+                raise BusError(
+                    f"{name}: does not follow: at {angle_text(angles[k])}, requested "
+                    f"{angle_text(requests[k])}; stopped: what holds it?"
+                )
+            if heard[k] and not self._low[k] < angles[k] < self._high[k]:
+                raise BusError(
+                    f"{name}: at {angle_text(angles[k])}, far beyond its range; stopped: is its "
+                    "direction right?"
+                )

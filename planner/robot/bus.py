@@ -1,0 +1,260 @@
+"""A bus of servos: instructions and answers over a port, with lost packets counted.
+
+All joints are sent to by one sync write and read by one sync read, each of one packet from here.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import termios
+import time
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol
+
+from planner.exceptions import BusError, InvalidInput
+from planner.robot.protocols import (
+    BROADCAST,
+    PING,
+    READ,
+    SYNC_READ,
+    SYNC_WRITE,
+    WRITE,
+    Packet,
+    ServoProtocol,
+)
+
+ATTEMPTS = 4
+"""How often a servo is asked before it counts as silent; at 5 % lost packets, 10 % of questions
+fail, and one in 10,000 fails so often."""
+
+PATIENCE = 0.05
+"""Time for which an answer is awaited beside its own [s]: a USB adapter may keep it for 16 ms."""
+
+
+class Port(Protocol):
+    """What carries bytes to the servos and back, and whose clock the motion keeps to."""
+
+    baud_rate: int
+
+    def write(self, content: bytes) -> None:
+        """Send bytes, and forget what was received before."""
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """So many bytes, or those that came within a time [s]."""
+
+    def now(self) -> float:
+        """A time that never goes back [s]."""
+
+    def sleep(self, duration: float) -> None:
+        """Wait for a time [s]."""
+
+    def close(self) -> None:
+        """Give the port back."""
+
+
+class SerialPort:
+    """A serial port, or a pseudo-terminal, by the system's own calls."""
+
+    def __init__(self, path: str, baud_rate: int = 1_000_000) -> None:
+        """Open a port.
+
+        Args:
+            path: Such as /dev/ttyACM0.
+            baud_rate: Bits per second; one that the system has a name for.
+
+        Raises:
+            InvalidInput: An unknown rate.
+            BusError: The port cannot be opened.
+        """
+        speed = getattr(termios, f"B{baud_rate}", None)
+        if speed is None:
+            known = sorted(int(name[1:]) for name in dir(termios) if name[1:].isdigit())
+            rates = ", ".join(str(rate) for rate in known if rate >= 9600)
+            raise InvalidInput(f"baud rate: got {baud_rate}, expected one of {rates}")
+        self.path, self.baud_rate = path, baud_rate
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError as error:
+            raise BusError(
+                f"{path}: cannot be opened ({(error.strerror or str(error)).lower()}); check the "
+                "cable and the rights on the port"
+            ) from error
+        try:
+            raw = [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, speed, speed]
+            control = termios.tcgetattr(self._file)[6]
+            termios.tcsetattr(self._file, termios.TCSANOW, [*raw, control])
+        except termios.error as error:
+            os.close(self._file)
+            raise BusError(f"{path}: is no serial port; expected such as /dev/ttyACM0") from error
+
+    def write(self, content: bytes) -> None:
+        """Send bytes, and forget what was received before."""
+        try:
+            termios.tcflush(self._file, termios.TCIFLUSH)
+            sent = 0
+            while sent < len(content):
+                sent += os.write(self._file, content[sent:])
+        except (OSError, termios.error) as error:
+            raise self._gone() from error
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """So many bytes, or those that came within a time [s]."""
+        received, end = b"", time.monotonic() + timeout
+        while len(received) < count:
+            left = end - time.monotonic()
+            if left <= 0.0 or not select.select([self._file], [], [], left)[0]:
+                break
+            try:
+                part = os.read(self._file, count - len(received))
+            except OSError as error:
+                if error.errno == errno.EAGAIN:
+                    continue
+                raise self._gone() from error
+            if not part:
+                raise self._gone()
+            received += part
+        return received
+
+    def now(self) -> float:
+        """A time that never goes back [s]."""
+        return time.monotonic()
+
+    def sleep(self, duration: float) -> None:
+        """Wait for a time [s]."""
+        time.sleep(duration)
+
+    def close(self) -> None:
+        """Give the port back."""
+        os.close(self._file)
+
+    def _gone(self) -> BusError:
+        return BusError(f"{self.path}: the bus is gone; check the cable and the supply")
+
+
+class Reading(NamedTuple):
+    """What a servo says of itself.
+
+    Attributes:
+        values: Its registers by name, in their own units.
+        error: The error of its answer, 0 for none.
+    """
+
+    values: Mapping[str, int]
+    error: int
+
+
+class Bus:
+    """The servos on a port.
+
+    Attributes:
+        port: What carries the bytes.
+        protocol: How they are framed.
+        patience: Time for which an answer is waited for beside its own [s].
+        asked: Answers that were asked for.
+        lost: Those that did not come, or not whole.
+    """
+
+    def __init__(self, port: Port, protocol: ServoProtocol) -> None:
+        """Take a port and the protocol of its servos."""
+        self.port, self.protocol, self.patience = port, protocol, PATIENCE
+        self.asked = self.lost = 0
+
+    def ping(self, servo: int) -> None:
+        """Make sure that a servo answers.
+
+        Raises:
+            BusError: It does not.
+        """
+        self._ask(servo, PING, b"", 3 if self.protocol.address_size == 2 else 0)
+
+    def read(self, servo: int, name: str) -> int:
+        """The value of a register.
+
+        Raises:
+            BusError: The servo does not answer.
+        """
+        register = self.protocol.registers[name]
+        place = self.protocol.place(register.address, register.size)
+        return register.decode(self._ask(servo, READ, place, register.size).content)
+
+    def write(self, servo: int, name: str, value: int) -> None:
+        """Write a register, and wait for the servo to say so.
+
+        Raises:
+            BusError: The servo does not answer.
+        """
+        register = self.protocol.registers[name]
+        width = self.protocol.address_size
+        place = self.protocol.place(register.address, register.size)[:width]
+        self._ask(servo, WRITE, place + register.encode(value), 0)
+
+    def sync_write(self, name: str, values: Mapping[int, int]) -> None:
+        """Write a register of several servos in one packet, which none answers.
+
+        Raises:
+            BusError: The bus is gone.
+        """
+        register = self.protocol.registers[name]
+        content = self.protocol.place(register.address, register.size) + b"".join(
+            bytes([servo]) + register.encode(value) for servo, value in values.items()
+        )
+        self.port.write(self.protocol.instruction(BROADCAST, SYNC_WRITE, content))
+
+    def sync_read(self, servos: Sequence[int]) -> dict[int, Reading]:
+        """What several servos feed back, asked for by one packet; silent ones are left out.
+
+        Raises:
+            BusError: The bus is gone.
+        """
+        protocol = self.protocol
+        first, size = protocol.block(protocol.feedback)
+        content = protocol.place(first, size) + bytes(servos)
+        answers = self._answers(
+            protocol.instruction(BROADCAST, SYNC_READ, content), len(servos), size
+        )
+        readings = {}
+        for packet in answers:
+            if packet.servo in servos and len(packet.content) == size:
+                values = {
+                    name: register.decode(packet.content[register.address - first :])
+                    for name in protocol.feedback
+                    for register in [protocol.registers[name]]
+                }
+                readings[packet.servo] = Reading(values, packet.code)
+        self.asked += len(servos)
+        self.lost += len(servos) - len(readings)
+        return readings
+
+    def _ask(self, servo: int, code: int, content: bytes, size: int) -> Packet:
+        """The answer of one servo, asked for several times where it is lost."""
+        instruction = self.protocol.instruction(servo, code, content)
+        for _ in range(ATTEMPTS):
+            self.asked += 1
+            for packet in self._answers(instruction, 1, size):
+                if packet.servo == servo and len(packet.content) == size:
+                    return packet
+            self.lost += 1
+        raise BusError(
+            f"servo {servo} does not answer; check its identifier, the baud rate, the cable and "
+            "the supply"
+        )
+
+    def _answers(self, instruction: bytes, count: int, size: int) -> list[Packet]:
+        """The packets that come back, at most so many, each with so many bytes of content."""
+        port, protocol = self.port, self.protocol
+        whole = count * len(protocol.answer(1, 0, bytes(size)))
+        end = port.now() + self.patience + 10.0 * (whole + len(instruction)) / port.baud_rate
+        port.write(instruction)
+        buffer, packets = bytearray(), list[Packet]()
+        missing = whole
+        while missing > 0 and (left := end - port.now()) > 0.0:
+            received = port.read(missing, left)
+            buffer += received
+            while (packet := protocol.take(buffer, answers=True)) is not None:
+                packets.append(packet)
+            if len(packets) == count or not received:
+                break
+            missing = max(1, whole // count * (count - len(packets)) - len(buffer))
+        return packets

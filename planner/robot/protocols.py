@@ -1,0 +1,288 @@
+"""Packets and registers of two servo buses: Feetech STS/SMS, and Dynamixel protocol 2.0.
+
+Both protocols know the same instructions, and write numbers with the low byte first; they differ in
+their frames, in the width of addresses and in the sign of numbers. The control tables are those of
+Feetech's STS3215 and of Robotis' X series. Nothing here opens a port or keeps a state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
+"""Instructions, the same in both protocols."""
+
+BROADCAST = 0xFE
+"""The identifier that all servos listen to, and none answers."""
+
+TWO_COMPLEMENT = -1
+"""Sign of a register whose negative numbers are two's complements."""
+
+
+class Register(NamedTuple):
+    """A number in the memory of a servo.
+
+    Attributes:
+        address: Its first byte.
+        size: Its bytes, the low one first.
+        sign: 0 where it has none, :data:`TWO_COMPLEMENT`, or the bit that holds the sign.
+    """
+
+    address: int
+    size: int
+    sign: int = 0
+
+    def encode(self, value: int) -> bytes:
+        """The bytes of a value; one that does not fit is cut to the nearest that does."""
+        width = 8 * self.size
+        if self.sign == TWO_COMPLEMENT:
+            half = 1 << (width - 1)
+            return (max(-half, min(half - 1, value)) % (1 << width)).to_bytes(self.size, "little")
+        if self.sign:
+            largest = (1 << self.sign) - 1
+            magnitude = min(abs(value), largest) | ((value < 0) << self.sign)
+            return magnitude.to_bytes(self.size, "little")
+        return max(0, min((1 << width) - 1, value)).to_bytes(self.size, "little")
+
+    def decode(self, content: bytes | bytearray) -> int:
+        """The value of bytes."""
+        value = int.from_bytes(content[: self.size], "little")
+        if self.sign == TWO_COMPLEMENT:
+            half = 1 << (8 * self.size - 1)
+            return value - 2 * half if value >= half else value
+        if self.sign and value >> self.sign & 1:
+            return -(value & ((1 << self.sign) - 1))
+        return value
+
+
+class Packet(NamedTuple):
+    """What a frame holds.
+
+    Attributes:
+        servo: Identifier of the servo that it is for, or from.
+        code: The instruction; in an answer the error, 0 for none.
+        content: Parameters, or the answer's data.
+    """
+
+    servo: int
+    code: int
+    content: bytes
+
+
+@dataclass(frozen=True)
+class ServoProtocol:
+    """A protocol and the control table of its servos; see the two subclasses.
+
+    Attributes:
+        name: What users call it.
+        registers: By name; the same names in both protocols.
+        feedback: What one sync read fetches: registers beside one another.
+        speed_unit: Speed that a profile speed of 1 stands for [rad/s].
+        acceleration_unit: Acceleration that a profile acceleration of 1 stands for [rad/s²].
+        load_unit: Share of the largest load that a load of 1 stands for.
+        errors: By bit of an answer's error, what it means.
+        address_size: Bytes of an address.
+        models: Names of servos by model number.
+    """
+
+    name: str
+    registers: Mapping[str, Register]
+    feedback: tuple[str, ...]
+    speed_unit: float
+    acceleration_unit: float
+    load_unit: float
+    errors: Mapping[int, str]
+    address_size: int
+    models: Mapping[int, str]
+
+    def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
+        """The frame of an instruction."""
+        raise NotImplementedError
+
+    def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
+        """The frame of an answer."""
+        raise NotImplementedError
+
+    def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
+        """Take the first whole packet off a buffer, and what is no packet before it.
+
+        Args:
+            buffer: Bytes as they came; what is left may be the beginning of a packet.
+            answers: Whether answers are expected, not instructions; others are dropped.
+        """
+        raise NotImplementedError
+
+    def place(self, address: int, size: int) -> bytes:
+        """An address and a number of bytes, as instructions begin."""
+        width = self.address_size
+        return address.to_bytes(width, "little") + size.to_bytes(width, "little")
+
+    def block(self, names: Sequence[str]) -> tuple[int, int]:
+        """First address and bytes of neighbouring registers."""
+        places = [self.registers[name] for name in names]
+        first = min(place.address for place in places)
+        return first, max(place.address + place.size for place in places) - first
+
+    def error_words(self, error: int) -> str:
+        """What the error of an answer says, in words; empty for none."""
+        return " and ".join(words for bit, words in self.errors.items() if error & bit)
+
+
+class _Feetech(ServoProtocol):
+    """FF FF, servo, length, instruction or error, content, inverted sum."""
+
+    def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
+        body = bytes([servo, len(content) + 2, code]) + content
+        return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
+
+    def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
+        return self.instruction(servo, error, content)
+
+    def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:  # noqa: ARG002
+        while (start := buffer.find(b"\xff\xff")) >= 0:
+            del buffer[:start]
+            if len(buffer) < 4:
+                return None
+            if buffer[2] == 0xFF or buffer[3] < 2:  # 255 is no identifier
+                del buffer[0]
+                continue
+            end = buffer[3] + 4
+            if len(buffer) < end:
+                return None
+            if ~sum(buffer[2 : end - 1]) & 0xFF != buffer[end - 1]:
+                del buffer[:2]
+                continue
+            packet = Packet(buffer[2], buffer[4], bytes(buffer[5 : end - 1]))
+            del buffer[:end]
+            return packet
+        del buffer[: -1 if buffer.endswith(b"\xff") else None]
+        return None
+
+
+class _Dynamixel(ServoProtocol):
+    """FF FF FD 00, servo, length, instruction, content, CRC-16; an answer has the instruction 55.
+
+    FF FF FD inside is followed by a stuffed FD.
+    """
+
+    def instruction(self, servo: int, code: int, content: bytes = b"") -> bytes:
+        body = (bytes([code]) + content).replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
+        frame = b"\xff\xff\xfd\x00" + bytes([servo]) + (len(body) + 2).to_bytes(2, "little") + body
+        return frame + _crc(frame).to_bytes(2, "little")
+
+    def answer(self, servo: int, error: int, content: bytes = b"") -> bytes:
+        return self.instruction(servo, 0x55, bytes([error]) + content)
+
+    def take(self, buffer: bytearray, *, answers: bool) -> Packet | None:
+        while (start := buffer.find(b"\xff\xff\xfd\x00")) >= 0:
+            del buffer[:start]
+            if len(buffer) < 7:
+                return None
+            end = int.from_bytes(buffer[5:7], "little") + 7
+            if end < 10:
+                del buffer[:4]
+                continue
+            if len(buffer) < end:
+                return None
+            frame = bytes(buffer[:end])
+            if _crc(frame[:-2]) != int.from_bytes(frame[-2:], "little"):
+                del buffer[:4]
+                continue
+            del buffer[:end]
+            body = frame[7:-2].replace(b"\xff\xff\xfd\xfd", b"\xff\xff\xfd")
+            if (body[0] == 0x55) != answers or (answers and len(body) < 2):
+                continue
+            return Packet(frame[4], *((body[1], body[2:]) if answers else (body[0], body[1:])))
+        del buffer[: max(0, len(buffer) - 3)]
+        return None
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        value = byte << 8
+        for _ in range(8):
+            value = (value << 1 ^ (0x8005 if value & 0x8000 else 0)) & 0xFFFF
+        table.append(value)
+    return tuple(table)
+
+
+_CRC = _crc_table()
+
+
+def _crc(content: bytes) -> int:
+    """CRC-16 with the polynomial 8005, from 0."""
+    value = 0
+    for byte in content:
+        value = (value << 8 ^ _CRC[value >> 8 ^ byte]) & 0xFFFF
+    return value
+
+
+FEETECH = _Feetech(
+    name="feetech",
+    registers={
+        "model": Register(3, 2),
+        "least_position": Register(9, 2),
+        "largest_position": Register(11, 2),
+        "p_gain": Register(21, 1),
+        "d_gain": Register(22, 1),
+        "i_gain": Register(23, 1),
+        "torque": Register(40, 1),
+        "profile_acceleration": Register(41, 1),
+        "goal": Register(42, 2, 15),
+        "profile_speed": Register(46, 2, 15),
+        "torque_limit": Register(48, 2),
+        "position": Register(56, 2, 15),
+        "speed": Register(58, 2, 15),
+        "load": Register(60, 2, 10),
+        "temperature": Register(63, 1),
+    },
+    feedback=("position", "speed", "load", "temperature"),
+    speed_unit=2.0 * math.pi / 4096,
+    acceleration_unit=100.0 * 2.0 * math.pi / 4096,
+    load_unit=1e-3,
+    errors={
+        0x01: "a wrong voltage",
+        0x02: "a fault of its angle sensor",
+        0x04: "overheating",
+        0x08: "too much current",
+        0x20: "overload",
+    },
+    address_size=1,
+    models={777: "STS3215", 2825: "STS3250"},
+)
+
+DYNAMIXEL = _Dynamixel(
+    name="dynamixel",
+    registers={
+        "model": Register(0, 2),
+        "largest_position": Register(48, 4),
+        "least_position": Register(52, 4),
+        "torque": Register(64, 1),
+        "hardware_error": Register(70, 1),
+        "d_gain": Register(80, 2),
+        "i_gain": Register(82, 2),
+        "p_gain": Register(84, 2),
+        "torque_limit": Register(100, 2, TWO_COMPLEMENT),
+        "profile_acceleration": Register(108, 4),
+        "profile_speed": Register(112, 4),
+        "goal": Register(116, 4, TWO_COMPLEMENT),
+        "load": Register(126, 2, TWO_COMPLEMENT),
+        "speed": Register(128, 4, TWO_COMPLEMENT),
+        "position": Register(132, 4, TWO_COMPLEMENT),
+        "temperature": Register(146, 1),
+    },
+    feedback=("load", "speed", "position"),
+    speed_unit=0.229 * 2.0 * math.pi / 60.0,
+    acceleration_unit=214.577 * 2.0 * math.pi / 3600.0,
+    load_unit=1e-3,
+    errors={0x80: "a hardware error: overload, overheating or a wrong voltage"},
+    address_size=2,
+    models={1060: "XL430-W250", 1190: "XL330-M077", 1200: "XL330-M288", 1020: "XM430-W350"},
+)
+
+PROTOCOLS: Mapping[str, ServoProtocol] = {each.name: each for each in (FEETECH, DYNAMIXEL)}
+"""By the name that users give."""

@@ -1,0 +1,257 @@
+"""Position servos as their makers build them: a PID loop, a motor with friction, a load.
+
+The law of :mod:`planner.model` is not used here, nor known to it. In each millisecond, with the
+error e between the goal, as the profile lets it through, and the counted angle::
+
+    duty    = clip(kp e + ki ∫e - kd w, -limit, limit), in steps of the PWM, 0 inside its dead band
+    current = clip((duty U - k w) / R, -I, I)
+    J dw/dt = k current - friction(w) - gravity sin(angle)
+
+Dry friction is implicit: it stops the joint, and never drives it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from planner.compilation import compiled
+from planner.trajectory import Array
+
+STEP = 1e-3
+"""Period of the loop and of the integration [s]."""
+
+MOST_DELAY = 64
+"""Steps by which a goal may be late."""
+
+AMBIENT = 25.0
+"""Temperature of the surroundings [°C]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motor:
+    """The constants of a servo and of what it carries.
+
+    The defaults are a Feetech STS3215 at 7.4 V: resistance, torque constant, armature and viscous
+    friction as BAM identified them, at the joint; dry friction as the elbow of an SO-101 shows it.
+
+    Attributes:
+        voltage: Of the supply [V].
+        resistance: Of the winding [ohm].
+        torque_constant: At the joint [N m/A].
+        inertia: At the joint, the load's included [kg m²].
+        dry_friction: Coulomb friction [N m].
+        viscous_friction: [N m s/rad].
+        gravity: Torque that holds the load level [N m]; it hangs at 0.
+        current_limit: [A].
+        duty_steps: Steps of the PWM either way.
+        duty_dead_band: Duty below which nothing is switched.
+        proportional: Duty per rad and unit of the P gain.
+        integral: Duty per rad s and unit of the I gain.
+        derivative: Duty per rad/s and unit of the D gain.
+        delay: Time until a goal takes effect [s].
+        counts: Counts of the sensor in a turn.
+        heat_capacity: Of the winding and case [J/K].
+        cooling_time: Time constant of cooling [s].
+    """
+
+    voltage: float = 7.4
+    resistance: float = 2.676
+    torque_constant: float = 1.2116
+    inertia: float = 0.0284
+    dry_friction: float = 0.12
+    viscous_friction: float = 0.059
+    gravity: float = 0.0
+    current_limit: float = 2.7
+    duty_steps: float = 1000.0
+    duty_dead_band: float = 0.0
+    proportional: float = 0.166
+    integral: float = 0.1
+    derivative: float = 0.00375
+    delay: float = 0.008
+    counts: float = 4096.0
+    heat_capacity: float = 20.0
+    cooling_time: float = 300.0
+
+
+STS3215 = Motor()
+XL430 = Motor(
+    voltage=12.0,
+    resistance=8.6,
+    torque_constant=1.6,
+    inertia=0.02,
+    dry_friction=0.1,
+    viscous_friction=0.05,
+    current_limit=1.4,
+    duty_steps=885.0,
+    proportional=0.0058,
+    integral=1e-4,
+    derivative=2e-5,
+    delay=0.004,
+)
+
+
+def arm_of(motor: Motor, count: int) -> list[Motor]:
+    """Such servos as the joints of an arm: each has another friction, the second and third lift."""
+    lifts = {1: 0.5, 2: 0.3}
+    return [
+        replace(
+            motor,
+            dry_friction=motor.dry_friction * (1.0 + 0.2 * (k % 3)),
+            inertia=motor.inertia * (1.0 + 0.3 * lifts.get(k % 6, 0.0)),
+            gravity=lifts.get(k % 6, 0.0) * motor.torque_constant,
+        )
+        for k in range(count)
+    ]
+
+
+class Motors:
+    """Servos in motion; arrays have one entry per servo.
+
+    Attributes:
+        goals: What they were told [rad]; written by the caller.
+        powered: Whether their torque is on, 0 or 1.
+        gains: P, I and D, shape (n, 3).
+        profiles: Top speed [rad/s] and acceleration [rad/s²] of the goal, 0 for none, shape (n, 2).
+        limits: Largest duty, 0 to 1.
+        jammed: Whether something holds the joint, 0 or 1.
+    """
+
+    def __init__(self, motors: list[Motor], angles: Array) -> None:
+        """Servos at rest at these angles [rad], without torque."""
+        count = len(motors)
+        self._constants = np.array(
+            [[getattr(motor, each.name) for each in fields(Motor)] for motor in motors]
+        )
+        self.goals = np.array(angles, dtype=float)
+        self.powered, self.jammed = np.zeros(count), np.zeros(count)
+        self.gains, self.profiles = np.zeros((count, 3)), np.zeros((count, 2))
+        self.limits = np.ones(count)
+        # angle, speed, let-through goal and its speed, integral, counted angle, its speed, current,
+        # duty, temperature, time under overload
+        self._states = np.zeros((count, 11))
+        self._states[:, [0, 2, 5]] = self.goals[:, None]
+        self._states[:, 9] = AMBIENT
+        self._delayed = np.tile(self.goals[:, None], MOST_DELAY)
+        self._done = 0
+
+    @property
+    def time(self) -> float:
+        """How long they have been running [s]."""
+        return self._done * STEP
+
+    def run(self, until: float) -> None:
+        """Let them run until a time since the beginning [s]."""
+        steps = math.floor(until / STEP + 1e-6) - self._done
+        if steps > 0:
+            given = (self.goals, self.powered, self.gains, self.profiles, self.limits, self.jammed)
+            _run(self._done, steps, self._constants, self._states, self._delayed, *given)
+            self._done += steps
+
+    @property
+    def angles(self) -> Array:
+        """Angles as they are counted [rad]."""
+        return self._states[:, 5]
+
+    @property
+    def speeds(self) -> Array:
+        """Speeds as they are counted [rad/s]."""
+        return self._states[:, 6]
+
+    @property
+    def duties(self) -> Array:
+        """Share of the voltage that is switched, -1 to 1."""
+        return self._states[:, 8]
+
+    @property
+    def temperatures(self) -> Array:
+        """Temperatures [°C]; a caller may write them."""
+        return self._states[:, 9]
+
+    @property
+    def overload_times(self) -> Array:
+        """For how long each has pushed at nearly full duty without moving [s]."""
+        return self._states[:, 10]
+
+
+@compiled
+def _run(  # type: ignore[no-untyped-def]
+    first, steps, constants, states, delayed, goals, powered, gains, profiles, limits, jammed
+):
+    for i in range(len(goals)):
+        (
+            voltage,
+            resistance,
+            torque_constant,
+            inertia,
+            dry,
+            viscous,
+            gravity,
+            current_limit,
+            duty_steps,
+            duty_dead_band,
+            proportional,
+            integral_unit,
+            derivative,
+            delay,
+            counts,
+            capacity,
+            cooling,
+        ) = constants[i]
+        late = min(MOST_DELAY - 1, round(delay / STEP))
+        quantum = 2.0 * math.pi / counts
+        angle, speed, through, pace, integral, counted, felt, current, duty, heat, pushing = states[
+            i
+        ]
+        top, acceleration = profiles[i]
+        for step in range(first, first + steps):
+            delayed[i, step % MOST_DELAY] = goals[i]
+            goal = delayed[i, (step - late) % MOST_DELAY]
+            error = goal - through
+            if top == 0.0 and acceleration == 0.0:
+                through, pace = goal, 0.0
+            else:
+                aim = abs(error) / STEP
+                if top > 0.0:
+                    aim = min(aim, top)
+                if acceleration > 0.0:
+                    aim = min(aim, math.sqrt(2.0 * acceleration * abs(error)))
+                    change = math.copysign(aim, error) - pace
+                    most = acceleration * STEP
+                    pace += min(most, max(-most, change))
+                else:
+                    pace = math.copysign(aim, error)
+                if abs(pace) * STEP >= abs(error) and pace * error >= 0.0:
+                    through, pace = goal, 0.0
+                else:
+                    through += pace * STEP
+            sensed = round(angle / quantum) * quantum
+            felt += STEP / (STEP + 0.004) * ((sensed - counted) / STEP - felt)
+            counted = sensed
+            if powered[i] > 0.0:
+                e = through - counted
+                p, ki, d = gains[i]
+                integral = min(0.3, max(-0.3, integral + integral_unit * ki * e * STEP))
+                duty = proportional * p * e + integral - derivative * d * felt
+                duty = round(duty * duty_steps) / duty_steps
+                if abs(duty) <= duty_dead_band:
+                    duty = 0.0
+                duty = min(limits[i], max(-limits[i], duty))
+                current = (duty * voltage - torque_constant * speed) / resistance
+                current = min(current_limit, max(-current_limit, current))
+            else:
+                through, pace, integral, duty, current = counted, 0.0, 0.0, 0.0, 0.0
+            torque = torque_constant * current - gravity * math.sin(angle) - viscous * speed
+            free = speed + STEP * torque / inertia
+            speed = math.copysign(max(abs(free) - STEP * dry / inertia, 0.0), free)
+            if jammed[i] > 0.0:
+                speed = 0.0
+            angle += STEP * speed
+            pushing = pushing + STEP if abs(duty) > 0.8 and abs(speed) < 0.05 else 0.0
+            lost = (heat - AMBIENT) / cooling
+            heat += STEP * (current * current * resistance / capacity - lost)
+        states[i] = np.array(
+            [angle, speed, through, pace, integral, counted, felt, current, duty, heat, pushing]
+        )

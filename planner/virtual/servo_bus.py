@@ -1,0 +1,321 @@
+"""Servos behind their real protocol: packets in, packets out, and joints that move meanwhile.
+
+:class:`VirtualServos` answers the bytes of a bus. :class:`VirtualPort` puts it in the place of a
+serial port, on a clock of its own that only its packets and waiting advance: the same program finds
+the same numbers. :func:`serve` puts it behind a pseudo-terminal, for other programs.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+import tty
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planner.exceptions import BusError
+from planner.robot.protocols import (
+    BROADCAST,
+    FEETECH,
+    PING,
+    READ,
+    SYNC_READ,
+    SYNC_WRITE,
+    WRITE,
+    Packet,
+    ServoProtocol,
+)
+from planner.virtual.motors import STS3215, XL430, Motor, Motors, arm_of
+
+REG_WRITE, ACTION = 0x04, 0x05
+"""Instructions that only the emulator knows: write later, at the same moment."""
+
+ZERO = 2048
+"""Count at angle 0."""
+
+OVERLOADED = 2.0
+"""Time at nearly full duty without motion after which a servo gives up [s]."""
+
+WATCHED = 0.02
+"""Time between two looks at what went wrong [s]."""
+
+HOT = 70.0
+"""Temperature at which a servo switches its torque off [°C]."""
+
+WIRE = 1e-3
+"""Time of a packet and its answers on the wire, in lock step [s]."""
+
+PROTECTIVE, SAGGING = 0.2, 0.3
+"""Largest duty of a servo that gave up, and at a supply that sags."""
+
+DEFAULTS: Mapping[str, Mapping[str, int]] = {
+    "feetech": {
+        "model": 777,
+        "largest_position": 4095,
+        "p_gain": 16,
+        "d_gain": 32,
+        "torque_limit": 1000,
+    },
+    "dynamixel": {
+        "model": 1060,
+        "largest_position": 4095,
+        "p_gain": 800,
+        "torque_limit": 885,
+    },
+}
+"""What the registers hold when the supply is switched on; the others hold 0."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Faults:
+    """What goes wrong, and when [s since the beginning].
+
+    Attributes:
+        drop: Share of the packets, both ways, that are lost.
+        disconnect: When the cable is pulled.
+        stall: By servo, when something blocks it.
+        overheat: By servo, when it is too hot.
+        saturate: By servo, when its supply sags.
+    """
+
+    drop: float = 0.0
+    disconnect: float = float("inf")
+    stall: Mapping[int, float] = field(default_factory=dict)
+    overheat: Mapping[int, float] = field(default_factory=dict)
+    saturate: Mapping[int, float] = field(default_factory=dict)
+
+
+class VirtualServos:
+    """Servos on a bus, with their memories and their joints."""
+
+    def __init__(
+        self,
+        count: int = 6,
+        protocol: ServoProtocol = FEETECH,
+        *,
+        motors: Sequence[Motor] | None = None,
+        faults: Faults | None = None,
+        step: float | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Servos with the identifiers 1 to ``count``, at rest near their middle, torque off.
+
+        Args:
+            count: How many.
+            protocol: What they speak.
+            motors: What they are made of; by default an arm of such servos.
+            faults: What goes wrong.
+            step: Time between two sync writes [s], where they are to be the clock; any other packet
+                takes :data:`WIRE`.
+            seed: Of the lost packets.
+        """
+        self.protocol, self.ids = protocol, range(1, count + 1)
+        made = arm_of(STS3215 if protocol is FEETECH else XL430, count)
+        self.motors = Motors(list(motors or made), np.zeros(count))
+        self.faults, self.step = faults or Faults(), step
+        self._tick = 0.0
+        self._random = np.random.default_rng(seed)
+        self._received, self._later = bytearray(), list[Packet]()
+        self._memories = [bytearray(256) for _ in self.ids]
+        for servo in self.ids:
+            for name, value in {**DEFAULTS[protocol.name], "goal": ZERO}.items():
+                self._set(servo, name, value)
+
+    @property
+    def time(self) -> float:
+        """How long they have been running [s]."""
+        return self.motors.time
+
+    def run(self, until: float) -> None:
+        """Let the joints move until a time since the beginning [s]."""
+        faults, motors = self.faults, self.motors
+        while motors.time < until - 1e-9:
+            before = motors.time
+            motors.run(min(until, before + WATCHED))
+            if motors.time == before:  # less than a step
+                return
+            for name in ("stall", "overheat", "saturate"):
+                for servo, begin in getattr(faults, name).items():
+                    if motors.time >= begin:
+                        self._spoil(name, servo - 1)
+            for k in np.flatnonzero(motors.overload_times > OVERLOADED):
+                motors.limits[k] = min(motors.limits[k], PROTECTIVE)
+            motors.powered[motors.temperatures > HOT] = 0.0
+
+    def feed(self, content: bytes) -> bytes:
+        """The answers to bytes of the bus."""
+        self._received += content
+        answers = b""
+        while (packet := self.protocol.take(self._received, answers=False)) is not None:
+            if self.step is not None:
+                due = self._tick + self.step if packet.code == SYNC_WRITE else 0.0
+                self.run(max(due, self.motors.time + WIRE))
+                self._tick = self.motors.time if packet.code == SYNC_WRITE else self._tick
+            if not self._lost():
+                answers += b"".join(each for each in self._carry_out(packet) if not self._lost())
+        return answers
+
+    def _spoil(self, fault: str, k: int) -> None:
+        motors = self.motors
+        if fault == "stall":
+            motors.jammed[k] = 1.0
+        elif fault == "overheat":
+            motors.temperatures[k] = max(motors.temperatures[k], HOT + 10.0)
+        else:
+            motors.limits[k] = min(motors.limits[k], SAGGING)
+
+    def _lost(self) -> bool:
+        return self.faults.drop > 0.0 and bool(self._random.random() < self.faults.drop)
+
+    def _carry_out(self, packet: Packet) -> Iterator[bytes]:
+        """Do what an instruction says, and answer."""
+        width, content = self.protocol.address_size, packet.content
+        first = int.from_bytes(content[:width], "little")
+        size = int.from_bytes(content[width : 2 * width], "little")
+        servos = self.ids if packet.servo == BROADCAST else [packet.servo]
+        if packet.code == SYNC_WRITE:
+            rows = content[2 * width :]
+            for k in range(0, len(rows) - size, size + 1):
+                self._write(rows[k], first, rows[k + 1 : k + 1 + size])
+        elif packet.code == SYNC_READ:
+            for servo in content[2 * width :]:
+                if servo in self.ids:
+                    yield self._answer(servo, self._memory(servo)[first : first + size])
+        elif packet.code == ACTION:
+            for each in self._later:
+                list(self._carry_out(each._replace(code=WRITE)))
+            self._later.clear()
+        for servo in servos:
+            if servo not in self.ids:
+                continue
+            if packet.code == PING:
+                model = self._memory(servo)[self.protocol.registers["model"].address :][:2]
+                yield self._answer(servo, bytes(model) + b"\x01" if width == 2 else b"")
+            elif packet.code == READ:
+                yield self._answer(servo, self._memory(servo)[first : first + size])
+            elif packet.code in (WRITE, REG_WRITE):
+                if packet.code == WRITE:
+                    self._write(servo, first, content[width:])
+                else:
+                    self._later.append(packet)
+                if packet.servo != BROADCAST:
+                    yield self._answer(servo, b"")
+
+    def _answer(self, servo: int, content: bytes | bytearray) -> bytes:
+        motors, k = self.motors, servo - 1
+        hot = motors.temperatures[k] > HOT
+        overloaded = motors.limits[k] == PROTECTIVE
+        feetech = self.protocol is FEETECH
+        error = (0x04 * hot + 0x20 * overloaded) if feetech else 0x80 * (hot or overloaded)
+        return self.protocol.answer(servo, int(error), bytes(content))
+
+    def _set(self, servo: int, name: str, value: int) -> None:
+        register = self.protocol.registers[name]
+        memory = self._memories[servo - 1]
+        memory[register.address : register.address + register.size] = register.encode(value)
+
+    def _memory(self, servo: int) -> bytearray:
+        """The memory of a servo, with what it measures now."""
+        motors, k, protocol = self.motors, servo - 1, self.protocol
+        for name, value in {
+            "position": ZERO + motors.angles[k] * 4096 / (2.0 * np.pi),
+            "speed": motors.speeds[k] / protocol.speed_unit,
+            "load": motors.duties[k] / protocol.load_unit,
+            "temperature": motors.temperatures[k],
+        }.items():
+            self._set(servo, name, round(float(value)))
+        return self._memories[k]
+
+    def _write(self, servo: int, first: int, content: bytes) -> None:
+        """Write bytes to a servo's memory, and let its registers take effect."""
+        if servo not in self.ids:
+            return
+        k, protocol, motors = servo - 1, self.protocol, self.motors
+        memory = self._memories[k]
+        memory[first : first + len(content)] = content
+        del memory[256:]
+        value = {
+            name: register.decode(memory[register.address :])
+            for name, register in protocol.registers.items()
+        }
+        motors.goals[k] = (value["goal"] - ZERO) * 2.0 * np.pi / 4096
+        motors.powered[k] = value["torque"] > 0 and motors.temperatures[k] <= HOT
+        motors.gains[k] = [value[name] for name in ("p_gain", "i_gain", "d_gain")]
+        motors.profiles[k] = [
+            value["profile_speed"] * protocol.speed_unit,
+            value["profile_acceleration"] * protocol.acceleration_unit,
+        ]
+
+
+class VirtualPort:
+    """Virtual servos as a port of :mod:`planner.robot.bus`, in lock step with its packets."""
+
+    path = "the virtual bus"
+
+    def __init__(self, servos: VirtualServos, baud_rate: int = 1_000_000) -> None:
+        """Take the servos, whose clock is the port's."""
+        self.servos, self.baud_rate = servos, baud_rate
+        self._time, self._waiting = servos.time, b""
+
+    def write(self, content: bytes) -> None:
+        """Send bytes, and forget what was received before."""
+        self.sleep(10.0 * len(content) / self.baud_rate)
+        self._waiting = self.servos.feed(content)
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """So many bytes, or those that came within a time [s]."""
+        received, self._waiting = self._waiting[:count], self._waiting[count:]
+        self.sleep(10.0 * len(received) / self.baud_rate if len(received) == count else timeout)
+        return received
+
+    def now(self) -> float:
+        """Time of the servos [s]."""
+        return self._time
+
+    def sleep(self, duration: float) -> None:
+        """Let the servos run for a time [s]."""
+        self._time += duration
+        self.servos.run(self._time)
+        if self._time >= self.servos.faults.disconnect:
+            raise BusError(f"{self.path}: the bus is gone; check the cable and the supply")
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+@contextmanager
+def terminal() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal: the end of the servos, and the path of the other end."""
+    ours, theirs = os.openpty()
+    try:
+        tty.setraw(theirs)
+        yield ours, os.ttyname(theirs)
+    finally:
+        for end in (ours, theirs):
+            with suppress(OSError):
+                os.close(end)
+
+
+def serve(servos: VirtualServos, end: int, *, stopped: Callable[[], bool] = lambda: False) -> None:
+    """Answer on a pseudo-terminal until it is to stop, or the cable is pulled.
+
+    In real time, unless the servos have a step of their own.
+
+    Args:
+        servos: The servos.
+        end: The servos' end of :func:`terminal`.
+        stopped: Whether to stop, asked 20 times a second.
+    """
+    begin = time.monotonic()
+    while not stopped() and servos.time < servos.faults.disconnect:
+        ready = select.select([end], [], [], 0.05)[0]
+        if servos.step is None:
+            servos.run(time.monotonic() - begin)
+        if ready:
+            answers = servos.feed(os.read(end, 4096))
+            while answers:
+                answers = answers[os.write(end, answers) :]

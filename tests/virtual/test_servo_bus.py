@@ -1,0 +1,162 @@
+"""The virtual bus behind a pseudo-terminal: the vendors' SDKs work on it as they are."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from planner.exceptions import BusError
+from planner.robot.arm import Arm, Servo
+from planner.robot.bus import Bus, SerialPort
+from planner.robot.protocols import DYNAMIXEL, FEETECH, PROTOCOLS
+from planner.virtual.servo_bus import Faults, VirtualPort, VirtualServos, serve, terminal
+
+STEP = 0.01
+IDS = range(1, 7)
+
+
+@contextmanager
+def served(protocol, **settings):
+    """The port of virtual servos in lock step with sync writes."""
+    servos = VirtualServos(6, protocol, step=STEP, **settings)
+    ended = threading.Event()
+    with terminal() as (end, path):
+        thread = threading.Thread(
+            target=serve, args=(servos, end), kwargs={"stopped": ended.is_set}
+        )
+        thread.start()
+        try:
+            yield path
+        finally:
+            ended.set()
+            thread.join()
+
+
+def wave(k):
+    return 2048 + round(400 * np.sin(0.1 * k))
+
+
+def test_feetechs_own_sdk_pings_writes_and_reads_moving_servos():
+    sdk = pytest.importorskip("scservo_sdk", reason="ftservo-python-sdk is not installed")
+    with served(FEETECH) as path:
+        port = sdk.PortHandler(path)
+        assert port.openPort()
+        packet = sdk.sms_sts(port)
+        for servo in IDS:
+            assert packet.ping(servo)[:2] == (777, sdk.COMM_SUCCESS)
+            assert packet.write1ByteTxRx(servo, 40, 1) == (sdk.COMM_SUCCESS, 0)
+        assert packet.ping(9)[1] == sdk.COMM_RX_TIMEOUT
+        reader = sdk.GroupSyncRead(packet, 56, 2)
+        for servo in IDS:
+            reader.addParam(servo)
+        positions = []
+        for k in range(80):
+            for servo in IDS:
+                packet.SyncWritePosEx(servo, wave(k), 0, 0)
+            packet.groupSyncWrite.txPacket()
+            packet.groupSyncWrite.clearParam()
+            assert reader.txRxPacket() == sdk.COMM_SUCCESS
+            positions.append([reader.getData(servo, 56, 2) for servo in IDS])
+        port.closePort()
+    assert_followed(np.array(positions))
+
+
+def test_robotis_own_sdk_pings_writes_and_reads_moving_servos():
+    sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk is not installed")
+    with served(DYNAMIXEL) as path:
+        port, packet = sdk.PortHandler(path), sdk.PacketHandler(2.0)
+        assert port.openPort()
+        assert port.setBaudRate(1_000_000)
+        found, result = packet.broadcastPing(port)
+        assert result == sdk.COMM_SUCCESS
+        assert {servo: model for servo, (model, _) in found.items()} == dict.fromkeys(IDS, 1060)
+        writer = sdk.GroupSyncWrite(port, packet, 116, 4)
+        reader = sdk.GroupSyncRead(port, packet, 132, 4)
+        for servo in IDS:
+            assert packet.write1ByteTxRx(port, servo, 64, 1) == (sdk.COMM_SUCCESS, 0)
+            reader.addParam(servo)
+        positions = []
+        for k in range(80):
+            for servo in IDS:
+                writer.addParam(servo, wave(k).to_bytes(4, "little"))
+            assert writer.txPacket() == sdk.COMM_SUCCESS
+            writer.clearParam()
+            assert reader.txRxPacket() == sdk.COMM_SUCCESS
+            positions.append([reader.getData(servo, 132, 4) for servo in IDS])
+        port.closePort()
+    assert_followed(np.array(positions))
+
+
+def assert_followed(positions):
+    """They move with their requests, late: no servo jumps to its goal."""
+    requests = np.array([wave(k) for k in range(len(positions))])
+    assert (np.ptp(positions, axis=0) > 500).all()
+    late = [np.mean((positions[k:, 0] - requests[: len(requests) - k]) ** 2) for k in range(30)]
+    assert 3 <= int(np.argmin(late)) <= 25
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS)
+def test_our_driver_measures_the_same_on_the_terminal_at_every_run(protocol):
+    runs = []
+    for _ in range(2):
+        with served(protocol) as path:
+            port = SerialPort(path)
+            arm = Arm(Bus(port, protocol), {str(k): Servo(id=k) for k in IDS})
+            angles = []
+            with arm.powered():
+                for k in range(60):
+                    arm.send(np.full(6, 0.4 * np.sin(0.1 * k)))
+                    angles.append(arm.measure().angles)
+            port.close()
+        runs.append(np.array(angles))
+    assert np.array_equal(*runs)
+    assert np.ptp(runs[0][:, 0]) > 0.3
+
+
+def test_a_pulled_cable_is_one_line():
+    with served(FEETECH, faults=Faults(disconnect=0.2)) as path:
+        bus = Bus(SerialPort(path), FEETECH)
+        while not bus.lost:
+            bus.sync_write("goal", {1: 2048})
+            bus.sync_read([1])
+        with pytest.raises(BusError, match="servo 1 does not answer; check"):
+            bus.read(1, "position")
+
+
+def test_a_profile_slows_the_goal_down():
+    reached = []
+    for acceleration in (0, 10):
+        bus = Bus(VirtualPort(VirtualServos(1)), FEETECH)
+        bus.write(1, "profile_acceleration", acceleration)
+        bus.write(1, "torque", 1)
+        bus.write(1, "goal", 3000)
+        bus.port.sleep(0.3)
+        reached.append(bus.read(1, "position") - 2048)
+    assert reached[0] > 3 * reached[1] > 0
+    half = 0.5 * 10 * FEETECH.acceleration_unit * 0.3**2 * 4096 / (2.0 * np.pi)
+    assert reached[1] < half
+
+
+def test_a_servo_that_is_held_gives_up_as_real_ones_do():
+    bus = Bus(VirtualPort(VirtualServos(1, faults=Faults(stall={1: 0.5}))), FEETECH)
+    bus.write(1, "torque", 1)
+    bus.write(1, "goal", 3500)
+    bus.port.sleep(4.0)
+    reading = bus.sync_read([1])[1]
+    assert FEETECH.error_words(reading.error) == "overload"
+    assert abs(reading.values["load"]) <= 200
+    assert reading.values["temperature"] > 25
+
+
+def test_a_supply_that_sags_makes_a_servo_slower():
+    speeds = []
+    for faults in (Faults(), Faults(saturate={1: 0.0})):
+        bus = Bus(VirtualPort(VirtualServos(1, faults=faults)), FEETECH)
+        bus.write(1, "torque", 1)
+        bus.write(1, "goal", 4000)
+        bus.port.sleep(0.3)
+        speeds.append(bus.sync_read([1])[1].values["speed"])
+    assert speeds[1] < 0.5 * speeds[0]
